@@ -185,7 +185,7 @@ FILES: dict[str, tuple[str, Maker, list[str]]] = {
     "empty file": ("a.csv", lambda f: b"", []),
     "header only": ("a.csv", lambda f: ",".join(COLUMNS).encode() + b"\n", []),
     "zero bytes at the end": ("a.csv", lambda f: csv(f) + bytes(4096), []),
-    "zero bytes amid the data": ("a.csv", lambda f: csv(f)[:5000] + bytes(3) + csv(f)[5000:], []),
+    "zero bytes within the data": ("a.csv", lambda f: csv(f)[:5000] + bytes(3) + csv(f)[5000:], []),
     "a binary file": ("a.csv", lambda f: b"\x7fELF\x02\x01\x01" + bytes(range(256)) * 64, []),
     "a spreadsheet": ("a.xlsx", lambda f: b"PK\x03\x04" + bytes(64), []),
     "markup in names": (

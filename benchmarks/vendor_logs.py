@@ -16,7 +16,7 @@ commands read are those that were written.  The dialects, by where they are docu
 - oscilloscopes and recorders, by their manuals: Hioki LR8400 and 8807, Yokogawa DLM (ASCII), Rigol (``Increment`` in
   the head), Tektronix TDS (the head stands beside the first rows), Rohde & Schwarz RTH (values only)
 - Panasonic FPWIN traces (names in two rows, an interval, ``STOP TRG`` amid the data), Rexroth IndraMotion MTX (sections
-  ``[Settings]``, ``[Data]``, ``[Statistics]``), InfluxDB's annotated CSV and other tables with a row for each reading
+  ``[Settings]``, ``[Data]``, ``[Statistics]``), InfluxDB's annotated CSV and other tables with one row per reading
 - spreadsheets in GB 18030 and Shift JIS, with ``sep=;`` in the first line
 - from what their tools write, without a document: VESC Tool, moteus, Dynamixel Wizard, Feetech scripts, EPOS Studio,
   Siemens and Elmo traces
@@ -363,7 +363,7 @@ def rexroth(m: Motion) -> str:
 
 
 def influx(m: Motion) -> str:
-    """Annotations, and a row for each reading: first all of one signal, then all of the other."""
+    """Annotations, and one row per reading: first all of one signal, then all of the other."""
     head = "#group,false,false,false,false,true\n#datatype,string,long,dateTime:RFC3339,double,string\n"
     head += "#default,_result,,,,\n,result,table,_time,_value,_field\n"
     return head + "".join(
@@ -473,7 +473,7 @@ LOGS: dict[str, tuple[Callable[[Path, Motion], Path], list[str]]] = {
     "Panasonic trace, an event amid the data": (text(panasonic, "a.csv"), []),
     "Rexroth MTX, sections": (text(rexroth, "a.csv"), []),
     "InfluxDB, annotated CSV": (text(influx, "a.csv"), []),
-    "a row for each reading": (text(readings, "a.csv"), ["--drive", "M", "--position", "phi"]),
+    "one row per reading": (text(readings, "a.csv"), ["--drive", "M", "--position", "phi"]),
     "Chinese, GB 18030": (text(chinese, "a.csv", "gb18030"), []),
     "Japanese, Shift JIS": (text(japanese, "a.csv", "cp932"), []),
     "rostopic echo -p": (text(rostopic, "a.csv"), ["--drive", "field.effort0", "--unit", "drive=Nm"]),

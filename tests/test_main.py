@@ -35,6 +35,8 @@ def test_a_record_that_waits_for_a_server_holds_nobody_up(monkeypatch):
         raise SystemExit(status)
 
     monkeypatch.setattr(os, "_exit", leave)
+    monkeypatch.setattr(program, "CLEANING_SECONDS", 0.01)
+    monkeypatch.setattr(program.atexit, "_run_exitfuncs", over.wait)  # a handler that waits for the server, too
     assert ended(monkeypatch, 3) == 3
     assert left == []  # the usual way, by which files are flushed
     thread = threading.Thread(target=over.wait, name=beside.THREAD + "stream", daemon=True)

@@ -34,7 +34,7 @@ EXPECTED = {
     "a cut gz": (3, "not a complete archive"),
     "a ZIP archive of two": (3, "a.csv, b.csv"),
     "JSON of vectors": (0, "Read as it is"),
-    "one column for two": (2, "name two columns"),
+    "one column for two": (2, "give two columns"),
 }
 
 

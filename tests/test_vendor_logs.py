@@ -18,7 +18,7 @@ def test_ticks_without_a_rate_are_asked_for_and_take_one(tmp_path):
     m = motion()
     ticks = (8 * 1e3 * m.t).round().astype(int)
     (tmp_path / "a.csv").write_text("ticks,torque_nm,position_rad\n" + table(ticks, m.u, m.q))
-    with pytest.raises(ColumnError, match="how many make a second; add --unit time=ticks/8000"):
+    with pytest.raises(ColumnError, match="counts ticks of unknown rate; add --unit time=ticks/8000"):
         load_log(tmp_path / "a.csv", time="ticks", drive=1, position=2)
     log = load_log(tmp_path / "a.csv", time="ticks", drive=1, position=2, units={"time": "ticks/8000"})
     assert log.sample_rate == pytest.approx(1000.0)

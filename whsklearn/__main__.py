@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import io
 import multiprocessing
 import os
@@ -9,6 +10,8 @@ import sys
 import threading
 
 from whsklearn.cli import main
+
+CLEANING_SECONDS = 2.0
 
 
 def run() -> None:
@@ -23,10 +26,14 @@ def run() -> None:
         status = end.code
     store = sys.modules.get("whsklearn.tracking.store")  # not imported for this: without it there is no such thread
     if store is not None and any(thread.name.startswith(store.THREAD) for thread in threading.enumerate()):
-        sys.stdout.flush()
-        sys.stderr.flush()
         for worker in multiprocessing.active_children():  # of a search; nobody else will end them
             worker.terminate()
+        # joblib removes its semaphores and folders at exit; a handler that asks the server must not hold the command up
+        cleaning = threading.Thread(target=atexit._run_exitfuncs, daemon=True)
+        cleaning.start()
+        cleaning.join(CLEANING_SECONDS)
+        sys.stdout.flush()
+        sys.stderr.flush()
         os._exit(status if isinstance(status, int) else 1)  # else the interpreter waits for MLflow's own threads
     sys.exit(status)
 

@@ -117,7 +117,7 @@ def real_array(values: Any, name: str) -> NDArray[np.float64]:
     Raises
     ------
     ValueError
-        If ``values`` are no real numbers or rows have different lengths.
+        If ``values`` are not real numbers or rows have different lengths.
     """
     try:
         array = np.asarray(values)

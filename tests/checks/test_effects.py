@@ -162,7 +162,7 @@ def test_a_wrong_unit_in_a_built_in_column_would_be_caught(monkeypatch):
 
 
 def test_what_is_no_effect_is_refused():
-    with pytest.raises(EffectContractError, match="is no effect"):
+    with pytest.raises(EffectContractError, match="is not an effect"):
         check_effect(3.0)
 
 

@@ -134,8 +134,8 @@ def test_what_is_doubtful_in_a_log_is_told_in_one_sentence(folder, tmp_path, cha
 @pytest.mark.parametrize(
     ("inner", "said"),
     [
-        ("<equality><joint joint1='pitch' joint2='yaw'/></equality>", "follows another one (mimic)"),
-        ("<equality><connect body1='pitch_link' anchor='0.2 0 0'/></equality>", "has a closed chain"),
+        ("<equality><joint joint1='pitch' joint2='yaw'/></equality>", "follows another joint (mimic)"),
+        ("<equality><connect body1='pitch_link' anchor='0.2 0 0'/></equality>", "has a closed loop"),
     ],
 )
 def test_a_robot_whose_joints_are_bound_is_refused_in_one_sentence(folder, tmp_path, inner, said):
@@ -221,7 +221,7 @@ def test_gap_tests_the_repaired_arm_on_a_second_log_and_refuses_the_first(folder
     assert all(r["after"] < 0.5 * r["before"] for r in rows)
     done = run(gap, out / "one.csv", *options, "--test", out / "one.csv")
     assert done.exit_code != 0
-    assert "the test would be on data of the fit" in " ".join(done.output.split())
+    assert "the test would use data of the fit" in " ".join(done.output.split())
 
 
 def test_gap_finds_gains_by_a_load_and_a_load_by_an_identified_model(folder):
@@ -307,7 +307,7 @@ def test_a_stream_learns_the_joints_and_goes_on_where_it_stopped(folder):
 @pytest.mark.parametrize(
     ("log", "more", "said"),
     [
-        ("arm.csv", ["--orders", "1,1,1,1"], "which has no orders"),
+        ("arm.csv", ["--orders", "1,1,1,1"], "to which orders does not apply"),
         ("arm.csv", ["--joints", "yaw:a,b"], "names no columns for 'pitch'"),
         ("-", [], "give them with --joints"),
     ],

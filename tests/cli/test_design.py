@@ -49,5 +49,5 @@ def test_limits_that_are_none(diagnosis, tmp_path, limits):
 def test_what_is_no_diagnosis_or_no_effect(diagnosis, tmp_path):
     other = tmp_path / "other.json"
     other.write_text("{}", encoding="utf-8")
-    assert "is no gap.json" in run(other, "--limits", LIMITS, "--out", tmp_path).output
-    assert "is no effect" in run(diagnosis, "--limits", LIMITS, "--rivals", "magic", "--out", tmp_path).output
+    assert "is not a gap.json" in run(other, "--limits", LIMITS, "--out", tmp_path).output
+    assert "is not an effect" in run(diagnosis, "--limits", LIMITS, "--rivals", "magic", "--out", tmp_path).output

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -78,12 +81,39 @@ def test_a_fleet_that_is_stopped_keeps_what_is_finished_and_goes_on_from_there(f
     given.clear()
     done = CliRunner().invoke(main, arguments)
     assert done.exit_code == 3, done.output
-    assert "Going on with 3 of 9 axes" in done.output
+    assert "Resuming: 3 of 9 axes" in done.output
     assert sorted(given) == sorted({first[0], *axes_of(fleet, "axis")} - set(first[1:]))
     assert [p.name for p in tmp_path.iterdir()] == ["fleet.parquet"]
     at_once = to_table(identify_axes(build_model("rls", "2,2,2,2", "reduced", 4, 1.0, 0), axes_of(fleet, "axis"),
                                      source(fleet), 0.25), axes_of(fleet, "axis"))  # fmt: skip
     pd.testing.assert_frame_equal(pd.read_parquet(out).drop(columns="seconds"), at_once.drop(columns="seconds"))
+
+
+def test_a_real_process_that_gets_sigterm_leaves_its_workers_and_resumes(fleet, tmp_path):
+    """The log of one axis is a pipe that nobody writes to, so its worker is busy when the signal comes."""
+    folder = shutil.copytree(fleet, tmp_path / "logs")
+    out, pipe = tmp_path / "fleet.parquet", folder / "axis=zz" / "part-0.parquet"
+    pipe.parent.mkdir()
+    os.mkfifo(pipe)
+    script = "from whsklearn.cli import fleet, fleet_kept; fleet_kept.EVERY_SECONDS = 0.0; fleet.main()"
+    arguments = [str(folder), "--out", str(out), "--batch", "1", *QUICK, "--workers", "2"]
+    with subprocess.Popen([sys.executable, "-c", script, *arguments], stderr=subprocess.PIPE, text=True) as process:
+        while process.poll() is None and not Path(f"{out}.part").exists():
+            time.sleep(0.1)
+        process.send_signal(signal.SIGTERM)
+        said = process.communicate(timeout=60)[1]
+    assert process.returncode == 143, said
+    kept = pd.read_parquet(f"{out}.part")
+    assert f"{len(kept)} ax" in said
+    assert "Traceback" not in said
+    assert "leaked" not in said
+    assert not out.exists()
+    pipe.unlink()
+    pipe.write_text("no log")
+    done = CliRunner().invoke(main, arguments)
+    assert done.exit_code == 3, done.output
+    assert f"Resuming: {len(kept)} of 10 axes" in done.output
+    assert list(pd.read_parquet(out)["axis"]) == axes_of(folder, "axis")
 
 
 def test_what_is_kept_of_other_settings_is_not_taken(fleet, tmp_path):
@@ -157,7 +187,7 @@ def test_a_worker_that_is_killed_loses_no_axis(fleet, tmp_path):
 
 
 def test_a_lost_axis_does_not_go_unnoticed():
-    with pytest.raises(ValueError, match="1 axes came back without a result, the first b"):
+    with pytest.raises(ValueError, match="1 axes returned no result, the first is b"):
         to_table([{"axis": "a", "rows": 1, "failure": "", "seconds": 0.1}], ["a", "b"])
 
 

@@ -151,7 +151,7 @@ def test_a_test_on_what_was_fitted_is_refused_and_writes_nothing(log, tmp_path, 
     result = run(log, "--test", tmp_path / "another_name.csv", "--report", tmp_path / "r", "--no-track")
     assert result.exit_code != 0
     assert "another_name.csv from" in result.output
-    assert "would be on data of the fit" in " ".join(result.output.split())
+    assert "would use data of the fit" in " ".join(result.output.split())
     assert "Traceback" not in result.output
     assert not list((tmp_path / "r").glob("*"))
 

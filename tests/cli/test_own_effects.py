@@ -65,7 +65,7 @@ def test_a_file_is_loaded_and_a_model_with_its_effect_read_again(write, tmp_path
     [
         ({"text": "x = 1"}, "defines no effect"),
         ({"text": "import nothing_of_that_name"}, "cannot be run: ModuleNotFoundError"),
-        ({"name": "cogging"}, "the library has already"),
+        ({"name": "cogging"}, "the library already has"),
         ({"body": "p[0] * unknown(position)"}, "cannot be compiled"),
     ],
 )

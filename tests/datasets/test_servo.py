@@ -48,7 +48,7 @@ def test_the_multisine_has_its_eight_tones():
     [
         ({"kind": "noise"}, "multisine"),
         ({"kind": "sine", "duration": -1.0}, "duration"),
-        ({"kind": "sine", "duration": 1e-4}, "two at least"),
+        ({"kind": "sine", "duration": 1e-4}, "at least two"),
     ],
 )
 def test_a_reference_that_cannot_be_is_refused(options, complaint):

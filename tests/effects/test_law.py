@@ -128,7 +128,7 @@ def test_three_needs_six_positive_parameters(gamma):
 
 
 def test_a_piecewise_linear_law_says_what_is_wrong_with_it():
-    with pytest.raises(ValueError, match="one slope more"):
+    with pytest.raises(ValueError, match="one more slope"):
         piecewise_linear_law([0.0], [1.0])
     with pytest.raises(ValueError, match="increasing"):
         piecewise_linear_law([1.0, 0.0], [1.0, 2.0, 3.0])

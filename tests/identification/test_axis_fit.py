@@ -120,7 +120,7 @@ def test_standard_errors_of_the_wave_are_those_of_its_draws():
 def test_gravity_that_is_next_to_nothing_is_refused():
     u = slow_drive(4000, 3)
     y = free_run(TRUTH, axis_log(u)._replace(of_position=True)) + 1e-5 * np.random.default_rng(0).standard_normal(4000)
-    with pytest.raises(ValueError, match="% of the drive, so the axis without it is the same"):
+    with pytest.raises(ValueError, match="% of the drive, so the axis without it is equivalent"):
         fit_hanging_axis(view(u, y, 0.005, "position"))
 
 
@@ -226,5 +226,5 @@ def test_a_load_behind_a_spring_is_found_from_the_motor_s_side():
     assert coupling.load_share == pytest.approx(0.6, abs=0.01)
     assert coupling.damping_ratio == pytest.approx(0.05, rel=0.05)
     assert model.parameters["coulomb"] == pytest.approx(0.8, rel=0.02)
-    with pytest.raises(ValueError, match="behind a position only"):
+    with pytest.raises(ValueError, match="from a position only"):
         fit_two_masses(replace(record, logged="velocity"))

@@ -24,7 +24,7 @@ def test_starts_are_near_the_truth():
 
 
 def test_a_drive_that_works_the_other_way_is_no_axis():
-    with pytest.raises(ValueError, match="no rigid axis"):
+    with pytest.raises(ValueError, match="not a rigid axis"):
         inverse_starts(view(-U, VELOCITY, 0.005, "velocity"), RIGID)
 
 

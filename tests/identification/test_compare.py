@@ -76,8 +76,8 @@ def test_a_steady_rotation_follows_its_drive():
     [
         (np.ones(200), RNG.standard_normal(200), "input never changes"),
         (RNG.standard_normal(200), np.full(200, np.nan), "not finite"),
-        (RNG.standard_normal(200), RNG.standard_normal(199), "as many"),
-        (RNG.standard_normal(20), RNG.standard_normal(20), "100 at least"),
+        (RNG.standard_normal(200), RNG.standard_normal(199), "equal numbers"),
+        (RNG.standard_normal(20), RNG.standard_normal(20), "at least 100"),
     ],
 )
 def test_what_cannot_be_identified_is_refused(u, y, message):

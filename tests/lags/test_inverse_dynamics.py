@@ -112,7 +112,7 @@ def test_what_cannot_be_is_told():
         lags.fit(np.zeros((50, 3)))
     with pytest.raises(ValueError, match="zero-phase filter needs the whole record"):
         lags.partial_rows(X, y)
-    with pytest.raises(ValueError, match="is no effect"):
+    with pytest.raises(ValueError, match="is not an effect"):
         InverseDynamicsLags(effects=[3.0]).fit(X)
     with pytest.raises(ValueError, match="backlash has no columns"):
         InverseDynamicsLags(effects="backlash").fit(X)

@@ -176,7 +176,12 @@ def test_gravity_along_one_joint_is_merged_where_a_link_says_it_already():
         ({}, np.random.default_rng(0).normal(size=(100, 3)), np.zeros((100, 3)), "drive of j0 is zero throughout"),
         ({}, np.zeros((100, 3)), np.ones((100, 3)), "No joint moves"),
         ({"weights": [1.0]}, np.zeros((100, 3)), np.ones((100, 3)), "one per joint"),
-        ({"effects": {"j1*j2": "coulomb"}}, np.zeros((100, 3)), np.ones((100, 3)), "no joint and no sum of joints"),
+        (
+            {"effects": {"j1*j2": "coulomb"}},
+            np.zeros((100, 3)),
+            np.ones((100, 3)),
+            "neither a joint nor a sum",
+        ),
         ({"effects": [LoadFriction()]}, np.zeros((100, 3)), None, "add the drives to X"),
         ({"robot": None}, np.zeros((100, 3)), np.ones((100, 3)), "expected an Arm"),
         ({"robot": "nowhere.urdf"}, np.zeros((100, 3)), np.ones((100, 3)), "There is no robot file"),

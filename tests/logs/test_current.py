@@ -32,7 +32,7 @@ def test_a_constant_for_a_torque_is_refused(tmp_path):
 
 @pytest.mark.parametrize("given", ["0.12±", "-0.1", "0", "0.1+-0.1+-0.1", "Nm", (0.1, -1.0), None, float("nan")])
 def test_what_is_no_constant_is_refused(given):
-    with pytest.raises(ValueError, match=r"expected Nm for each ampere"):
+    with pytest.raises(ValueError, match=r"expected Nm per ampere"):
         TorqueConstant.of(given)
 
 

@@ -84,7 +84,7 @@ def test_files_that_are_no_log_are_told(tmp_path):
     with pytest.raises(ValueError, match="has 1 rows"):
         load_log(tmp_path / "short.csv", **NAMES)
     (tmp_path / "ragged.csv").write_text("time_s,torque_nm,position_rad\n0,1,2\n1,2,3,4,5\n")
-    with pytest.raises(ValueError, match="line 3 has 5 cells where 3 are usual"):
+    with pytest.raises(ValueError, match="line 3 has 5 cells where 3 were expected"):
         load_log(tmp_path / "ragged.csv", **NAMES)
     (tmp_path / "still.csv").write_text("time_s,torque_nm,position_rad\n" + "0,1,2\n" * 9)
     with pytest.raises(ValueError, match="time stamp is repeated"):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from whsklearn.logs import load_log, open_source
 from whsklearn.logs.errors import ColumnError, LogError
 from whsklearn.logs.parts import by_motor, by_signal, open_folder
 from whsklearn.logs.source import Column, Source
@@ -67,3 +68,56 @@ def test_a_folder_without_tables_and_one_with_some_times_only_are_refused(tmp_pa
     (tmp_path / "i.csv").write_text("i\n" + "".join(f"{i}\n" for i in range(N)))
     with pytest.raises(LogError, match="differ in their time"):
         open_folder(tmp_path, open_text)
+
+
+# rows of readings as in InfluxDB's annotated CSV
+
+HEAD = (
+    "#group,false,false,true,true,false,false,true,true,true\n"
+    "#datatype,string,long,dateTime:RFC3339,dateTime:RFC3339,dateTime:RFC3339Nano,double,string,string,string\n"
+    "#default,_result,,,,,,,,\n,result,table,_start,_stop,_time,_value,_field,_measurement,axis\n"
+)
+
+
+def series(number, field, values, axis="x"):
+    """A table of the answer to a query; its group key holds the field and the tags."""
+    span = "2026-03-01T09:00:00Z,2026-03-01T11:00:00Z"
+    return "".join(
+        f",,{number},{span},2026-03-01T10:00:{0.01 * i:09.6f}Z,{v},{field},servo,{axis}\n" for i, v in enumerate(values)
+    )
+
+
+@pytest.fixture
+def signals():
+    rng = np.random.default_rng(0)
+    return rng.normal(size=300).round(6), np.cumsum(rng.normal(size=300)).round(6)
+
+
+def test_the_same_field_of_two_axes_is_two_signals(tmp_path, signals):
+    u, y = signals
+    tables = [series(0, "torque_nm", u), series(1, "position_rad", y)]
+    tables += [series(2, "torque_nm", -u, "yaw"), series(3, "position_rad", 2 * y, "yaw")]
+    (tmp_path / "a.csv").write_text(HEAD + "".join(tables))
+    log = load_log(tmp_path / "a.csv", drive="torque_nm.yaw", position="position_rad.yaw")
+    np.testing.assert_allclose(log.X[:, 0], -u)
+    np.testing.assert_allclose(log.y, 2 * y)
+    assert (log.units["drive"], log.sample_rate) == ("Nm", pytest.approx(100.0))
+    with pytest.raises(ColumnError, match=r"several columns 'torque_nm' for drive: torque_nm.x, torque_nm.yaw"):
+        load_log(tmp_path / "a.csv", drive="torque_nm", position="position_rad.x")
+
+
+@pytest.mark.parametrize("state_first", [True, False])
+def test_a_field_of_words_beside_fields_of_numbers_changes_nothing(tmp_path, signals, state_first):
+    u, y = signals
+    state = HEAD.replace("double", "string") + series(2, "state", ["RUNNING"] * 20)
+    numbers = HEAD + series(0, "torque_nm", u) + series(1, "position_rad", y)
+    (tmp_path / "a.csv").write_text("\n".join([state, numbers] if state_first else [numbers, state]))
+    log = load_log(tmp_path / "a.csv", drive="torque_nm", position="position_rad")
+    np.testing.assert_allclose(log.X[:, 0], u)
+    np.testing.assert_allclose(log.y, y)
+
+
+def test_a_time_column_that_became_the_stamps_of_each_signal_need_not_be_named(tmp_path, signals):
+    (tmp_path / "a.csv").write_text(HEAD + series(0, "torque_nm", signals[0]) + series(1, "position_rad", signals[1]))
+    with pytest.raises(ColumnError, match="its own time stamps; leave --time out"):
+        open_source(tmp_path / "a.csv").resolve("_time", "time")

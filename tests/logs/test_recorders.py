@@ -38,4 +38,4 @@ def test_mdf4_with_two_groups_of_their_own_clock(tmp_path):
     assert log.units == {"time": "s", "drive": "Nm", "position": "rad"}
     slow = load_log(path, drive="slow", position="angle")
     assert np.corrcoef(slow.X[:, 0], TABLE["torque_nm"][: len(slow.y)])[0, 1] > 0.99
-    assert any("interpolated at the stamps" in n for n in slow.notes)
+    assert any("interpolated linearly at the stamps" in n for n in slow.notes)

@@ -43,7 +43,7 @@ def test_a_tail_of_zero_bytes_is_left_out_and_zeros_amid_the_data_are_refused(tm
         (b"\x7fELF\x02\x01\x01" + bytes(range(256)) * 20, "binary file that begins with"),
         (
             b"time_s,torque_nm,position_rad\n0,0,1\n0,01,1,2\n0,02,1,3\n",
-            "cells of the first|line 3 has 4 cells where 3 are usual",
+            "cells of the first|line 3 has 4 cells where 3 were expected",
         ),
     ],
 )

@@ -60,7 +60,7 @@ def test_a_model_comes_back_as_it_was(kind, tmp_path):
         ({"kind": "oracle"}, "expected one of"),
         ({"dt": -1.0}, "above zero"),
         ({"structure": {}}, "missing"),
-        ({"structure": {"inertia": 1.0, "law": [{"class": "os.system", "fields": {}}], "effects": []}}, "no Effect"),
+        ({"structure": {"inertia": 1.0, "law": [{"class": "os.system", "fields": {}}], "effects": []}}, "No Effect"),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_sentence(change, message, tmp_path):

@@ -159,7 +159,7 @@ class _Bomb:
 def test_foreign_files_are_refused_and_not_executed(tmp_path, foreign):
     path = tmp_path / "foreign"
     path.write_bytes(foreign)
-    with pytest.raises(ValueError, match=r"foreign: this is no whsklearn state file"):
+    with pytest.raises(ValueError, match=r"foreign: this is not a whsklearn state file"):
         read_state(path)
 
 

@@ -112,4 +112,4 @@ def test_a_checkpoint_of_other_settings_or_of_another_file_is_refused(tmp_path, 
     log.write_text("t,u,y,z\n")
     assert "not the file that the checkpoint was written for" in stream(log, *QUICK).stderr
     (tmp_path / "log.csv.whs").write_bytes(b"torn")
-    assert "no whsklearn state file" in stream(log, *QUICK).stderr
+    assert "not a whsklearn state file" in stream(log, *QUICK).stderr

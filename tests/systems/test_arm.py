@@ -57,14 +57,14 @@ def test_the_motors_inertia_adds_to_the_mass_matrix():
 @pytest.mark.parametrize(
     ("fields", "said"),
     [
-        ({"joints": ("a", "a")}, "none of them twice"),
+        ({"joints": ("a", "a")}, "no name twice"),
         ({"parents": [0, -1]}, "sort the joints"),
-        ({"axes": np.ones((2, 3))}, "no unit length"),
+        ({"axes": np.ones((2, 3))}, "not of unit length"),
         ({"places": np.zeros((3, 3))}, "expected \\(2, 3\\)"),
         ({"gravity": [0, 0, np.nan]}, "finite numbers"),
-        ({"effects": {"nobody": Coulomb(0.1)}}, "'nobody' is no joint and no sum"),
+        ({"effects": {"nobody": Coulomb(0.1)}}, "'nobody' is neither a joint nor a sum"),
         ({"effects": [[Backlash(0.1)], []]}, "splits a joint in two"),
-        ({"effects": [["coulomb"], []]}, "is no effect"),
+        ({"effects": [["coulomb"], []]}, "is not an effect"),
     ],
 )
 def test_what_is_no_arm_is_refused(fields, said):

@@ -88,7 +88,10 @@ def test_gravity_may_be_another():
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        (urdf(joint("a", "base", "one"), joint("b", "one", "two", inner='<mimic joint="a"/>')), "follows another one"),
+        (
+            urdf(joint("a", "base", "one"), joint("b", "one", "two", inner='<mimic joint="a"/>')),
+            "follows another joint",
+        ),
         (urdf(joint("a", "base", "one", "fixed")), "no joint"),
         (BALL, "ball or a free joint"),
         ("<robot><link", "cannot be read"),
@@ -112,7 +115,7 @@ def test_a_closed_chain_is_refused_and_may_be_left_out(bound):
     bodies = body.format("b1", "one", body.format("b2", "two", ""))
     anchor = 'anchor="0 0 0"' if bound == "connect" else ""
     text = f'<mujoco><worldbody>{bodies}</worldbody><equality><{bound} body1="b2" {anchor}/></equality></mujoco>'
-    with pytest.raises(ValueError, match="closed chain"):
+    with pytest.raises(ValueError, match="closed loop"):
         Arm.from_file(text)
 
 

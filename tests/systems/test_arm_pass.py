@@ -138,5 +138,5 @@ def test_a_motor_along_a_sum_moves_as_the_same_friction_in_mujoco():
 
 
 def test_an_axis_that_is_no_sum_of_its_joints_is_refused():
-    with pytest.raises(ValueError, match="no sum of joints"):
+    with pytest.raises(ValueError, match="nor a sum of joints"):
         drawn_arm(3, 4).with_effects({"j1+hand": [Viscous(0.3)]})

@@ -65,5 +65,5 @@ def test_numbers_that_no_body_has_become_the_nearest_that_one_has():
 
 def test_values_of_another_number_are_refused():
     arm = drawn_arm(1, 0)
-    with pytest.raises(ValueError, match="one a base parameter"):
+    with pytest.raises(ValueError, match="one per base parameter"):
         arm.consistent(arm.base(), np.ones(99))

@@ -176,7 +176,7 @@ def test_a_linear_axis_is_the_same_equation():
         ({"sample_rate": 0.0}, "sample_rate"),
         ({"substeps": 0}, "substeps"),
         ({"friction": "grease"}, "friction"),
-        ({"effects": ["cogging"]}, "is no effect"),
+        ({"effects": ["cogging"]}, "is not an effect"),
         ({"law": "cogging"}, "cannot be a term"),
     ],
 )

@@ -181,7 +181,7 @@ def test_a_served_model_file_names_its_column_and_units_and_converts_or_refuses(
     wanted = np.ravel(served.predict(frame))
     assert wanted[-1] > 0.0
     np.testing.assert_allclose(np.ravel(served.predict(1000.0 * frame.set_axis(["torque_mnm"], axis=1))), wanted)
-    with pytest.raises(ValueError, match="'current_a' is in A, and the model takes Nm"):
+    with pytest.raises(ValueError, match="'current_a' is in A, which cannot be converted to Nm"):
         served.predict(frame.set_axis(["current_a"], axis=1))
 
 

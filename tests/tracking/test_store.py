@@ -94,13 +94,14 @@ def test_what_another_process_wrote_meanwhile_is_found_at_a_second_try(said, cal
 
 def test_patience_ends_with_a_server_that_does_not_answer(monkeypatch):
     monkeypatch.setattr(store, "PATIENCE_SECONDS", 0.3)
+    monkeypatch.setattr(store, "FAIR_SECONDS", 0.0)
     patience = store.Patience("http://127.0.0.1:1")
     held = threading.Event()
     assert patience.wait(lambda: "an answer") == "an answer"
     with pytest.raises(ZeroDivisionError):
         patience.wait(lambda: 1 / 0)
     with pytest.raises(TimeoutError, match="no answer within"):
-        patience.wait(held.wait, fair=0.0)
+        patience.wait(held.wait)
     calls = []
     with pytest.raises(TimeoutError):  # and nothing is tried again
         patience.wait(lambda: calls.append(1))
@@ -128,7 +129,65 @@ def test_a_server_that_is_always_slow_uses_up_patience_and_one_that_is_slow_now_
 
 def test_a_store_in_a_file_is_waited_for_as_long_as_it_takes(monkeypatch):
     monkeypatch.setattr(store, "PATIENCE_SECONDS", 0.0)
-    assert store.Patience("sqlite:///a.db").wait(lambda: time.sleep(0.05) or "written", fair=0.0) == "written"
+    monkeypatch.setattr(store, "FAIR_SECONDS", 0.0)
+    assert store.Patience("sqlite:///a.db").wait(lambda: time.sleep(0.05) or "written") == "written"
+
+
+def test_a_server_that_fell_silent_during_the_work_has_used_up_the_patience_at_its_end(monkeypatch):
+    monkeypatch.setattr(store, "LISTEN_SECONDS", 0.01)
+    monkeypatch.setattr(store, "PATIENCE_SECONDS", 0.05)
+    monkeypatch.setattr(store, "FAIR_SECONDS", 0.0)
+    down, held = threading.Event(), threading.Event()
+
+    def probe(uri):
+        if down.is_set():
+            raise store.TrackingError("down")
+
+    monkeypatch.setattr(store, "probe", probe)
+    patience = store.Patience("http://127.0.0.1:1")
+    patience.left = patience.most = 60.0  # nothing but silence ends it
+    assert patience.opened(lambda: "open") == "open"
+    down.set()
+    while patience.silent < 0.05:
+        time.sleep(0.01)
+    patience.most = 0.05
+    with pytest.raises(TimeoutError, match="no answer"):
+        patience.wait(held.wait)
+    held.set()
+
+
+def test_a_server_that_is_well_again_is_waited_for(monkeypatch):
+    monkeypatch.setattr(store, "LISTEN_SECONDS", 0.01)
+    well = threading.Event()
+
+    def probe(uri):
+        if not well.is_set():
+            raise store.TrackingError("down")
+
+    monkeypatch.setattr(store, "probe", probe)
+    patience = store.Patience("http://127.0.0.1:1")
+    patience.listen()
+    while not patience.silent:
+        time.sleep(0.01)
+    well.set()
+    while patience.silent:
+        time.sleep(0.01)
+    assert patience.wait(lambda: "written") == "written"
+
+
+def test_a_call_may_take_what_the_first_ones_took(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(store, "time", SimpleNamespace(monotonic=lambda: now[0], sleep=time.sleep))
+    monkeypatch.setattr(store.Patience, "listen", lambda self: None)
+
+    def late():
+        now[0] += 2.0
+
+    patience = store.Patience("http://a")
+    patience.opened(late)
+    for _ in range(100):
+        patience.wait(late)
+    assert patience.left == store.PATIENCE_SECONDS
 
 
 def test_patience_is_mlflows_own_timeout_where_one_is_set(monkeypatch):

@@ -36,7 +36,7 @@ class EffectContractError(ValueError):
     ...     check_effect("cogging")
     ... except EffectContractError as error:
     ...     print(error)
-    'cogging' is no effect; derive it from whsklearn.effects.Effect.
+    'cogging' is not an effect; derive it from whsklearn.effects.Effect.
     """
 
 
@@ -72,7 +72,7 @@ def check_effect(effect: type[Effect] | Effect) -> tuple[str, ...]:
     """
     instance = effect() if isinstance(effect, type) else effect
     if not isinstance(instance, Effect):
-        raise EffectContractError(f"{effect!r} is no effect; derive it from whsklearn.effects.Effect.")
+        raise EffectContractError(f"{effect!r} is not an effect; derive it from whsklearn.effects.Effect.")
     checks: dict[str, Callable[[Effect], None]] = {
         "description": _check_description,
         "columns": _check_columns,

@@ -1,4 +1,4 @@
-"""The command ``whsklearn``; a command's module is imported when it is called, so that ``--help`` is quick."""
+"""The command ``whsklearn``; the module of a command is imported only when it is called, so ``--help`` is quick."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ class Lazy(click.Group):
     """A group whose commands are modules of this package, imported on use."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """In the order in which one would try them."""
+        """Command names in the order in which a user would try them."""
         return [name for name in COMMANDS if importlib.util.find_spec(f"{__name__}.{name}")]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """The command ``main`` of the module of its name."""
+        """The command ``main`` of the module with that name."""
         if cmd_name not in self.list_commands(ctx):
             return None
         command = importlib.import_module(f"{__name__}.{cmd_name}").main

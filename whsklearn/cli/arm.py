@@ -21,10 +21,10 @@ if TYPE_CHECKING:
     from whsklearn.identification import ArmFit
     from whsklearn.systems import Arm
 
-WINDOW = 0.5  # s of a free run in `simulate`: an arm from its drives alone falls away within seconds
-AT_FIRST = 200  # rows of a stream's file that tell its rate
-A_ROW = 1.0  # P(0) of a stream: the file's numbers weigh as much as one row, and first rows do not throw them away
-LONGEST_STEP = 2.5  # samples: a longer one begins a new experiment, as no derivative reaches across it
+WINDOW = 0.5  # s of a free run in `simulate`: an arm replayed from its drives alone diverges within seconds
+AT_FIRST = 200  # rows from which the rate of a stream's file is estimated
+A_ROW = 1.0  # P(0) of a stream: the file's numbers weigh as much as one row, so the first rows do not discard them
+LONGEST_STEP = 2.5  # samples: a longer one begins a new experiment, because no derivative can bridge it
 
 
 def base_of(options: Mapping[str, Any]) -> Any:
@@ -39,10 +39,10 @@ def base_of(options: Mapping[str, Any]) -> Any:
 
 
 def gap_log(options: dict[str, Any]) -> Bunch:
-    """The log of an arm as `gap` takes it.
+    """The log of an arm in the form that `gap` takes.
 
-    With a known load, the drive gains that it tells are put in the place of ``--gains``; with an unknown one the log is
-    the loaded one, and what the other knows of the arm is put into the options.
+    With a known load, the drive gains that it determines replace ``--gains``. With an unknown load, the log is the
+    loaded one, and the estimate from the unloaded log is passed on in the options.
     """
     arm = robot_of(options)
     if options["load"] and not options["loaded"]:
@@ -54,9 +54,10 @@ def gap_log(options: dict[str, Any]) -> Bunch:
     if options["loaded"] and not options["load"]:
         options["known"] = identified(long_segments(log), arm).model
         log = read_arm(options["loaded"], options, arm)
-    log = longest(log)
+    whole, log = log, longest(log)
+    rows = {"used": len(log.y), "given": len(whole.y), "taken": 1, "segments": int(whole.groups[-1]) + 1}
     errors = [e / g for g, e in gains_of(options["gains"] or "").values() if g]
-    log.update(units={"drive": "Nm", "position": "rad"}, columns={}, drive_error=max(errors, default=0.0))
+    log.update(units={"drive": "Nm", "position": "rad"}, rows=rows, drive_error=max(errors, default=0.0))
     return log
 
 
@@ -86,7 +87,7 @@ def gains_by_load(options: dict[str, Any], arm: Arm) -> str:
 
 
 def identified(log: Bunch, arm: Arm) -> ArmFit:
-    """What `identify_arm` finds in a log; its warnings are notes."""
+    """The result of `identify_arm` on a log; its warnings become notes."""
     from whsklearn.identification import identify_arm
 
     with warnings.catch_warnings(record=True) as said:
@@ -120,7 +121,7 @@ def identify(options: dict[str, Any]) -> None:
 
 
 class ArmStream(NamedTuple):
-    """What ``stream`` needs of an arm: estimator, columns and their factors to SI, joints, longest and usual step."""
+    """Inputs of ``stream`` for an arm: estimator, columns, factors to SI, joints, longest and usual time step."""
 
     model: Any
     columns: list[str]
@@ -132,9 +133,10 @@ class ArmStream(NamedTuple):
 
 
 def arm_stream(options: Mapping[str, Any]) -> ArmStream:
-    """``stream SOURCE --robot model.json``: recursive least squares that begins at the model's numbers.
+    """``stream SOURCE --robot model.json``: recursive least squares that starts from the model's numbers.
 
-    Joints are weighted by the torques that the model expects of them; numbers that the motion does not show stay.
+    Joints are weighted by the torques that the model predicts; numbers that the motion does not excite keep their
+    values.
     """
     import numpy as np
 
@@ -145,7 +147,7 @@ def arm_stream(options: Mapping[str, Any]) -> ArmStream:
     path, source, time = options["robot"], options["source"], options["time_column"]
     known = load_model(path)
     if known.kind != "arm":
-        raise ValueError(f"{path} is the model of {known.kind}, expected one of an arm; identify writes it.")
+        raise ValueError(f"{path} is a model of kind {known.kind}, expected one of an arm, as `identify` writes it.")
     arm, dt = known.arm, known.dt
     if source == "-" and not options["joints"]:
         raise ValueError('Lines on stdin have no column names; give them with --joints "NAME:POSITION,DRIVE;...".')
@@ -166,7 +168,7 @@ def arm_stream(options: Mapping[str, Any]) -> ArmStream:
     ]
     weights = 1.0 / np.sqrt(np.mean(arm.inverse_dynamics(*arm.drawn_motion(AT_FIRST)) ** 2, axis=0))
     lags = RigidBodyLags.of_arm(arm, 1.0 / dt, causal=True, weights=weights)
-    lags.partial_rows(*np.zeros((2, 1, arm.n_joints)))  # an effect that a stream cannot have is refused here
+    lags.partial_rows(*np.zeros((2, 1, arm.n_joints)))  # an effect that a stream cannot represent is refused here
     theta = [known.numbers.get(name, 0.0) for name in lags.base_.names]
     lags = RigidBodyLags.of_arm(arm, 1.0 / dt, causal=True, weights=weights)
     model = RLSRegressor(lags, P0=A_ROW, theta0=theta, forgetting=options["forgetting"])
@@ -176,7 +178,7 @@ def arm_stream(options: Mapping[str, Any]) -> ArmStream:
 
 
 def known(share: float) -> float | None:
-    """A share, None in place of NaN."""
+    """A share; None in place of NaN."""
     return None if math.isnan(share) else share
 
 
@@ -210,7 +212,7 @@ def joints_table(found: ArmFit) -> str:
 
 
 def numbers_table(found: ArmFit) -> str:
-    """Base numbers with intervals, the file's beside them, and how many others each holds."""
+    """Base numbers with intervals, the file's values, and the number of parameters merged into each."""
     rows = []
     for name, value in found.model.parameters.items():
         half = 1.96 * found.model.standard_errors[name]
@@ -223,7 +225,7 @@ def numbers_table(found: ArmFit) -> str:
 
 
 def simulate(options: dict[str, Any], model: Any) -> None:
-    """``simulate MODEL LOG`` of an arm: free runs of half a second, each from the measured motion."""
+    """``simulate MODEL LOG`` for an arm: free runs of half a second, each started from the measured motion."""
     import numpy as np
     import pandas as pd
 
@@ -241,7 +243,7 @@ def simulate(options: dict[str, Any], model: Any) -> None:
     columns: dict[str, Any] = {"time": log.time}
     rows = []
     for j, (name, slides) in enumerate(zip(arm.joints, arm.slides, strict=True)):
-        # the first run begins where the filter of the velocity has no past, and is not judged
+        # the first run begins before the velocity filter has settled and is not judged
         error = (log.y[:, j] - run.position[:, j])[round(WINDOW * rate) :]
         columns |= {f"{name}_drive": log.X[:, j], f"{name}_simulated": run.position[:, j]}
         columns |= {f"{name}_measured": log.y[:, j]}

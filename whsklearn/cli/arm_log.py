@@ -1,4 +1,4 @@
-"""The log of an arm on the command line: which columns are which joint's, their units, and the reading."""
+"""The log of an arm on the command line: the columns of each joint, their units, and the reading."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ if TYPE_CHECKING:
 
     from whsklearn.systems import Arm
 
-PER_JOINT = ("LOG009", "LOG019")  # a joint at rest, unknown units: told once, of the whole arm
-# Words of a column's name, the surest last.  A measured current comes before a torque that the controller asks for,
-# because what is asked for may be a model's.
+PER_JOINT = ("LOG009", "LOG019")  # a joint at rest, unknown units: reported once for the whole arm
+# Words of a column's name, the most reliable last.  A measured current is preferred to a torque that the controller
+# commands, because the command may come from a model.
 DRIVES = ("current", "currents", "iq", "i", "strom"), (
     "torque", "torques", "trq", "tau", "moment", "moments", "effort", "efforts", "force", "forces", "drehmoment",
     "kraft",
@@ -51,7 +51,7 @@ def joint_columns(text: str) -> dict[str, tuple[str, str]]:
 
 
 def guessed_columns(joints: Sequence[str], names: Sequence[str]) -> dict[str, tuple[str, str]]:
-    """The same without `--joints`: columns that name the joint, or are numbered as the robot's joints are.
+    """The same without `--joints`, from columns that contain the joint's name or its number.
 
     Raises
     ------
@@ -68,7 +68,7 @@ def guessed_columns(joints: Sequence[str], names: Sequence[str]) -> dict[str, tu
 
 
 def _one_kind(joints: Sequence[str], names: Sequence[str], ranks: Sequence[Sequence[str]], kind: str) -> dict[str, str]:
-    """The column of this kind of every joint: of the surest words by which every joint has one."""
+    """The column of this kind for every joint, by the most reliable words that every joint has."""
     found: dict[tuple[bool, int, bool], dict[str, list[str]]] = {}
     series: dict[tuple[bool, int, tuple[str, ...]], list[tuple[int, str]]] = {}
     for column in names:
@@ -105,18 +105,18 @@ def _one_kind(joints: Sequence[str], names: Sequence[str], ranks: Sequence[Seque
 
 
 def _owner(joints: Sequence[str], column: str) -> str:
-    """The joint whose name is in that of the column, the longest one if several are; empty if there is none."""
+    """The joint whose name is contained in the column's, the longest if there are several; empty if there is none."""
     at = {j: found.start() for j in joints if (found := re.search(_named(j), column, re.IGNORECASE))}
     return max(at, key=lambda j: (len(j), -at[j]), default="")
 
 
 def _named(joint: str) -> str:
-    """A pattern of the joint's name as a word."""
+    """A pattern that matches the joint's name as a word."""
     return rf"(?<![a-z0-9]){re.escape(joint)}(?![a-z0-9])"
 
 
 def words_and_numbers(column: str) -> list[str]:
-    """The words of a column's name and the numbers in it, each on its own.
+    """The words and the numbers in a column's name, separately.
 
     Examples
     --------
@@ -160,7 +160,7 @@ def columns_of(options: Mapping[str, Any], arm: Arm, names: Sequence[str]) -> di
 
 
 def checked_gains(options: Mapping[str, Any], arm: Arm) -> dict[str, tuple[float, float]]:
-    """The gains of ``--gains``, all of them of joints of the robot."""
+    """The gains of ``--gains``, checked against the joints of the robot."""
     gains = gains_of(options["gains"]) if options.get("gains") else {}
     if unknown := [j for j in gains if j not in arm.joints]:
         raise ValueError(f"--gains names {unknown[0]!r}; the robot's joints are {', '.join(arm.joints)}.")
@@ -168,7 +168,7 @@ def checked_gains(options: Mapping[str, Any], arm: Arm) -> dict[str, tuple[float
 
 
 def to_si(joint: str, slides: bool, position: str, drive: str, gains: Mapping[str, Any]) -> tuple[float, float]:
-    """By what positions and drives of a joint in these units are multiplied to be rad and Nm, or m and N.
+    """Factors that convert the position and drive of a joint from these units to rad and Nm, or m and N.
 
     Examples
     --------
@@ -188,8 +188,8 @@ def to_si(joint: str, slides: bool, position: str, drive: str, gains: Mapping[st
 def read_arm(path: str, options: Mapping[str, Any], arm: Arm) -> Bunch:
     """A log by the robot's joints, in rad, m, Nm and N.
 
-    As other logs are: ``time`` (n,), ``X`` and ``y`` (n, n_joints), the drives and positions, ``groups`` (n,), the
-    segment of each row, and ``sample_rate``.
+    Its fields are those of other logs: ``time`` (n,), ``X`` and ``y`` (n, n_joints), the drives and positions,
+    ``groups`` (n,), the segment of each row, and ``sample_rate``; ``columns`` holds position and drive by joint.
     """
     import numpy as np
     from sklearn.utils import Bunch
@@ -224,17 +224,17 @@ def read_arm(path: str, options: Mapping[str, Any], arm: Arm) -> Bunch:
         note(f"Columns in the robot's order: {'; '.join(f'{j}: {q} and {u}' for j, (q, u) in given.items())}.")
     if unstated:
         which = ", ".join(unstated[:4]) + (f" and {len(unstated) - 4} more" if len(unstated) > 4 else "")
-        note(f"No unit is known of {which}; taken are rad and Nm (m and N). State it in the column's name.")
+        note(f"No unit is known for {which}; rad and Nm (m and N) are assumed. State it in the column's name.")
     if first.units["time"] == "samples":
         raise ValueError("The log has no time; name its column with --time, or its rate with --rate.")
     return Bunch(
         name=first.name, time=first.time, X=np.column_stack(drives), y=np.column_stack(positions), groups=first.groups,
-        sample_rate=first.sample_rate, notes=(),
+        sample_rate=first.sample_rate, columns=given, notes=(),
     )  # fmt: skip
 
 
 def robot_of(options: Mapping[str, Any]) -> Arm:
-    """The robot, its joints those that ``--joints`` names where it does."""
+    """The robot, reduced to the joints that ``--joints`` names if it is given."""
     from whsklearn.models import as_arm
 
     return as_arm(options["robot"], list(joint_columns(options["joints"])) if options.get("joints") else None)

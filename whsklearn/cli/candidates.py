@@ -30,7 +30,7 @@ def candidates(
     evolution: bool = False,
     published: dict[str, Any] | None = None,
 ) -> list[ComparedModel]:
-    """Both readings of RLS, MILS and RMILS, the gradient scheme, and the batch fit as the yardstick."""
+    """Both readings of RLS, MILS and RMILS, the gradient scheme, and the batch fit for comparison."""
     old: dict[str, Any] = {**PUBLISHED, **(published or {})}
     common: dict[str, Any] = {"lags": lags, "random_state": seed}
     found = [

@@ -1,4 +1,5 @@
-"""Compare records of one axis or arm: what changed and by how much, that nothing did, or why they cannot tell.
+"""Compare records of one axis or arm: what changed and by how much, that nothing changed, or why the records cannot
+show it.
 
 Writes ``compare.html`` (for a person) and ``compare.json`` (for programs), and records the comparison in MLflow: a
 parent run, and a child run for every record.
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
 
     from whsklearn.compare import Comparison
 
-AN_AXIS = {"kind": "servo", "robot": None, "simulator": None}  # what `gap` expects among its options besides columns
+AN_AXIS = {"kind": "servo", "robot": None, "simulator": None}  # options that `gap` expects besides the columns
 
 
 @job
@@ -88,12 +89,12 @@ def main(**options: Any) -> None:
 
 
 def comparison_of(options: dict[str, Any], files: tuple[str, ...], labels: list[str]) -> Callable[[], Comparison]:
-    """The comparison of these files, which are read first."""
+    """Read these files and compare them."""
     from whsklearn.compare import ArmLog, compare_arms, compare_records
 
     if not options["robot"]:
         if options["joints"] or options["gains"]:
-            raise click.UsageError("--joints and --gains are an arm's; give its file with --robot.")
+            raise click.UsageError("--joints and --gains are for arms; give the robot file with --robot.")
         logs = [log_of(options, file) for file in files]
         for first, second in itertools.combinations(logs, 2):
             refuse_shared(first, second, TWICE)
@@ -106,7 +107,7 @@ def comparison_of(options: dict[str, Any], files: tuple[str, ...], labels: list[
 
 
 def names_of(files: tuple[str, ...]) -> list[str]:
-    """What the records are called: the files' names, with folders where names repeat.
+    """Labels of the records: the file names, with their folders if names repeat.
 
     Examples
     --------
@@ -118,19 +119,19 @@ def names_of(files: tuple[str, ...]) -> list[str]:
 
 
 def log_of(options: dict[str, Any], file: str) -> Bunch:
-    """One log of an axis: all its long segments."""
+    """One log of an axis, with all its long segments."""
     log = liveliest(long_segments(read_log(options | AN_AXIS | {"log_file": file, "reference": None})))
     note_assumed(log)
     return log
 
 
 def numbers_of(found: Comparison) -> str:
-    """A line a number, a column a record; of many records the first and the last ones."""
+    """A table with one line per number and one column per record; of many records, the first and the last ones."""
     shown = range(len(found.labels)) if len(found.labels) <= 4 else (0, 1, -2, -1)
     header = ["number", *(found.labels[k] for k in shown), "±", "unit"]
     rows = []
     for r in found.numbers:
-        if "." in r["name"]:  # a combination of an arm's links: in the report
+        if "." in r["name"]:  # combinations of an arm's links are in the report only
             continue
         values = [float(r["values"][k]) for k in shown]
         rows.append([r["name"].replace("_", " "), *values, float(max(r["standard_errors"])), r["unit"]])
@@ -138,7 +139,7 @@ def numbers_of(found: Comparison) -> str:
 
 
 def track(parent: Any, found: Comparison, folder: Path) -> None:
-    """The parent run's answer, a child run a record with its numbers, and the report."""
+    """Record the answer in the parent run, the numbers of each record in a child run, and the report."""
     first = found.changes[0] if found.changes else None
     parent.log_tags({"verdict": found.verdict, "changes": ", ".join(c.name for c in found.changes)})
     parent.log_metrics({"seconds": found.seconds})

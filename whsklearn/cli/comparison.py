@@ -1,4 +1,4 @@
-"""One comparison for all jobs: fit each candidate, run it freely on records it has not seen, record it."""
+"""The comparison that all jobs share: fit each candidate, simulate it on unseen records, and record the result."""
 
 from __future__ import annotations
 
@@ -20,13 +20,14 @@ from whsklearn.metrics import mu_e, nmse, parameter_error, rmse
 from whsklearn.plot import flat_parameters, parameter_paths
 from whsklearn.tracking import Run, TrackingError, estimator_params
 
-MOST_OF_A_PATH = 20  # points: each asks the default for its answer, a tenth of a second
-WARM_UP = 600  # samples: beyond the 480 at which a stream's first models take over, so that all kernels have run
+MOST_OF_A_PATH = 20  # points; the default estimator takes a tenth of a second for each
+WARM_UP = 600  # samples: more than the 480 at which a stream's first models take over, so that every kernel has run
 
 
 @dataclass(frozen=True)
 class ComparedRecord:
-    """An input of shape (n, 1) and an output of shape (n,), with a name; the segment of each sample after holes.
+    """An input of shape (n, 1) and an output of shape (n,), with a name, and the segment of each sample if there are
+    holes.
 
     ``column`` is the name of the input in its log, empty where there is none.
 
@@ -45,7 +46,7 @@ class ComparedRecord:
 
     @property
     def named(self) -> Any:
-        """The input under the name of its column, by which a model that is served knows it; X where it has none."""
+        """The input as a frame with the column name that a served model uses; X if there is no name."""
         if not self.column:
             return self.X
         import pandas as pd
@@ -64,9 +65,9 @@ class ComparedModel:
     model : estimator
         Not fitted.
     reading : str
-        Which reading of the article it follows; a dash where there is one only.
+        Which reading of the article it follows; a dash if there is only one.
     stream : bool
-        Whether its parameters move sample by sample, so that their paths are drawn.
+        Whether its parameters are updated sample by sample, so that their paths are drawn.
 
     Examples
     --------
@@ -91,14 +92,14 @@ class Outcome:
     seconds : float
         Of its fit.
     indices : dict
-        ``nmse``, ``mu_e``, ``rmse`` of the free runs, mean over the test records; ``delta`` where the truth is known.
+        ``nmse``, ``mu_e``, ``rmse`` of the free runs, mean over the test records; ``delta`` if the truth is known.
     fitted : estimator
     predictions : list of ndarray of shape (n,)
-        A free run a test record.
+        One free run per test record.
     paths : tuple, optional
         (samples, name -> parameter at them) of a stream.
     failure : str
-        What it said where it could not be fitted; empty otherwise.
+        The error message if it could not be fitted; empty otherwise.
 
     Examples
     --------
@@ -156,7 +157,7 @@ def compare(
         click.echo(f"\n{results_table(outcomes, f'Not all of it recorded, on {train.name}')}")
         raise lost
     if all(o.failure for o in outcomes):
-        raise ValueError(f"No candidate could be fitted to {train.name}; the first said: {outcomes[0].failure}")
+        raise ValueError(f"No candidate could be fitted to {train.name}; the first reason is: {outcomes[0].failure}")
     best = min((o for o in outcomes if not o.failure), key=lambda o: o.indices["nmse"])
     parent.log_metrics(best.indices)  # so that the page, sorted by a metric, shows the parent in its place
     parent.log_tags({"best": f"{best.candidate.name} ({best.candidate.reading})"})
@@ -164,13 +165,13 @@ def compare(
 
 
 def compile_once(candidates: Sequence[ComparedModel], train: ComparedRecord) -> None:
-    """Fit every candidate to a few samples, so that no estimator's seconds hold the compilation of its kernels.
+    """Fit every candidate to a few samples, so that the measured times do not include compilation.
 
-    A machine's first run compiles for some tens of seconds and keeps the result; later runs pass through in one.
+    The first run on a machine compiles for some tens of seconds and caches the result; later runs take a second.
     """
     bar = tqdm(candidates, desc="compiling (once on a machine)", unit="model", leave=False, disable=None)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # a few samples are no record to judge by
+        warnings.simplefilter("ignore")  # a few samples are not enough to judge by
         for candidate in bar:
             with contextlib.suppress(ValueError):
                 few = clone(candidate.model).fit(train.X[:WARM_UP], train.y[:WARM_UP])
@@ -203,7 +204,7 @@ def _fit_and_score(
 
 
 def _record(outcome: Outcome, parent: Run, train: ComparedRecord) -> None:
-    """The run of one candidate; that of one which could not be fitted is marked as failed, with the reason."""
+    """Record the run of one candidate; if it could not be fitted, the run is marked as failed, with the reason."""
     candidate = outcome.candidate
     tags = {"reading": candidate.reading, "data": train.name, "estimator": type(candidate.model).__name__}
     try:
@@ -227,7 +228,7 @@ def _log(outcome: Outcome, run: Run, train: ComparedRecord) -> None:
         run.log_paths({f"path/{k}": v for k, v in paths.items()}, steps)
     elif hasattr(fitted, "parameters_"):
         run.log_metrics({f"path/{k}": v for k, v in flat_parameters(fitted.parameters_).items()})
-    if type(fitted).__module__.startswith("whsklearn."):  # a yardstick of the jobs cannot be loaded elsewhere
+    if type(fitted).__module__.startswith("whsklearn."):  # the reference models of the jobs cannot be loaded elsewhere
         run.log_model(fitted, train.X)
 
 
@@ -254,7 +255,7 @@ def by_name(outcomes: Sequence[Outcome], **wanted: str) -> Mapping[str, Outcome]
 
 
 def verdict(outcomes: Sequence[Outcome]) -> str:
-    """Whether the nonlinear model earns its keep on this record."""
+    """A sentence on whether the nonlinear model is better than a linear one on this record."""
     linear = next((o for o in outcomes if o.candidate.reading == "linear" and not o.failure), None)
     others = [o for o in outcomes if o.candidate.reading != "linear" and not o.failure]
     if linear is None or not others:

@@ -1,4 +1,4 @@
-"""The library shown in a minute: identification of the article's example, then a hidden effect found in a log."""
+"""A demonstration in one minute: identification of the article's example, then a hidden effect found in a log."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ def main(ctx: click.Context, seed: int, track: bool, out: str) -> None:
     except OSError as error:
         raise click.ClickException(str(error)) from None
     log, report = str(folder / "hidden.csv"), str(folder / "gap")
-    # The log is written beside the first part: on a new machine both begin with ten seconds and more of compiling, and
-    # what one process compiles the others load.
+    # The log is written in parallel with the first part: on a new machine both begin by compiling for ten seconds or
+    # more, and what one process compiles the others load.
     with subprocess.Popen(
         [sys.executable, "-m", "whsklearn.cli.hidden_effect", "--seed", str(seed), "--out", log],
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
@@ -37,10 +37,10 @@ def main(ctx: click.Context, seed: int, track: bool, out: str) -> None:
         lost = None
         try:
             ctx.invoke(simulated_example.main, seed=seed, track=track)
-        except RecordLost as error:  # the second part has a report to write, with a record or without
+        except RecordLost as error:  # the second part still has a report to write, recorded or not
             lost, track = error, False
         except BaseException:
-            writing.kill()  # nobody will look for its log
+            writing.kill()  # its log is no longer needed
             raise
         said = writing.communicate()[0].strip().splitlines()
     if writing.returncode:

@@ -1,4 +1,4 @@
-"""Design the next run: a reference within the limits of a rig, and which rivals of a diagnosis it would part."""
+"""Design the next run: a reference within the limits of a rig, and which rivals of a diagnosis it would separate."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ import click
 from whsklearn.cli.job import guarded, table, wrapped, writable_folder
 
 LIMITS = ("position", "speed", "drive", "seconds")
-MOST_RIVALS = 3  # beside what was named: a dry run each, some seconds
+MOST_RIVALS = 3  # in addition to the named effects; each takes a simulated run of some seconds
 
 
 def limits_of(_context: Any, _option: Any, text: str) -> dict[str, float]:
-    """Numbers above zero of a text such as ``position=0.5,speed=2,drive=1.2,seconds=6``."""
+    """Parse positive numbers from a text such as ``position=0.5,speed=2,drive=1.2,seconds=6``."""
     out = {}
     for part in text.split(","):
         name, _, value = part.partition("=")
@@ -49,7 +49,7 @@ def main(**options: Any) -> None:
 
 
 def write(**options: Any) -> None:
-    """Write the reference and the answer, and say it."""
+    """Write the reference and the answer, and print a summary."""
     import numpy as np
 
     from whsklearn.gap.design import Limits, design
@@ -82,17 +82,19 @@ def write(**options: Any) -> None:
 
 
 def diagnosis_of(file: Path, rivals: str | None) -> tuple[dict[str, Any], Any, list[Any], str]:
-    """(the diagnosis, the fitted axis without what may be missing, the rivals, the base model's friction law)."""
+    """The diagnosis, the fitted axis without the effects in doubt, the rivals, and the base model's friction law."""
     from whsklearn.effects import effect_names
     from whsklearn.models import AxisModel, load_model
 
     data = json.loads(file.read_text(encoding="utf-8"))
     beside = file.with_name("repaired.json")
     if "candidates" not in data or not beside.is_file():
-        raise ValueError(f"{file} is no gap.json with repaired.json beside it; give one that `whsklearn gap` wrote.")
+        raise ValueError(
+            f"{file} is not a gap.json with a repaired.json beside it; give one that `whsklearn gap` wrote."
+        )
     model = load_model(beside)
     if not isinstance(model, AxisModel):
-        raise ValueError(f"{beside} holds a model of kind {model.kind}; a run is designed for an axis.")
+        raise ValueError(f"{beside} holds a model of kind {model.kind}; runs can be designed for an axis only.")
     named = [e["name"] for e in data["effects"]]
     law = ",".join(r["name"] for r in data["base"] if r["name"] in effect_names("friction"))
     axis = dataclasses.replace(model, effects=tuple(e for e in model.effects if e.name not in named)).system()
@@ -100,7 +102,7 @@ def diagnosis_of(file: Path, rivals: str | None) -> tuple[dict[str, Any], Any, l
         wanted: list[Any] = [n.strip() for n in rivals.split(",") if n.strip()]
         if unknown := set(wanted) - set(effect_names()):
             raise ValueError(
-                f"{', '.join(sorted(unknown))} is no effect; expected some of {', '.join(effect_names())}."
+                f"{', '.join(sorted(unknown))} is not an effect; expected some of {', '.join(effect_names())}."
             )
     else:
         others = [c["name"] for c in data["candidates"] if c["name"] not in named and c["status"] != "not_testable"]

@@ -40,7 +40,7 @@ POSITIVE = click.FloatRange(min=0, min_open=True)
 def main(model: str, to: str, out: str, effects: str | None, **options: Any) -> None:
     """Write MODEL (model.json of identify, repaired.json of gap) for another tool.
 
-    What the format cannot hold is listed with its size, and stands as a comment in the file.
+    What the format cannot represent is listed with its size and written into the file as a comment.
 
     Example: whsklearn export model.json --to mjcf --out axis.xml
     """
@@ -48,7 +48,7 @@ def main(model: str, to: str, out: str, effects: str | None, **options: Any) -> 
 
 
 def write(model: Path, to: str, out: str, effects: str | None = None, **options: Any) -> None:
-    """Export, and say what the format cannot hold and where the files are."""
+    """Export the model, and print what the format cannot represent and where the files are."""
     from whsklearn.cli.own_effects import load_effects
     from whsklearn.export import FORMATS, Ratings, export_model
     from whsklearn.export.ranges import write_ranges
@@ -61,7 +61,7 @@ def write(model: Path, to: str, out: str, effects: str | None = None, **options:
     try:
         ratings = Ratings(options["rated_torque"], options["torque_constant"], options["speed"])
         done = export_model(model, to=to, out=out, what=options["what"], real=options["real"], ratings=ratings)
-    except RuntimeError as error:  # a compiler that is not there or fails
+    except RuntimeError as error:  # a compiler that is missing or fails
         raise click.ClickException(str(error)) from error
     if done.losses:
         click.echo(f"Not everything fits into {FORMATS[to]}:")

@@ -1,4 +1,4 @@
-"""Identify every axis of a fleet: one model each, one table of all, the outliers in MLflow."""
+"""Identify every axis of a fleet: one model per axis, one table for all, the outliers in MLflow."""
 
 from __future__ import annotations
 
@@ -28,14 +28,17 @@ SHOWN = 10
 @click.option("--axis", default="axis", help="Partition key: the folder holds AXIS=NAME/*.parquet.")
 @click.option("--input", "inputs", multiple=True, default=["u"], help="Input column; repeat for several.")
 @click.option("--output", default="y", help="Output column.")
-@click.option("--time", "time_column", default=None, help="Time column; rows are put in its order.")
+@click.option("--time", "time_column", default=None, help="Time column; rows are sorted by it.")
 @click.option("--estimator", type=click.Choice(sorted(ESTIMATORS)), default="rmils", help="Estimator.")
 @click.option("--orders", default="2,2,2,2", help="n_a, n_b, n_c, n_d of the Wiener-Hammerstein model.")
 @click.option("--law", default="reduced", help="Friction law: names joined by commas.")
 @click.option("--p", type=int, default=4, help="Innovation length.")
 @click.option("--forgetting", type=float, default=1.0, help="Forgetting factor.")
 @click.option(
-    "--test-share", type=click.FloatRange(0, 0.9), default=0.25, help="Share at the end of a log, held out as a test."
+    "--test-share",
+    type=click.FloatRange(0, 0.9),
+    default=0.25,
+    help="Share held out as a test at the end of a log.",
 )
 @click.option("--in-process", is_flag=True, help="Use this machine's cores through joblib, without a cluster.")
 @click.option("--scheduler", default=None, help="Address of a Dask scheduler; a local cluster if omitted.")
@@ -49,8 +52,8 @@ def main(
 ) -> None:  # fmt: skip
     """Identify every axis of FOLDER, a Parquet folder partitioned by axis, and write one table of all.
 
-    Stopped, it keeps what was finished in OUT.part, and the same command goes on from there.  Exit status: 3 where
-    axes failed, after the table of all is written.
+    If it is stopped, the finished axes are kept in OUT.part, and the same command resumes from there. The exit status
+    is 3 if axes failed; the table of all axes is written first.
 
     Example: whsklearn fleet logs/ --input torque_nm --output velocity_rad_s --out fleet.parquet
     """
@@ -67,7 +70,7 @@ def main(
     kept = Kept(out, f"{model!r} {source} {test_share!r}", folder, axis)
     rows = kept.rows(names)
     if rows:
-        click.echo(f"Going on with {len(rows)} of {len(names)} axes from {kept.path}.", err=True)
+        click.echo(f"Resuming: {len(rows)} of {len(names)} axes are finished in {kept.path}.", err=True)
     todo = sorted(set(names) - {row["axis"] for row in rows})
     batches = [todo[i : i + batch] for i in range(0, len(todo), batch)]
     with progress_bar(total=len(names), initial=len(rows), unit="axis", desc="fleet") as bar, kept:
@@ -133,20 +136,20 @@ def run_on_cluster(
 
 
 def to_table(rows: list[Row], names: list[str]) -> Any:
-    """One row an axis, in the order of names, whatever order the work was done in."""
+    """One row per axis, in the order of names, in whatever order they were finished."""
     import pandas as pd
 
     found = pd.DataFrame(rows).drop(columns="digest", errors="ignore").drop_duplicates("axis").set_index("axis")
     lost = sorted(set(names) - set(found.index))
     if lost:
-        raise ValueError(f"{len(lost)} axes came back without a result, the first {lost[0]}; run again.")
+        raise ValueError(f"{len(lost)} axes returned no result, the first is {lost[0]}; run the command again.")
     first = ["rows", "failure", "seconds", "nmse", "mu_e", "rmse"]
     found = found.reindex(columns=[*first, *[c for c in found.columns if c not in first]])
     return found.loc[names].reset_index()
 
 
 def record(run: Run, found: Any, apart: Any, failed: Any, out: Path, params: dict[str, Any], seconds: float) -> None:
-    """One run for the fleet, a child for each outlier and for each axis that failed."""
+    """Record a run for the fleet, with a child for each outlier and each failed axis."""
     run.log_params(params)
     quantiles = found[["nmse", "rmse"]].astype(float).quantile([0.5, 0.95])
     metrics = {f"{c}_{round(100 * q)}": quantiles.at[q, c] for q in (0.5, 0.95) for c in ("nmse", "rmse")}
@@ -162,10 +165,10 @@ def record(run: Run, found: Any, apart: Any, failed: Any, out: Path, params: dic
 
 
 def summary(found: Any, apart: Any, failed: Any, out: Path, seconds: float) -> str:
-    """The summary on the terminal: outliers first, then failures by their reason."""
+    """The summary for the terminal: outliers first, then failures by reason."""
     text = (
         f"{len(found)} axes, {int(found['rows'].sum())} rows in {seconds:.1f} s "
-        f"({1e3 * found['seconds'].sum() / len(found):.1f} ms of work an axis); {len(apart)} outliers, "
+        f"({1e3 * found['seconds'].sum() / len(found):.1f} ms of work per axis); {len(apart)} outliers, "
         f"{len(failed)} failed; table in {out}."
     )
     lines = [wrapped(text)]
@@ -190,7 +193,7 @@ def summary(found: Any, apart: Any, failed: Any, out: Path, seconds: float) -> s
 
 
 def _entry(who: str, what: str) -> str:
-    """An entry of a list in lines of 100 columns, nothing cut."""
+    """An entry of a list, wrapped to 100 columns and not truncated."""
     return textwrap.fill(f"{who} {what}", WIDTH, initial_indent="  ", subsequent_indent="    ")
 
 

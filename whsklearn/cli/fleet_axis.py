@@ -1,7 +1,7 @@
 """One axis of a fleet: read, identify, judge; runs in any process on any machine.
 
-Functions here take and return plain values, and an axis that fails is a row of the result like
-any other: one bad log among a million must not end the job.
+Functions here take and return plain values. An axis that fails is a row of the result like any other, because one bad
+log among a million must not end the job.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ def axes_of(folder: Path, axis: str) -> list[str]:
 def read_axis(
     folder: Path, axis: str, name: str, inputs: list[str], output: str, time_column: str | None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """X (n, n_inputs) and y (n,) of one axis, in the order of time, or of files and rows.
+    """X (n, n_inputs) and y (n,) of one axis, sorted by time, or in the order of files and rows.
 
     Raises
     ------
     ValueError
-        If the axis has no rows, a column is missing or no number, or a time stands twice.
+        If the axis has no rows, a column is missing or not numeric, or a time stamp is repeated.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -76,7 +76,7 @@ def identify_axis(model: Any, X: NDArray[np.float64], y: NDArray[np.float64], te
 
     stop = len(y) - int(len(y) * test_share)
     fitted = clone(model).fit(X[:stop], y[:stop])
-    y_hat = fitted.predict(X)  # from the start, so that the test part is past the transient
+    y_hat = fitted.predict(X)  # from the start, so that the transient is over before the test part
     row: Row = {f"{name}": value for name, value in flat_parameters(fitted.parameters_).items()}
     judged = slice(stop, None) if test_share else slice(None)
     for index in (nmse, mu_e, rmse):

@@ -1,4 +1,4 @@
-"""Axes of a fleet that are finished, kept while the others are worked on: whoever stops it loses a batch at most."""
+"""Finished axes of a fleet, saved while the others are computed: stopping the command loses at most one batch."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ EVERY_SECONDS = 30.0
 
 
 def write_table(found: Any, out: Path) -> None:
-    """A table as Parquet, in one step."""
+    """Write a table as Parquet, atomically."""
     from whsklearn.logs.files import atomic_write
 
     buffer = io.BytesIO()
@@ -25,9 +25,9 @@ def write_table(found: Any, out: Path) -> None:
 
 
 class Kept:
-    """The finished rows of a fleet beside the table to come, as ``OUT.part``: Parquet, as the table itself.
+    """The finished rows of a fleet in ``OUT.part``, next to the table to be written, and in the same format.
 
-    A row is taken up again if settings and the axis's files are those of before.
+    A row is reused if the settings and the files of its axis have not changed.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ class Kept:
         self._written, self._due = 0, time.monotonic() + EVERY_SECONDS
 
     def rows(self, names: list[str]) -> list[Row]:
-        """Those of an earlier start that still hold."""
+        """Rows of an earlier start that are still valid."""
         import pandas as pd
         import pyarrow as pa
 
@@ -56,7 +56,7 @@ class Kept:
         try:
             frame = pd.read_parquet(self.path)
             same = frame[(frame["settings"] == self._settings) & frame["axis"].isin(names)]
-        except (OSError, KeyError, pa.ArrowException):  # none, or not ours
+        except (OSError, KeyError, pa.ArrowException):  # there is none, or it is not ours
             return []
         digests = [digest_of(self._folder, self._axis, n) for n in same["axis"]]
         found = same[same["digest"] == digests].drop(columns="settings")
@@ -66,20 +66,20 @@ class Kept:
         return list(self._done)
 
     def add(self, rows: list[Row]) -> None:
-        """Rows that are finished; written every half minute, and at the end."""
+        """Add finished rows; they are written every half minute and at the end."""
         self._done += rows
         if time.monotonic() > self._due:
             self.write()
 
     def write(self) -> None:
-        """All rows so far."""
+        """Write all rows so far."""
         import pandas as pd
 
         write_table(pd.DataFrame(self._done).assign(settings=self._settings), self.path)
         self._written, self._due = len(self._done), time.monotonic() + EVERY_SECONDS
 
     def remove(self) -> None:
-        """When the table itself is written."""
+        """Remove the file, after the table itself is written."""
         self.path.unlink(missing_ok=True)
 
     def __enter__(self) -> Self:
@@ -93,6 +93,6 @@ class Kept:
         count = len(self._done)
         if count:
             what = "1 axis is" if count == 1 else f"{count} axes are"
-            click.echo(f"{what} kept in {self.path}; the same command goes on from there.", err=True)
+            click.echo(f"{what} kept in {self.path}; the same command resumes from there.", err=True)
         elif issubclass(kind, KeyboardInterrupt):
             click.echo("Stopped before the first axes were finished: nothing is kept.", err=True)

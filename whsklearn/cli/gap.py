@@ -39,7 +39,7 @@ USUAL = {"time": "time_s", "drive": "torque_nm", "position": "position_rad"}
 
 
 def orders_of(_context: Any, _option: Any, text: str | None) -> tuple[int, int, int, int] | None:
-    """Four whole numbers of a text such as 3,3,3,3."""
+    """Parse four whole numbers from a text such as 3,3,3,3."""
     if text is None:
         return None
     parts = [p.strip() for p in text.split(",")]
@@ -116,8 +116,8 @@ def orders_of(_context: Any, _option: Any, text: str | None) -> tuple[int, int, 
 def main(**options: Any) -> None:
     """Find, name and close the gap between a model and LOG.
 
-    Several logs of one axis make one diagnosis: numbers are shared, offset and timing are each log's own. A log is a
-    CSV of any dialect, Parquet, MAT, HDF5, TDMS, MDF4, MCAP, a ROS bag or a LeRobot folder.
+    Several logs of one axis make one diagnosis: numbers are shared, while each log has its own offset and timing. A log
+    is a CSV of any dialect, Parquet, MAT, HDF5, TDMS, MDF4, MCAP, a ROS bag or a LeRobot folder.
 
     \b
     whsklearn gap axis.csv --time time_s --drive torque_nm --position position_rad --report gap
@@ -143,13 +143,14 @@ def main(**options: Any) -> None:
             raise SystemExit(UNUSABLE)
         return
     if options["effects"]:
-        from whsklearn.cli.own_effects import load_effects  # it compiles, and --help does not
+        from whsklearn.cli.own_effects import load_effects  # this compiles, and --help must not
 
         load_effects(options["effects"])
     try:
         whole = read_log(options)
         log = liveliest(taken(options, whole))
-        note_assumed(log)
+        if options["kind"] == "servo":  # a chain keeps the units of its log
+            note_assumed(log)
         used, given = (len(set(x.groups.tolist())) for x in (log, whole))
         log.rows = {"used": int(log.y.size), "given": int(whole.y.size), "taken": used, "segments": given}
         second = liveliest(taken(options, read_log(options, options["second"]))) if options["second"] else None
@@ -171,9 +172,9 @@ def taken(options: dict[str, Any], log: Bunch) -> Bunch:
 
 
 def diagnose(options: dict[str, Any], log: Bunch, second: Bunch | None, folder: Path) -> GapFinder:
-    """Run the finder on a log, write the report, say what it holds, and record both: the record comes last.
+    """Run the finder on a log, write the report, print the result, and record both; recording comes last.
 
-    `second` is another record of the axis, of which nothing is fitted.
+    `second` is another record of the axis, which is not used for the fit.
     """
     from whsklearn.gap import GapFinder
     from whsklearn.gap.finder import STEPS
@@ -239,7 +240,7 @@ def another(options: dict[str, Any], first: Bunch, file: str) -> Any:
 
 
 def test(options: dict[str, Any], finder: GapFinder, second: Bunch) -> None:
-    """The free run of the repaired model on a second record, into the diagnosis and onto the terminal."""
+    """Simulate the repaired model on a second record; put the result into the diagnosis and print it."""
     from whsklearn.gap.proof import on_second_record
 
     record, columns = as_record(options, second)
@@ -254,7 +255,7 @@ def test(options: dict[str, Any], finder: GapFinder, second: Bunch) -> None:
         text = f"On {second.name}, which was not used for the fit, the RMSE of the free run goes from {told}."
         if all(r["after"] > r["before"] for r in d.test):
             text += (
-                " The repaired model is worse there: what was named is not in that record, or has another size in it."
+                " The repaired model is worse there: the named effect is not in that record, or has another size in it."
             )
     d.notes.insert(0, text)
     click.echo(wrapped(text))
@@ -264,16 +265,28 @@ def origin(log: Bunch) -> str:
     """File, columns, span, rate, date and version in one sentence."""
     from whsklearn import __version__
 
-    columns = ", ".join(f"{r} from {c!r} in {log.units.get(r, '')}" for r, c in log.columns.items())
+    columns = ", ".join(
+        f"{r} from {c[0]!r} and {c[1]!r}" if isinstance(c, tuple) else f"{r} from {c!r}{_in_unit(log.units.get(r, ''))}"
+        for r, c in log.columns.items()  # by role, or position and drive by joint
+    )
     today = datetime.now(UTC).date().isoformat()
     return (
-        f"{log.name}: {columns}; {log.y.size} samples over {log.time[-1] - log.time[0]:.4g} s at "
+        f"{log.name}: {columns}; {len(log.y)} samples over {log.time[-1] - log.time[0]:.4g} s at "
         f"{log.sample_rate:.6g} Hz; diagnosed on {today} by whsklearn {__version__}."
     )
 
 
+def _in_unit(unit: str) -> str:
+    """The unit in a sentence; nothing if it is not stated."""
+    from whsklearn.logs.units import UNSTATED
+
+    return "" if unit in UNSTATED else f" in {unit}"
+
+
 def read_log(options: dict[str, Any], second: str | None = None) -> Bunch:
-    """The columns that the options name, or that name themselves; of a ``second`` log those that it has."""
+    """Read the columns that the options name, or that are recognised by name; from a ``second`` log those that it
+    has.
+    """
     from whsklearn.logs import open_source
     from whsklearn.logs.errors import ColumnError
     from whsklearn.logs.roles import by_number
@@ -292,7 +305,7 @@ def read_log(options: dict[str, Any], second: str | None = None) -> Bunch:
         given["time"] = options["time_column"]
     else:
         given = {"drive": options["input_column"], "position": options["output_column"], "time": options["time_column"]}
-    if second:  # it may have other units, and so other names
+    if second:  # it may have other units and therefore other names
         given = {r: c if c in source.names else None for r, c in given.items()}
     needed = [r for r in ("drive", "position") if servo]
     if given.get("command"):
@@ -305,7 +318,7 @@ def read_log(options: dict[str, Any], second: str | None = None) -> Bunch:
 
 
 def _own_clock(source: Any) -> bool:
-    """Whether the file brings stamps or a rate of its own, so that no column of time is needed."""
+    """Whether the file contains time stamps or a rate, so that no time column is needed."""
     return (
         source.clocked
         or source.sample_rate
@@ -314,7 +327,7 @@ def _own_clock(source: Any) -> bool:
 
 
 def as_record(options: dict[str, Any], log: Bunch) -> tuple[Any, dict[str, Any]]:
-    """The log as the kind of model takes it, an axis in SI, and the names of its columns."""
+    """The log in the form that this kind of model takes (SI for an axis), and the names of its columns."""
     import numpy as np
     import pandas as pd
 
@@ -365,7 +378,7 @@ def model_of(options: dict[str, Any]) -> Any:
 
 
 def simulator_of(options: dict[str, Any]) -> Any:
-    """The simulator that the options name, behind the three methods that the finder asks for."""
+    """The simulator that the options name, with the three methods that the finder needs."""
     from whsklearn import simulators
 
     path = Path(options["simulator"])
@@ -377,7 +390,7 @@ def simulator_of(options: dict[str, Any]) -> Any:
 
 
 def data_problem(error: LogError, folder: Path) -> None:
-    """A report that says why the log cannot be used."""
+    """Write a report that says why the log cannot be used."""
     from whsklearn.gap.data_check import DataProblem
     from whsklearn.gap.finder import data_problem as unusable
     from whsklearn.gap.report import write_report
@@ -387,7 +400,7 @@ def data_problem(error: LogError, folder: Path) -> None:
 
 
 def track(parent: Any, finder: GapFinder, folder: Path) -> None:
-    """The parent run's metrics before and after, a child run for each round, and the report."""
+    """Record the metrics before and after in the parent run, each round in a child run, and the report."""
     d = finder.diagnosis_
     parent.log_tags({"verdict": d.verdict, "effects": ", ".join(e.label for e in d.effects)})
     for step, values in enumerate((d.before, d.after)):

@@ -1,7 +1,7 @@
-"""Which structure does a log ask for?  Linear, Wiener-Hammerstein, or an axis as physics.
+"""Find the structure that fits a log: linear, Wiener-Hammerstein, or a physical axis.
 
-Fits all of them, compares their free runs on held-out windows, says which one to use and why, and
-writes identify.json, model.json and a page with Bode, poles, characteristic and overlay.
+Fits all of them, compares their free runs on held-out windows, recommends one with the reason, and writes
+identify.json, model.json and a page with Bode, poles, characteristic and overlay.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 INDICES = ("nmse", "rmse")
 
 
-UNEVEN = 0.01  # of the rate, by which two logs may differ: a clock is a thousand times better
+UNEVEN = 0.01  # relative difference allowed between the rates of two logs; a clock is a thousand times better
 
 
 @job
@@ -62,7 +62,7 @@ UNEVEN = 0.01  # of the rate, by which two logs may differ: a clock is a thousan
 def main(**options: Any) -> None:
     """Find the model that describes the log TRAIN best: linear, Wiener-Hammerstein or physics.
 
-    Several logs of one system make one identification: numbers are shared, and every log restarts from its own state.
+    Several logs of one system make one identification: numbers are shared, and each log starts from its own state.
 
     \b
     whsklearn identify axis.csv --input torque_nm --output position_rad --time time_s --out model
@@ -71,7 +71,7 @@ def main(**options: Any) -> None:
     """  # noqa: D301 - click reads the backspace
     if options["robot"]:
         if options["more"]:
-            raise click.UsageError("Several logs are supported for one input and one output only; give one of an arm.")
+            raise click.UsageError("Several logs are supported for one input and one output only; of an arm give one.")
         from whsklearn.cli import arm
 
         arm.identify(options)
@@ -132,7 +132,7 @@ def main(**options: Any) -> None:
 
 
 def track(run: Run, found: Identification, folder: Path, column: str) -> None:
-    """The recommended model with its files on the run, a child run for each structure."""
+    """Record the recommended model with its files, and a child run for each structure."""
     import pandas as pd
 
     from whsklearn.identification.report import MODEL_FILE
@@ -170,7 +170,7 @@ def log_of(path: str, options: dict[str, Any]) -> Bunch:
 
 
 def together(logs: list[Bunch]) -> Bunch:
-    """The logs as one with holes between them, in the units and at the rate of the first.
+    """Join the logs into one with holes between them, in the units of the first.
 
     Raises
     ------
@@ -210,12 +210,14 @@ def as_train(test: Bunch, train: Bunch) -> tuple[Any, Any, Any]:
         try:
             out.append(signal * factor_between(test.units[role], train.units[role]))
         except ValueError as error:
-            raise ValueError(f"The two logs have another {role}: {error}; give a log of the same columns.") from None
+            raise ValueError(
+                f"The two logs differ in their {role}: {error}; give a log with the same columns."
+            ) from None
     return out[0], out[1], test.groups
 
 
 def comparison(found: Identification) -> str:
-    """Structures by rows, from the simplest on; the trivial one first."""
+    """A table of the structures, from the simplest on; the trivial one comes first."""
     from whsklearn.identification.report import DIVERGED, error_of
 
     rows: list[list[Any]] = [[found.trivial.name, 0, *found.trivial.windows.values(), None, None, None]]

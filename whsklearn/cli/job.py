@@ -1,4 +1,4 @@
-"""Shared by all commands: options, one-sentence errors, tables that fit 100 columns."""
+"""Shared code of all commands: options, one-sentence errors, tables that fit 100 columns."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from whsklearn.cli import WIDTH
 if TYPE_CHECKING:
     from whsklearn.tracking import Tracker
 
-USAGE, UNUSABLE, ENDED, INTERRUPTED = 2, 3, 143, 130  # beside 0 for a result and 1 for any other failure
+USAGE, UNUSABLE, ENDED, INTERRUPTED = 2, 3, 143, 130  # besides 0 for a result and 1 for any other failure
 
 
 class WrongOption(click.ClickException):
-    """An option that does not fit the log, a column that is not there above all.
+    """An option that does not fit the log, such as a column that does not exist.
 
     Examples
     --------
@@ -49,7 +49,7 @@ class UnusableLog(click.ClickException):
 
 
 class RecordLost(click.ClickException):
-    """The tracking server was lost in mid-run; what the job writes itself is on the disk.
+    """The tracking server was lost during the run; the files that the job writes are on the disk.
 
     Examples
     --------
@@ -59,7 +59,7 @@ class RecordLost(click.ClickException):
 
 
 class Ended(KeyboardInterrupt):
-    """SIGTERM: as Ctrl-C, so that runs are closed and temporary files removed."""
+    """SIGTERM, treated like Ctrl-C, so that runs are closed and temporary files are removed."""
 
 
 def job(function: Callable[..., None]) -> click.Command:
@@ -90,7 +90,7 @@ def guarded(function: Callable[..., None], **kwargs: Any) -> None:
     except (ValueError, ImportError) as error:
         raise click.ClickException(str(error)) from error
     except RuntimeError as error:
-        if type(error).__name__ != "TrackingError":  # not imported for this: it costs a quarter of a second
+        if type(error).__name__ != "TrackingError":  # not imported for this, because that takes a quarter of a second
             raise
         raise RecordLost(str(error)) from error
     except KeyboardInterrupt as error:
@@ -102,7 +102,7 @@ def guarded(function: Callable[..., None], **kwargs: Any) -> None:
 
 
 def no_room(error: OSError) -> str:
-    """A sentence where a file did not fit on the disk, or would exceed a limit; empty for any other error.
+    """A sentence if a file did not fit on the disk or would exceed a limit; empty for any other error.
 
     Examples
     --------
@@ -115,7 +115,7 @@ def no_room(error: OSError) -> str:
 
 
 def _end_as_interrupt() -> Any:
-    """Let SIGTERM raise in the main thread; the handler before, or None where there can be no handler."""
+    """Let SIGTERM raise in the main thread; return the previous handler, or None if no handler can be set."""
 
     def end(_number: int, _frame: Any) -> None:
         raise Ended
@@ -133,7 +133,7 @@ def root() -> Path:
 
 
 def writable_folder(path: str | os.PathLike[str]) -> Path:
-    """The folder, made if it is not there, after a file could be written into it: said before the work, not after.
+    """Create the folder if necessary and check that files can be written to it, before the work and not after.
 
     Raises
     ------
@@ -153,7 +153,7 @@ def writable_folder(path: str | os.PathLike[str]) -> Path:
 
 
 def writable_file(path: str | os.PathLike[str]) -> Path:
-    """The path of a file to write, its folder made if it is not there; see `whsklearn.state.check_writable`.
+    """The path of a file to write; its folder is created if necessary. See `whsklearn.state.check_writable`.
 
     Raises
     ------
@@ -200,7 +200,7 @@ def tracker_for(experiment: str, track: bool, **tags: str) -> Tracker:
         click.echo("Opening the MLflow store (the first time takes a few seconds) ...", err=True)
     try:
         return open_tracker(experiment, root=root(), enabled=track, tags=tags)
-    except TrackingError as error:  # nothing is recorded yet, so nothing is lost
+    except TrackingError as error:  # nothing has been recorded yet, so nothing is lost
         raise click.ClickException(str(error)) from error
 
 
@@ -211,7 +211,7 @@ def say_where(tracker: Tracker) -> None:
 
 
 def worse_than_mean(nmse: Mapping[str, float]) -> str:
-    """A sentence on the models whose free run is worse than a constant; empty if there is none.
+    """A sentence on models whose free run is worse than a constant; empty if there are none.
 
     Examples
     --------
@@ -230,12 +230,12 @@ def worse_than_mean(nmse: Mapping[str, float]) -> str:
 
 
 def wrapped(text: str) -> str:
-    """The text in lines of 100 columns."""
+    """The text wrapped to 100 columns."""
     return textwrap.fill(text, WIDTH)
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[Any]], *, title: str = "") -> str:
-    """A plain table, first column left, the others right, cut to 100 columns.
+    """A plain table of at most 100 columns; the first column is left-aligned, the others right-aligned.
 
     Examples
     --------
@@ -258,7 +258,7 @@ def table(header: Sequence[str], rows: Iterable[Sequence[Any]], *, title: str = 
 
 
 def cell(value: Any) -> str:
-    """A number in three significant digits, a dash for what is missing."""
+    """A number with three significant digits; a dash for None."""
     if value is None:
         return "-"
     if isinstance(value, float):

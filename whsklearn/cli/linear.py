@@ -1,4 +1,4 @@
-"""The yardstick that a nonlinear model has to beat: the best linear ARX or output-error model."""
+"""The reference that a nonlinear model has to beat: the best linear ARX or output-error model."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ if TYPE_CHECKING:
 
 
 class BestLinear(RegressorMixin, BaseEstimator):
-    """The ARX or OE model, of orders up to `max_order`, with the least free-run error on the record's last part.
+    """The ARX or OE model, of orders up to `max_order`, with the smallest free-run error on the last part of the
+    record.
 
     The orders are chosen on held-out samples, the chosen model is then fitted to the whole record.
     """
@@ -41,7 +42,7 @@ class BestLinear(RegressorMixin, BaseEstimator):
         return self.model_.run(record(X, np.zeros(len(np.asarray(X)))))
 
     def predict_ahead(self, X: ArrayLike, y: ArrayLike, horizon: int = 1) -> NDArray[np.float64]:
-        """Prediction `horizon` steps ahead: an ARX model carries the last errors on, an OE model runs freely."""
+        """Prediction `horizon` steps ahead: an ARX model propagates the last errors, an OE model runs freely."""
         from scipy.signal import lfilter
 
         y, free = np.asarray(y, dtype=float).ravel(), self.predict(X)

@@ -1,4 +1,4 @@
-"""Searches that hand over their results as they come in, so that an interruption loses nothing finished."""
+"""Searches that report their results as they are computed, so that an interruption loses no finished candidate."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from joblib import effective_n_jobs
 
 
 class Contiguous:
-    """Folds of which a share is taken in one piece, at the border between training and test.
+    """Folds of which a contiguous share is used, at the border between training and test.
 
-    Successive halving draws a share of the samples by lot, and a dynamic model of those is a model of nothing.
+    Successive halving draws samples at random, and a dynamic model cannot be fitted to scattered samples.
 
     Parameters
     ----------
@@ -25,19 +25,19 @@ class Contiguous:
         self.folds, self.share = drawn.base_cv, drawn.fraction
 
     def split(self, X: Any, y: Any = None, **kwargs: Any) -> Iterator[tuple[Any, Any]]:
-        """The last of the training samples, the first of the others."""
+        """The last training samples and the first test samples."""
         for train, test in self.folds.split(X, y, **kwargs):
             yield train[-max(1, int(self.share * len(train))) :], test[: max(1, int(self.share * len(test)))]
 
     def get_n_splits(self, *args: Any, **kwargs: Any) -> int:
-        """As many as the folds."""
+        """The number of folds."""
         return int(self.folds.get_n_splits(*args, **kwargs))
 
 
 def recorded(search_class: type) -> type:
     """A subclass that calls ``on_results`` with the results so far, after every few candidates.
 
-    scikit-learn documents ``_run_search`` as the place where a subclass decides what is evaluated when
+    scikit-learn documents ``_run_search`` as the method in which a subclass decides what is evaluated and when
     (`sklearn.model_selection.BaseSearchCV`); candidates, folds and results are its own.
     """
 
@@ -47,7 +47,7 @@ def recorded(search_class: type) -> type:
         def _run_search(self, evaluate_candidates: Any, callback_ctx: Any = None) -> None:
             def in_chunks(candidates: Any, cv: Any = None, more_results: Any = None, callback_ctx: Any = None) -> Any:  # noqa: ARG001 - scikit-learn passes it
                 candidates, cv = list(candidates), Contiguous(cv) if hasattr(cv, "fraction") else cv
-                # Halving asks with its own columns, a rung at a time; those stay whole.
+                # Halving passes columns of its own, one iteration at a time; these are not split.
                 size = len(candidates) if more_results else max(1, 2 * effective_n_jobs(self.n_jobs))
                 results = None
                 for start in range(0, len(candidates), size):
@@ -56,13 +56,13 @@ def recorded(search_class: type) -> type:
                         self.on_results(results)
                 return results
 
-            # Since 1.9 scikit-learn hands a context for its own progress callbacks to whoever asks for one.
+            # Since 1.9 scikit-learn passes a context for its progress callbacks to methods that accept one.
             super()._run_search(in_chunks, **({} if callback_ctx is None else {"callback_ctx": callback_ctx}))
 
         def __reduce__(self) -> Any:
-            # scikit-learn sends the search along to its workers; there it is a plain one, and records nothing.
+            # scikit-learn sends the search to its workers, where it is a plain search and records nothing.
             state = {k: v for k, v in self.__dict__.items() if k != "on_results"}
-            state["_sklearn_version"] = sklearn.__version__  # what an estimator's own pickle carries
+            state["_sklearn_version"] = sklearn.__version__  # as in the pickle of any estimator
             return copyreg._reconstructor, (search_class, object, None), state  # type: ignore[attr-defined]
 
     Recorded.__name__ = Recorded.__qualname__ = search_class.__name__

@@ -1,4 +1,4 @@
-"""A user's log for a command: the options that name its columns, reading it, and the notes on the terminal."""
+"""A user's log for a command: options that name its columns, reading, and notes on the terminal."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from whsklearn.cli.comparison import ComparedRecord
     from whsklearn.logs.source import Source
 
-_QUIET = ("LOG005", "LOG006", "LOG007")  # in the report; on the terminal they would be said of nearly every log
-MOST_ROWS = 300_000  # of a diagnosis: five minutes at 1 kHz, in half a GB and a minute or two
+_QUIET = ("LOG005", "LOG006", "LOG007")  # in the report only; on the terminal they would appear for nearly every log
+MOST_ROWS = 300_000  # of a diagnosis: five minutes at 1 kHz, which take half a GB and a minute or two
 _SIGNALS = ("X", "y", "time", "reference", "command", "groups", "frame")
 
 
@@ -68,7 +68,7 @@ def log_options(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def units_of(given: tuple[str, ...]) -> dict[str, str]:
-    """Units by role from ``position=deg``."""
+    """Units by role from texts such as ``position=deg``."""
     out = {}
     for text in given:
         role, sign, unit = text.partition("=")
@@ -85,12 +85,12 @@ def roles_of(
     usual: Mapping[str, str],
     options: Mapping[str, Any],
 ) -> dict[str, str]:
-    """The column of every role: as given, by its usual name, or the one whose name says so, with a note.
+    """The column of every role: as given, by its usual name, or recognised by its name, with a note.
 
     Raises
     ------
     ColumnError
-        If a needed role has none, several columns say so, or a drive that nobody named is a current or an effort.
+        If a required role has no column or several, or if the column found for the drive is a current or an effort.
     """
     from whsklearn.logs.current import doubt, is_current
     from whsklearn.logs.errors import ColumnError
@@ -103,7 +103,7 @@ def roles_of(
             continue
         found = usual[role] if usual.get(role) in source.names else guess(source, role)
         if found is None and role == "position" and (found := guess(source, "velocity")) is not None:
-            role = "velocity"  # the log of a speed loop: the position is its sum
+            role = "velocity"  # the log of a speed loop: the position is the integral of the velocity
         if found is None:
             instead = {
                 "drive": ", or the command of a position servo with --command",
@@ -124,7 +124,7 @@ def roles_of(
 
 
 def read(path: str | Path, options: Mapping[str, Any], quiet: tuple[str, ...] = (), /, **columns: Any) -> Bunch:
-    """The log, its drive turned round if that is asked for, with its notes, but those of ``quiet``, on the terminal."""
+    """Read the log, invert its drive if requested, and print its notes except those in ``quiet``."""
     from whsklearn.logs import load_log
     from whsklearn.logs.errors import LogWarning
 
@@ -138,6 +138,8 @@ def read(path: str | Path, options: Mapping[str, Any], quiet: tuple[str, ...] = 
             torque_constant=options.get("torque_constant"),
         )
     for finding in log.report.findings:
+        if finding.code == "LOG019" and not finding.explanation.startswith("The unit of time"):
+            continue  # `note_assumed` says what is assumed, where a command assumes anything
         if finding.code not in (*_QUIET, *quiet) and not (finding.code == "LOG022" and options.get("gains")):
             note(f"{finding.title}. {finding.explanation}")
     if options.get("invert_drive"):
@@ -147,21 +149,21 @@ def read(path: str | Path, options: Mapping[str, Any], quiet: tuple[str, ...] = 
 
 
 def note(text: str) -> None:
-    """A remark on the terminal, beside the result."""
+    """Print a note on stderr, separate from the result."""
     click.echo(f"Note: {text}", err=True)
 
 
-TESTED = "so the test would be on data of the fit; give --test a log of another run"
-TWICE = "so they would count twice; give logs of different runs"
+TESTED = "so the test would use data of the fit; give --test a log of another run"
+TWICE = "so these samples would count twice; give logs of different runs"
 
 
 def refuse_shared(train: Bunch, test: Bunch, why: str = TESTED) -> None:
-    """Raise if a log holds samples of another one, whatever the files are called; ``why`` that must not be.
+    """Raise if a log contains samples of another one, whatever the file names; ``why`` says why this is refused.
 
     Raises
     ------
     LogError
-        With the span that both hold.
+        With the span that both contain.
     """
     import numpy as np
 
@@ -183,7 +185,7 @@ def refuse_shared(train: Bunch, test: Bunch, why: str = TESTED) -> None:
 
 
 def note_assumed(log: Bunch) -> None:
-    """A remark on every unit that the log does not say and that is assumed."""
+    """Print a note on every unit that the log does not state and that is assumed."""
     from whsklearn.logs.units import UNKNOWN
 
     for role, si in (("drive", "Nm or N"), ("position", "rad or m")):
@@ -191,16 +193,16 @@ def note_assumed(log: Bunch) -> None:
             note(f"The unit of the {role} is not stated and is taken to be SI ({si}); --unit {role}=UNIT sets another.")
 
 
-SHORTEST_SEGMENT = 2.0  # s, below which a filter of 2 Hz and an observer leave nothing of a segment to judge
+SHORTEST_SEGMENT = 2.0  # s; in shorter segments a filter of 2 Hz and an observer leave nothing to judge
 
 
 def long_segments(log: Bunch, shortest: float = SHORTEST_SEGMENT) -> Bunch:
-    """All segments of a log of at least ``shortest`` s, in their order; a note on what is left out.
+    """All segments of a log of at least ``shortest`` s, in order, with a note on what is left out.
 
     Raises
     ------
     LogError
-        If there are holes, and what is left between them is too little for a diagnosis.
+        If the segments between holes are too short for a diagnosis.
     """
     import numpy as np
 
@@ -230,9 +232,9 @@ def long_segments(log: Bunch, shortest: float = SHORTEST_SEGMENT) -> Bunch:
 
 
 def bridged(log: Bunch) -> Bunch:
-    """The segments of a log without its longest holes, so that less is missing than was logged; a note on the rest.
+    """Cut the log at its longest holes until less is missing than was logged, with a note on what is left out.
 
-    A chain passes the samples of a hole as well, which costs time and shows nothing.
+    A chain also simulates the samples of a hole, which takes time and shows nothing.
     """
     import numpy as np
 
@@ -253,7 +255,7 @@ def bridged(log: Bunch) -> Bunch:
 
 
 def longest(log: Bunch) -> Bunch:
-    """The longest segment of a log; a note if there are others."""
+    """The longest segment of a log, with a note if there are others."""
     import numpy as np
 
     counts = np.bincount(log.groups)
@@ -270,7 +272,7 @@ def longest(log: Bunch) -> Bunch:
 
 
 def liveliest(log: Bunch) -> Bunch:
-    """The part of a very long log in which the axis travels most; a note if something is left out."""
+    """The part of a very long log in which the axis travels most, with a note if something is left out."""
     import numpy as np
 
     n = log.y.size
@@ -282,7 +284,7 @@ def liveliest(log: Bunch) -> Bunch:
     part = _cut(log, slice(start, start + MOST_ROWS))
     text = (
         f"{MOST_ROWS} of {n} samples are used, from {part.time[0]:.6g} to {part.time[-1]:.6g} s, where the axis "
-        "travels most; more samples would add little. Another part, in a file of its own, can be given with --test."
+        "travels most; more samples would add little. Another part can be given with --test as a separate file."
     )
     note(text)
     part.notes = (*part.notes, text)
@@ -295,7 +297,7 @@ def _cut(log: Bunch, rows: Any) -> Bunch:
 
 
 def record_of(options: dict[str, Any]) -> ComparedRecord:
-    """The record that the options of `log_options` name; of a position its velocity, as `identify` fits it."""
+    """The record named by the options of `log_options`; a position is replaced by its velocity, as in `identify`."""
     import numpy as np
 
     from whsklearn.cli.comparison import ComparedRecord

@@ -1,4 +1,4 @@
-"""Run a model file with the drive of a log, from the drive alone."""
+"""Simulate a model file from the drive of a log alone."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def main(**options: Any) -> None:
             )
     by, far = model.column_factor("input", drive), model.column_factor("output", unit)
     y, kept = np.empty(log.y.size), np.zeros(log.y.size, dtype=bool)
-    for segment in range(int(log.groups[-1]) + 1):  # each starts where the log does
+    for segment in range(int(log.groups[-1]) + 1):  # each starts from the state of the log
         rows = np.flatnonzero(log.groups == segment)
         start = far * float(log.y[rows[0]]) if model.logged == "position" else 0.0
         y[rows] = np.asarray(model.simulate(by * log.X[rows, 0], start=start)) / far

@@ -1,7 +1,7 @@
 """Identify the article's simulated example with every estimator and compare them.
 
 Prints Table 1 (both readings of RLS, MILS and RMILS, the gradient scheme, the batch fit), draws the
-convergence of Fig. 2 and the validation of Fig. 3, and records all of it in MLflow.
+convergence of Fig. 2 and the validation of Fig. 3, and records everything in MLflow.
 """
 
 from __future__ import annotations

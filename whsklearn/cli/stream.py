@@ -1,8 +1,8 @@
-"""Identify an axis or an arm from rows as they come, day and night: estimates, predictions, alarms.
+"""Identify an axis or an arm continuously, row by row: estimates, predictions, alarms.
 
 Rows come from a CSV file, from the same file as it grows (``--follow``), or as JSON lines on stdin (``-``).
-What was learnt is kept in a checkpoint that is replaced in one step; started again, by hand or
-after a crash, the stream goes on where the checkpoint stands.
+The state is kept in a checkpoint that is replaced atomically. When the stream is restarted, by hand or after a crash,
+it resumes from the checkpoint.
 
 Records are JSON lines: ``estimate``, ``prediction``, ``alarm``, ``change``, ``moved``, ``bad_row``.  After an alarm of
 an axis or an arm whose columns state their units, as many rows as before are compared as `whsklearn compare` does.
@@ -20,7 +20,7 @@ from click.core import ParameterSource
 
 from whsklearn.cli.job import job, root
 
-OF_A_CHAIN = ("inputs", "output", "estimator", "orders", "law", "p")  # options that an arm does not have
+OF_A_CHAIN = ("inputs", "output", "estimator", "orders", "law", "p")  # options that do not apply to an arm
 ESTIMATORS = {"rls": "RLSRegressor", "mils": "MILSRegressor", "rmils": "RMILSRegressor"}
 
 
@@ -45,7 +45,7 @@ ESTIMATORS = {"rls": "RLSRegressor", "mils": "MILSRegressor", "rmils": "RMILSReg
 @click.option("--predictions/--no-predictions", default=False, help="Write the one-step prediction of every row.")
 @click.option("--smallest-change", type=float, default=5.0, help="Smallest change to report, in per cent.")
 @click.option("--alarm-interval", type=float, default=1e6, help="Minimum average number of rows between false alarms.")
-@click.option("--bad-rows", type=click.Choice(["skip", "refuse"]), default="skip", help="Report and go on, or stop.")
+@click.option("--bad-rows", type=click.Choice(["skip", "refuse"]), default="skip", help="Report and continue, or stop.")
 @click.option("--hole", type=click.Choice(["hold", "restart"]), default="hold", help="What replaces a bad row.")
 @click.option("--most-held", type=click.IntRange(0), default=10, help="Maximum number of consecutive bad rows to hold.")
 @click.option(
@@ -59,7 +59,7 @@ ESTIMATORS = {"rls": "RLSRegressor", "mils": "MILSRegressor", "rmils": "RMILSReg
 )
 @click.option("--checkpoint", type=click.Path(dir_okay=False, path_type=Path), default=None, help="[SOURCE.whs]")
 @click.option("--checkpoint-every", type=float, default=5.0, help="Seconds between checkpoints.")
-@click.option("--fresh", is_flag=True, help="Start afresh even if there is a checkpoint.")
+@click.option("--fresh", is_flag=True, help="Start from the beginning even if there is a checkpoint.")
 def main(
     source: str, inputs: tuple[str, ...], output: str, robot: str | None, joints: str | None, gains: str | None,
     time_column: str | None, max_step: float, follow: bool, estimator: str, orders: str, law: str, p: int,
@@ -67,11 +67,11 @@ def main(
     hole: str, most_held: int, disk_full: str, out: Path | None, checkpoint: Path | None, checkpoint_every: float,
     fresh: bool, seed: int, track: bool,
 ) -> None:  # fmt: skip
-    """Identify from SOURCE, a CSV file or - for JSON lines on stdin, row by row; resumes by itself.
+    """Identify from SOURCE, a CSV file or - for JSON lines on stdin, row by row; it resumes automatically.
 
     Example: whsklearn stream axis.csv --input torque_nm --output velocity_rad_s --follow --out records.jsonl
 
-    With --robot the rows are those of an arm, and what is learnt are the numbers of its joints.
+    With --robot the rows are those of an arm, and the parameters of its joints are estimated.
     """
     from whsklearn.compare import at_an_alarm, at_an_alarm_of
     from whsklearn.streaming import Files, Options, run_stream
@@ -85,7 +85,7 @@ def main(
         context = click.get_current_context()
         given = [name for name in OF_A_CHAIN if context.get_parameter_source(name) == ParameterSource.COMMANDLINE]
         if given:
-            raise click.UsageError(f"--robot is an arm's model, which has no {given[0]}; leave that option out.")
+            raise click.UsageError(f"--robot is an arm's model, to which {given[0]} does not apply; leave it out.")
         arm = arm_stream({**context.params, "joints": joints, "gains": gains})
         model, columns, factors, outputs = arm.model, arm.columns, arm.factors, arm.joints
         max_step, hole = min(max_step, arm.max_step), "restart"

@@ -1,4 +1,4 @@
-"""Search the settings of an estimator: every candidate a run, the best model registered where it is worth it.
+"""Search the settings of an estimator: every candidate is a run, and the best model is registered if it is good enough.
 
 Workers, on this machine or on a Dask cluster, compute; this process records, so that an interrupted
 search keeps the runs of the candidates that it finished.
@@ -99,9 +99,10 @@ def segments_known(record: ComparedRecord) -> Iterator[None]:
 
 
 def with_segments(estimator: Any, record: ComparedRecord) -> tuple[Any, dict[str, Any]]:
-    """The estimator, asking for the segments where there are several, and what a search is given besides X and y.
+    """The estimator, requesting segments if there are several, and the arguments of a search besides X and y.
 
-    A fold that is judged runs on over a hole: an error for as long as the system remembers, the same for every setting.
+    A test fold is simulated across holes; the error lasts as long as the system remembers and is the same for every
+    setting.
     """
     if record.groups is None:
         return estimator, {}
@@ -109,7 +110,7 @@ def with_segments(estimator: Any, record: ComparedRecord) -> tuple[Any, dict[str
 
 
 def what_is_better(search: Any, record: ComparedRecord, champion: Callable[[], Any]) -> str:
-    """A sentence if the mean of the output, or the settings of the champion, do better on the folds; else empty."""
+    """A sentence if the mean of the output or the settings of the champion do better on the folds; otherwise empty."""
     import numpy as np
     from sklearn.base import clone
     from sklearn.model_selection import cross_val_score
@@ -121,7 +122,7 @@ def what_is_better(search: Any, record: ComparedRecord, champion: Callable[[], A
         params = {"params": params} if params else {}
         return -float(cross_val_score(model, record.X, record.y, scoring=scorer, cv=search.cv, **params).mean())
 
-    # halving judges on a part of the record, and the champion is judged on all of it
+    # halving judges on part of the record, but the champion is judged on all of it
     best = nmse_of(search.best_estimator_) if hasattr(search, "n_resources_") else -float(search.best_score_)
     if not best < MEAN:
         return (
@@ -131,8 +132,8 @@ def what_is_better(search: Any, record: ComparedRecord, champion: Callable[[], A
     try:
         holder = champion()
         present = np.inf if holder is None else nmse_of(holder)
-    except Exception as error:  # what somebody registered there may fail in any way of its own
-        return f"The present champion cannot be judged on this record, so it stays: {str(error).splitlines()[0]}"
+    except Exception as error:  # a model that somebody else registered may fail in any way
+        return f"The present champion cannot be judged on this record, so it is kept: {str(error).splitlines()[0]}"
     if present < best:
         return (
             f"The present champion's settings have an NMSE of {present:.3g} on these folds, the best ones {best:.3g}."
@@ -169,7 +170,7 @@ _NOT_ALLOWED = object()
 
 
 def numbers(text: str, option: str, kind: type, default: Any = _NOT_ALLOWED) -> list[Any]:
-    """Numbers from ``1,2,4``; the word ``default`` stands for the estimator's own, where it has one."""
+    """Numbers from ``1,2,4``; the word ``default`` stands for the estimator's default, if it has one."""
     words = [v.strip() for v in text.split(",")]
     try:
         return [default if v == "default" and default is not _NOT_ALLOWED else kind(v) for v in words]
@@ -179,7 +180,7 @@ def numbers(text: str, option: str, kind: type, default: Any = _NOT_ALLOWED) -> 
 
 
 def count(options: dict[str, Any], grid: list[dict[str, list[Any]]]) -> int:
-    """How many candidates the search will try; halving tries some of them more than once."""
+    """Number of candidates that the search will try; halving tries some of them more than once."""
     import numpy as np
 
     whole = sum(int(np.prod([len(v) for v in g.values()])) for g in grid)
@@ -189,7 +190,7 @@ def count(options: dict[str, Any], grid: list[dict[str, list[Any]]]) -> int:
 def build_search(
     options: dict[str, Any], estimator: Any, grid: list[dict[str, list[Any]]], record: ComparedRecord
 ) -> Any:
-    """The search, its folds and its scores: the free run, without its first samples after each restart."""
+    """The search with its folds and scores of the free run, without the first samples after each restart."""
     import numpy as np
     from sklearn.base import clone
     from sklearn.metrics import make_scorer
@@ -221,7 +222,7 @@ def build_search(
 
 
 def varied_names(grid: list[dict[str, list[Any]]]) -> list[str]:
-    """The parameters that the search varies, the innovation length first; they name the runs."""
+    """The parameters that the search varies, the innovation length first; runs are named after them."""
     values: dict[str, set[str]] = {}
     for part in grid:
         for name, choices in part.items():
@@ -230,9 +231,9 @@ def varied_names(grid: list[dict[str, list[Any]]]) -> list[str]:
 
 
 def run_search(search: Any, record: ComparedRecord, parent: Any, total: int, varied: list[str]) -> None:
-    """Fit, and record each chunk of candidates as it comes in.
+    """Fit, and record each chunk of candidates when it is finished.
 
-    The result of a search is its record: if that fails, the search ends and prints the candidates so far.
+    If recording fails, the search ends and prints the candidates so far.
     """
     from whsklearn.tracking import TrackingError, log_candidates
 
@@ -254,11 +255,11 @@ def run_search(search: Any, record: ComparedRecord, parent: Any, total: int, var
         search.estimator, params = with_segments(search.estimator, record)
         search.fit(record.named, record.y, **params)
         for model in (search.estimator, search.best_estimator_):
-            vars(model).pop("_metadata_request", None)  # of the search, and not of the model that is kept
+            vars(model).pop("_metadata_request", None)  # of the search, not of the model that is kept
 
 
 def by_our_names(results: dict[str, Any]) -> dict[str, Any]:
-    """The results with halving's one ``score`` under the name of what it is."""
+    """The results, with halving's single ``score`` under the name of its metric."""
     return {k.replace("_test_score", "_test_neg_nmse"): v for k, v in results.items()}
 
 

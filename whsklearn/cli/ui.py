@@ -30,7 +30,7 @@ def free_port(wanted: int) -> int:
 
 
 def serve(store: str, port: int) -> subprocess.Popen[bytes]:
-    """Start MLflow's page on a local store; the settings save it half a minute and a gigabyte."""
+    """Start MLflow's page on a local store; the settings save half a minute and a gigabyte."""
     command = [sys.executable, "-m", "mlflow", "server", "--backend-store-uri", store]
     command += ["--default-artifact-root", str(root() / "mlruns" / "artifacts")]
     command += ["--host", "127.0.0.1", "--port", str(port), "--workers", "1"]
@@ -45,7 +45,7 @@ def serve(store: str, port: int) -> subprocess.Popen[bytes]:
 
 
 def stop(server: subprocess.Popen[bytes]) -> None:
-    """End the page and its workers."""
+    """Stop the page and its workers."""
     with contextlib.suppress(ProcessLookupError):
         os.killpg(server.pid, signal.SIGTERM)
         try:
@@ -60,7 +60,7 @@ def wait_for(server: subprocess.Popen[bytes], port: int) -> None:
     deadline = time.monotonic() + _START_SECONDS
     while time.monotonic() < deadline:
         if server.poll() is not None:
-            raise OSError(f"MLflow's page ended at once with code {server.returncode}; is the store whole?")
+            raise OSError(f"MLflow's page ended at once with code {server.returncode}; the store may be damaged.")
         with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port), timeout=1):
             return
         time.sleep(0.2)
@@ -80,7 +80,7 @@ def main(port: int, browser: bool) -> None:
 
 
 def _show(port: int, browser: bool) -> None:
-    """The addresses, and the page until Ctrl-C where there is no server yet."""
+    """Print the addresses, and serve the page until Ctrl-C if no server is running."""
     from whsklearn import tracking
 
     store = tracking.tracking_uri(root())
@@ -103,7 +103,7 @@ def _show(port: int, browser: bool) -> None:
 
 
 def _announce(server: str, found: list[tuple[str, str]], browser: bool) -> None:
-    """An address for every experiment, each with its own columns, and the newest in a browser."""
+    """Print an address for every experiment, with its own columns, and open the newest in a browser."""
     from whsklearn.tracking.runs import page_of
 
     addresses = {name: page_of(server, experiment_id) for name, experiment_id in found} or {"no runs yet": server}

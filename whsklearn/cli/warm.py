@@ -1,4 +1,4 @@
-"""Compile ahead what fits, simulations, `identify` and `gap` run, for a machine that must not wait later."""
+"""Compile in advance the code of fits, simulations, `identify` and `gap`, for a machine that must not wait later."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import click
 
 
 def fits() -> Iterator[str]:
-    """The estimators on the simulated example: each learns, goes on and predicts."""
+    """The estimators on the simulated example: each is fitted, continued and used for prediction."""
     from whsklearn import estimators
     from whsklearn.datasets import make_wiener_hammerstein
     from whsklearn.lags import WienerHammersteinLags
@@ -31,7 +31,7 @@ def fits() -> Iterator[str]:
 
 
 def axes() -> Iterator[str]:
-    """A servo axis: simulated, identified and searched for what its model misses."""
+    """A servo axis: simulated, identified and searched for missing effects."""
     from whsklearn.datasets import make_servo_log
     from whsklearn.gap.finder import GapFinder
     from whsklearn.identification import identify
@@ -47,16 +47,16 @@ def axes() -> Iterator[str]:
 
 @click.command(context_settings={"max_content_width": 100})
 def main() -> None:
-    """Compile once what later runs load: about a minute on a new machine, seconds where all is compiled.
+    """Compile once what later runs load: about a minute on a new machine, seconds if everything is compiled.
 
-    What is compiled is kept in ~/.cache/whsklearn, or where NUMBA_CACHE_DIR says.
+    Compiled code is kept in ~/.cache/whsklearn, or in NUMBA_CACHE_DIR.
 
     Example: whsklearn warm
     """
     for work in (fits, axes):
         began = time.perf_counter()
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # short records are no advice to anybody
+            warnings.simplefilter("ignore")  # warnings about short records do not matter here
             for name in work():
                 click.echo(f"{name}: {time.perf_counter() - began:.1f} s")
                 began = time.perf_counter()

@@ -1,4 +1,6 @@
-"""Logs to try things on: makers, the library's own simulated record, loaders of the user's and of published ones."""
+"""Logs for experiments: generators, the library's own simulated record, and loaders of user logs and published
+records.
+"""
 
 from whsklearn.datasets.arm import default_arm, make_arm_log
 from whsklearn.datasets.coupled_drives import make_coupled_drives

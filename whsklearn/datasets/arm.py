@@ -1,4 +1,4 @@
-"""Logs of a simulated arm in which any effect can be hidden at any joint."""
+"""Logs of a simulated arm with any effects hidden at any joints."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from whsklearn.systems.arm import Arm
 if TYPE_CHECKING:
     import pandas as pd
 
-SINES = 5  # of a reference by default: enough for every base number of six joints
+SINES = 5  # of the default reference: enough for every base parameter of six joints
 
 
 def default_arm() -> Arm:
@@ -48,20 +48,20 @@ def make_arm_log(
     random_state: Any = 0,
     return_arrays: bool = False,
 ) -> pd.DataFrame | tuple[Any, Any]:
-    """A log of an arm in closed loop, simulated.
+    """Simulate a log of an arm in closed loop.
 
     Parameters
     ----------
     robot : Arm, optional
-        The arm without what is hidden; `default_arm` by default.
+        The arm without the hidden effects; `default_arm` by default.
     effects : mapping of str to effects, optional
-        What is hidden, by joint.
+        Hidden effects by joint.
     controller : PIDController or mapping of these, optional
         See `whsklearn.systems.arm.simulate_arm`.
     reference : array-like of shape (n, n_joints), optional
-        Positions asked for; by default a sum of five drawn sines a joint.
+        Commanded positions; by default a sum of five random sines per joint.
     amplitude, duration : float
-        Of that sum: half its travel about zero (rad), and s.
+        Of that sum: half the travel about zero (rad), and length (s).
     sample_rate : float, default=500.0
         In Hz.
     noise, resolution : float
@@ -69,7 +69,7 @@ def make_arm_log(
     random_state : int, Generator or None
         Of reference and noise.
     return_arrays : bool, default=False
-        Positions and drives, (n, n_joints) each, instead of a table.
+        Whether to return positions and drives, (n, n_joints) each, instead of a table.
 
     Returns
     -------

@@ -14,7 +14,7 @@ __all__ = ["make_coupled_drives"]
 SAMPLE_RATE = 50.0  # Hz
 # Linear part, speed of the pulley by the motors' voltage: 5163 / (s^3 + 19.93 s^2 + 509.8 s + 2835)
 NUMERATOR, DENOMINATOR = (5163.0,), (1.0, 19.93, 509.8, 2835.0)
-SWITCHES = 5  # samples, multiples of which the input keeps its level
+SWITCHES = 5  # samples; the input keeps each level for a multiple of this
 
 
 def make_coupled_drives(
@@ -25,10 +25,10 @@ def make_coupled_drives(
     noise: float = 0.02,
     random_state: Any = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Simulate the coupled electric drives with the parameters that their owners published.
+    """Simulate the coupled electric drives with the published parameters.
 
-    A signal that switches the motors drives a pulley on springs, whose resonance is at 3.4 Hz; a pulse counter reads
-    the pulley's speed and loses its sign.
+    A signal that switches the motors drives a pulley on springs with a resonance at 3.4 Hz; a pulse counter measures
+    the speed of the pulley without its sign.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def make_coupled_drives(
     Raises
     ------
     ValueError
-        If ``kind`` is another.
+        If ``kind`` is unknown.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Draw an effect of a wanted size: what tests and examples hide in a log."""
+"""Draw an effect of a given size, for tests and examples that hide it in a log."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from whsklearn.systems.servo import ServoAxis, simulate_many
 if TYPE_CHECKING:
     from sklearn.utils import Bunch
 
-# ranges that shapes are drawn from; a pair is uniform, a longer tuple a choice
+# ranges from which shapes are drawn; a pair is uniform, a longer tuple a choice
 _SHAPES: dict[str, dict[str, tuple[Any, ...]]] = {
     "stribeck": {"velocity": (0.05, 0.4), "exponent": (1.0, 2.0, 2.0)},
     "position_friction": {"order": (1.0, 2.0, 3.0, 4.0, 6.0)},
@@ -37,20 +37,20 @@ def draw_effect(
     share: float = 0.05,
     random_state: Any = 0,
 ) -> Effect:
-    """An effect of the catalogue with a random shape and phase, and a size that matters as much as asked.
+    """Draw an effect of the catalogue with random shape and phase and the given influence on the drive.
 
     Parameters
     ----------
     name : str or Effect class
         Canonical name, or the class of one of the shapes that share it, such as ``LuGre``.
     axis : ServoAxis
-        The axis that it is to be added to.
+        The axis to which it will be added.
     reference : ndarray of shape (n,)
         The experiment (rad).
     share : float
-        Size wanted, as a share of the rms of the drive: of the effect's torque where it has
-        one, else of the change that the controller answers with.  Offset and drift of the
-        sensor, which no drive answers, take it of the rms of the position.
+        Size as a share of the rms drive: that of the effect's torque if it has one, otherwise that of the response of
+        the controller. For offset and drift of the sensor, to which no drive responds, it is a share of the rms
+        position.
     random_state : int, Generator or None
         Of shape and phase.
 
@@ -132,7 +132,7 @@ def _limited(effect: Effect, signals: Bunch, wanted: float) -> Effect:
 
 
 def _answered(effect: Effect, axis: ServoAxis, reference: NDArray[np.float64], base: Bunch, share: float) -> Effect:
-    """A size at which the controller's answer has the wanted rms, by repeated scaling."""
+    """A size at which the response of the controller has the wanted rms, by repeated scaling."""
     wanted = share * np.std(base.drive)
     for _ in range(8):
         record = simulate_many([axis.with_effect(effect)], reference=reference, noise=False)[0]

@@ -1,8 +1,8 @@
-"""Records of nonlinearbenchmark.org with one input and one output, in volts, and the splits that the field uses.
+"""Records of nonlinearbenchmark.org with one input and one output, in volts, with the usual splits.
 
-The splits are those of the publishers' own loader (``nonlinear_benchmarks``); files are read as they were published,
-from a folder of yours or through pooch.  Where this was written they could not be fetched, so the addresses and the
-names in the files are from the sources of that loader, and there is no checksum.
+The splits are those of the publishers' own loader (``nonlinear_benchmarks``); files are read as published, from a local
+folder or through pooch. They could not be fetched when this was written, so addresses and names in the files are from
+the source code of that loader, and there is no checksum.
 """
 
 from __future__ import annotations
@@ -36,13 +36,14 @@ def fetch_silverbox(folder: str | os.PathLike[str] | None = None, *, download: b
         Holds ``SNLS80mV.mat`` or ``SNLS80mV.csv``, directly, in ``silverbox/`` or in ``SilverboxFiles/``;
         ``WHSKLEARN_DATA`` by default.
     download : bool, default=True
-        Fetch the publishers' archive where no folder has it; needs pooch and the network.
+        Fetch the publishers' archive if no folder has it; needs pooch and the network.
 
     Returns
     -------
     Bunch
-        Pairs (u, y): ``train`` and ``test_multisine``, three quarters of the multisines and the rest, ``test_arrow``
-        and ``test_arrow_inside``, whose amplitudes are not beyond those of ``train``; ``sample_rate``, ``citation``.
+        Pairs (u, y): ``train`` and ``test_multisine``, three quarters of the multisines and the remaining ones,
+        ``test_arrow`` and ``test_arrow_inside``, the part whose amplitudes do not exceed those of ``train``;
+        ``sample_rate``, ``citation``.
 
     Raises
     ------
@@ -122,7 +123,7 @@ def fetch_coupled_drives(folder: str | os.PathLike[str] | None = None, *, downlo
 def fetch_cascaded_tanks(folder: str | os.PathLike[str] | None = None, *, download: bool = True) -> Bunch:
     """Two tanks, one above the other, that overflow; pump voltage to level, 0.25 Hz.
 
-    A level that stays at 10 V is water that runs over, not a clipped reading.
+    A level that stays at 10 V is an overflow, not a clipped reading.
 
     Parameters
     ----------
@@ -166,7 +167,7 @@ def _file(
     stem: str,
     fetched: Callable[[], Path | None] | None,
 ) -> Path:
-    """The file of a benchmark: in a folder, whatever the case of its ending, else from its publishers."""
+    """The file of a benchmark, from a folder (with an extension in any case) or from its publishers."""
     root = folder if folder is not None else os.environ.get("WHSKLEARN_DATA")
     places = [Path(root) / own, Path(root) / published, Path(root)] if root else []
     for where in places:
@@ -185,7 +186,7 @@ def _file(
 
 
 def _signals(path: Path, names: Sequence[str]) -> list[Array]:
-    """Signals (n,) of a published file by their names."""
+    """Signals (n,) of a published file by name."""
     if path.suffix.lower() == ".mat":
         from scipy.io import loadmat
 

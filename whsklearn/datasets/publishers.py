@@ -1,4 +1,4 @@
-"""Where the publishers of measured records keep them, and how a copy is fetched into pooch's cache."""
+"""Addresses of published records, and how a copy is fetched into pooch's cache."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def download_coupled_drives() -> Path | None:
 
 
 def _folder_of(wanted: str, address: str, archive: str) -> Path | None:
-    """Where an archive's file lies after it was fetched and unpacked; None without pooch or the network."""
+    """Path of a file after its archive was fetched and unpacked; None without pooch or the network."""
     pooch = _pooch()
     if pooch is None:
         return None
@@ -67,7 +67,7 @@ def download_kr300() -> Path | None:
 
 
 def _pooch() -> Any:
-    """The downloader, None where it is not installed."""
+    """The downloader; None if it is not installed."""
     try:
         import pooch
     except ImportError:

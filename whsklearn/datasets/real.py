@@ -1,4 +1,4 @@
-"""Measured records of real axes, from a folder of yours or from their publishers; none of them is shipped.
+"""Measured records of real axes, from a local folder or from their publishers; none of them is shipped.
 
 The folder is the argument, or the environment variable ``WHSKLEARN_DATA``; it holds ``emps/`` and ``kr300/``.
 """
@@ -49,12 +49,12 @@ _KR300_COLUMNS = [
 _KR300_UNITS = {"time": "s", "torque": "Nm", "position": "deg", "velocity": "deg/s", "reference": "deg"}
 _KR300_TEXT = """\
 Axis 1 of a KUKA KR300, a turntable: vertical axis, gear 256.857:1, encoders on motor and load, 250 Hz, three records
-of 10 s, in which the rest of the arm moves too. Torque is the motor's, positions are in degrees of the load. ``A`` is
-for identification, ``B`` and ``C`` for validation."""
+of 10 s, in which the other joints move too. The torque is that of the motor, positions are in degrees of the load.
+``A`` is for identification, ``B`` and ``C`` for validation."""
 _KR300_CITATION = """\
 J. Weigand, J. Ulmen, A. Janot, M. Ruskowski, 2021: Robot Identification, records of a KUKA KR300. MIT licence. Not the
-benchmark that came of it (Weigand, Goetz, Ulmen, Ruskowski 2022, doi 10.26204/DATA/5), whose records are others."""
-# What the publishers' own programs read from ``rec`` of data.mat: a row an axis, 4 ms a column.
+benchmark that followed it (Weigand, Goetz, Ulmen, Ruskowski 2022, doi 10.26204/DATA/5), which has other records."""
+# What the publishers' own programs read from ``rec`` in data.mat: one row per axis, one column per 4 ms.
 _KR300_FIELDS = (
     "act_torque_abs_nm",
     "act_pos_mot_deg",
@@ -83,9 +83,9 @@ def fetch_emps(folder: str | os.PathLike[str] | None = None, *, download: bool =
         Holds ``emps_train.csv`` and ``emps_test.csv``, or the publishers' ``DATA_EMPS.mat`` and
         ``DATA_EMPS_PULSES.mat``, directly or in ``emps/``; ``WHSKLEARN_DATA`` by default.
     download : bool, default=True
-        Fetch the publishers' files where no folder has them; needs pooch and the network.
+        Fetch the publishers' files if no folder has them; needs pooch and the network.
     verify : bool, default=True
-        Compare the numbers with the checksum of the published ones.
+        Compare the numbers with the checksum of the published record.
 
     Returns
     -------
@@ -98,7 +98,7 @@ def fetch_emps(folder: str | os.PathLike[str] | None = None, *, download: bool =
     FileNotFoundError
         If the records are neither in a folder nor can be fetched; the message says where they are.
     ValueError
-        If a file lacks a column or its numbers are not the published ones.
+        If a file lacks a column or its numbers differ from the published ones.
 
     Examples
     --------
@@ -148,9 +148,9 @@ def fetch_kr300(folder: str | os.PathLike[str] | None = None, *, download: bool 
 
     Notes
     -----
-    The address is that of one commit of the publishers' repository, the layout of ``data.mat`` that which
-    their programs read (``rec``: six rows, one an axis). Both are read off their sources; the download
-    itself could not be tried where this was written, so the checksum of the numbers has the last word.
+    The address is that of one commit of the publishers' repository, and the layout of ``data.mat`` is the one that
+    their programs read (``rec``: six rows, one per axis). Both are taken from their sources. The download could not be
+    tried when this was written, so the checksum of the numbers decides.
 
     Examples
     --------
@@ -177,7 +177,7 @@ def fetch_kr300(folder: str | os.PathLike[str] | None = None, *, download: bool 
 def _frames(
     records: _Records, folder: str | os.PathLike[str] | None, download: bool, verify: bool
 ) -> dict[str, pd.DataFrame]:
-    """Every record, from where it is found first: a folder, else its publishers."""
+    """Every record, from the first place where it is found: a folder, or its publishers."""
     where = _find(folder, records.stem, list(records.files.values()))
     if where is None and download:
         where = records.download()
@@ -194,7 +194,7 @@ def _frames(
 
 
 def _find(folder: str | os.PathLike[str] | None, name: str, wanted: list[tuple[str, ...]]) -> Path | None:
-    """The folder that holds one file of every tuple: the argument, or that of the environment."""
+    """The folder that contains one file of every tuple: the argument, or that of the environment."""
     root = folder if folder is not None else os.environ.get("WHSKLEARN_DATA")
     if not root:
         return None
@@ -205,7 +205,7 @@ def _find(folder: str | os.PathLike[str] | None, name: str, wanted: list[tuple[s
 
 
 def _missing(records: _Records, folder: str | os.PathLike[str] | None) -> str:
-    """The sentence about records that are not there."""
+    """The error message for missing records."""
     place = f"{folder} does not hold" if folder is not None else "No folder was given and WHSKLEARN_DATA does not hold"
     return (
         f"The {records.name} records are not here: {place} {records.wanted}; get them from {records.page} and name "
@@ -214,7 +214,7 @@ def _missing(records: _Records, folder: str | os.PathLike[str] | None) -> str:
 
 
 def _read_csv(path: Path, columns: list[str]) -> pd.DataFrame:
-    """A record, with all its columns."""
+    """A record with all its columns."""
     import pandas as pd
 
     frame = pd.read_csv(path)
@@ -262,7 +262,7 @@ def checksum(frame: pd.DataFrame) -> str:
 
 
 def _verify(name: str, frame: pd.DataFrame, path: Path) -> None:
-    """Refuse numbers that are not the published ones."""
+    """Refuse numbers that differ from the published ones."""
     if checksum(frame) != _SUMS[name]:
         raise ValueError(
             f"The numbers in {path.name} are not those of the published record; get the file again, or pass "

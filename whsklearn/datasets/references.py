@@ -1,4 +1,4 @@
-"""References that a servo axis is asked to follow."""
+"""References for a servo axis."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ def reference_signal(
     ----------
     kind : str
         ``sine``: 0.8 sin(2/5 pi t) of sec. 5.2.  ``multisine``: eight tones from 0.1 to 2.9 Hz
-        of equal velocity and random phase.  ``staircase``: constant speeds both ways, from
-        slow to fast.  ``sweep``: 0.1 to 5 Hz at constant velocity.  ``rich``: the multisine
-        on a slow triangle, which shows every effect of the catalogue its range.
+        of equal velocity and random phase. ``staircase``: constant speeds in both directions, from slow to fast.
+        ``sweep``: 0.1 to 5 Hz at constant velocity.  ``rich``: the multisine on a slow triangle, which excites every
+        effect of the catalogue.
     duration : float
         Length (s).
     sample_rate : float
-        Samples a second (Hz).
+        Samples per second (Hz).
     amplitude : float, optional
         Largest position (rad); the default is 0.8 for the sine, 1 for multisine and sweep,
         and 5 for staircase and rich.
@@ -70,7 +70,7 @@ def reference_signal(
             raise ValueError(f"{name} is {value!r}, expected a finite number above zero.")
     n = round(duration * sample_rate)
     if n < 2:
-        raise ValueError(f"{duration} s at {sample_rate} Hz are {n} samples, expected two at least; lengthen it.")
+        raise ValueError(f"{duration} s at {sample_rate} Hz are {n} samples, expected at least two; lengthen it.")
     return make(np.arange(n) / sample_rate, peak, np.random.default_rng(random_state))
 
 
@@ -80,7 +80,7 @@ def _sine(t: NDArray[np.float64], peak: float, _rng: np.random.Generator) -> NDA
 
 
 def _scaled(path: NDArray[np.float64], peak: float) -> NDArray[np.float64]:
-    """A path scaled to its largest value."""
+    """A path scaled by its largest value."""
     return path * (peak / np.abs(path).max())
 
 
@@ -98,7 +98,7 @@ def _multisine(t: NDArray[np.float64], peak: float, rng: np.random.Generator) ->
 
 
 def _triangle(t: NDArray[np.float64], period: float) -> NDArray[np.float64]:
-    """A triangle between -1 and 1 with round corners that starts at 0 upwards."""
+    """A triangle between -1 and 1 with rounded corners, which starts upwards from 0."""
     return np.arcsin(0.98 * np.sin(2.0 * math.pi * t / period)) / math.asin(0.98)
 
 
@@ -109,7 +109,7 @@ def _rich(t: NDArray[np.float64], peak: float, rng: np.random.Generator) -> NDAr
 
 
 def _staircase(t: NDArray[np.float64], peak: float, _rng: np.random.Generator) -> NDArray[np.float64]:
-    """Eight speeds, each forth and back, with soft changes of direction."""
+    """Eight speeds, each forwards and backwards, with smooth reversals."""
     speeds = np.geomspace(0.02, 1.0, 8)
     edges = np.linspace(0.0, t[-1] * (1 + 1e-12), 17)
     step = np.minimum(np.searchsorted(edges, t, side="right") - 1, 15)
@@ -121,7 +121,7 @@ def _staircase(t: NDArray[np.float64], peak: float, _rng: np.random.Generator) -
 
 
 def _sweep(t: NDArray[np.float64], peak: float, _rng: np.random.Generator) -> NDArray[np.float64]:
-    """A geometric sweep from 0.1 to 5 Hz whose velocity keeps its height."""
+    """A geometric sweep from 0.1 to 5 Hz with constant velocity amplitude."""
     low, high = 0.1, 5.0
     frequency = low * (high / low) ** (t / t[-1])
     phase = 2.0 * math.pi * np.cumsum(frequency) * (t[1] - t[0])

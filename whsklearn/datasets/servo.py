@@ -1,4 +1,4 @@
-"""Logs of a simulated servo axis in which any effect can be switched on."""
+"""Logs of a simulated servo axis with any effects."""
 
 from __future__ import annotations
 
@@ -71,22 +71,21 @@ def make_servo_log(
     random_state: Any = 0,
     return_truth: bool = False,
 ) -> pd.DataFrame | tuple[pd.DataFrame, Bunch]:
-    """A log of a servo axis in closed loop, simulated.
+    """Simulate a log of a servo axis in closed loop.
 
     Parameters
     ----------
     effects : Effect, str, or iterable of these
-        What is hidden in it: effects as they are, or names whose shape and phase are
-        drawn and whose size is a share of the rms drive, see `draw_effect`.
+        Hidden effects: instances, or names; the shape and phase of a named effect are drawn, and its size is a share of
+        the rms drive, see `draw_effect`.
     sizes : float or sequence of float
-        The shares of the effects that are given by name.
+        The shares of effects given by name.
     axis : ServoAxis, optional
-        The axis without them; the default is a small direct-drive table with a
-        controller that has feed-forward.
+        The axis without these effects; by default a small direct-drive table whose controller has feed-forward.
     reference : str or array-like of shape (n,)
         Kind of reference, see `reference_signal`, or the reference itself (rad).
     amplitude, duration : float
-        Of a reference given by its kind (rad, s).
+        Of a reference given by kind (rad, s).
     sample_rate : float, optional
         Rate of controller and log (Hz); the axis's own, 1,000 by default.
     noise : float, optional
@@ -94,13 +93,13 @@ def make_servo_log(
     resolution : float, optional
         Step of the encoder (rad).
     snr_db : float, optional
-        Noise by its ratio to the position instead: 10 log10(var(position) / var(noise)).
+        Alternatively, the noise by its ratio to the position: 10 log10(var(position) / var(noise)).
     disturbance : array-like of shape (n,), optional
         A torque that no effect explains (Nm).
     random_state : int, Generator or None
         Of phases, shapes and noise.
     return_truth : bool
-        Whether to return the truth too.
+        Whether to return the truth as well.
 
     Returns
     -------
@@ -174,7 +173,7 @@ def _hidden(
     path: NDArray[np.float64],
     rng: np.random.Generator,
 ) -> tuple[Effect, ...]:
-    """The effects asked for, those given by name drawn."""
+    """The effects, with those given by name drawn."""
     wanted = [effects] if isinstance(effects, (str, Effect)) else list(effects)
     shares = np.broadcast_to(np.asarray(sizes, dtype=float), (len(wanted),))
     return tuple(

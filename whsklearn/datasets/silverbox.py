@@ -16,9 +16,13 @@ __all__ = ["make_silverbox"]
 
 SAMPLE_RATE = 1e7 / 2**14  # Hz, of the published records
 BAND = 200.0  # Hz
-PERIOD, LEAD_IN, PAUSE = 8192, 500, 100  # samples of a multisine, of its end played before it, and of silence between
+PERIOD, LEAD_IN, PAUSE = (
+    8192,
+    500,
+    100,
+)  # samples of a multisine, of its end before it, and of silence
 RMS = 0.0224  # V
-OVERSAMPLING = 32  # fine samples in which the twin is run: 280 a period of its resonance
+OVERSAMPLING = 32  # fine samples per sample in the simulation: 280 per period of the resonance
 
 Array = NDArray[np.float64]
 
@@ -28,15 +32,16 @@ def make_silverbox(
 ) -> tuple[Array, Array]:
     """Simulate m y'' + d y' + a y + b (y - c)^3 = u between band-limited signals, as the Silverbox was measured.
 
-    Resonance at 68.6 Hz with a damping ratio of 4.7 %, a = 1, b = 4 1/V2: near what grey-box models of the real box
-    find, not a copy of one.
+    Resonance at 68.6 Hz with a damping ratio of 4.7 %, a = 1, b = 4 1/V2: close to grey-box models of the real circuit,
+    but not a copy of one.
 
     Parameters
     ----------
     kind : {"multisine", "arrow"}, default="multisine"
-        Random odd multisines up to 200 Hz, or noise below 200 Hz whose size grows to 1.6 times that of the multisines.
+        Random odd multisines up to 200 Hz, or noise below 200 Hz whose amplitude grows to 1.6 times that of the
+        multisines.
     n_realisations : int, default=10
-        Of the multisine; the arrow has 40,475 samples for ten.
+        Of the multisine; the arrow has 40,475 samples for ten of them.
     noise : float, default=5e-5
         Standard deviation of the output's noise (V): 60 dB below the output.
     random_state : int, RandomState instance or None
@@ -50,7 +55,7 @@ def make_silverbox(
     Raises
     ------
     ValueError
-        If ``kind`` is another.
+        If ``kind`` is unknown.
 
     References
     ----------
@@ -103,7 +108,7 @@ def _band_limited(u: Array) -> Array:
 
 
 def _upsampled(u: Array) -> Array:
-    """The signal in the middle of each of `OVERSAMPLING` fine steps a sample, by its Fourier series."""
+    """The signal in the middle of each of the `OVERSAMPLING` fine steps per sample, by its Fourier series."""
     spectrum = np.fft.rfft(u)
     later = np.exp(1j * math.pi * np.arange(spectrum.size) / (u.size * OVERSAMPLING))
     return np.fft.irfft(spectrum * later, u.size * OVERSAMPLING) * OVERSAMPLING

@@ -1,4 +1,4 @@
-"""The turntable of sec. 5.2 as this library simulates it: a record that comes with the package.
+"""A simulated record of the turntable of sec. 5.2 that is shipped with the package.
 
 It is simulated, not measured: the paper's records are not public.
 """
@@ -30,10 +30,9 @@ def load_turntable(
     Parameters
     ----------
     experiment : str
-        ``sine``: the paper's reference, which cannot show all parameters;
-        ``multisine``: eight tones, which can.
+        ``sine``: the paper's reference, which does not excite all parameters; ``multisine``: eight tones, which do.
     return_X_y : bool
-        Whether to return reference (n, 1) and position (n,) in place of the table.
+        Whether to return reference (n, 1) and position (n,) instead of the table.
 
     Returns
     -------

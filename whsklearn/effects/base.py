@@ -66,9 +66,9 @@ from whsklearn.effects.rows import values_along
 
 PLACES = ("friction", "drive", "transmission", "position", "sensor", "time")
 
-BARELY = 1e-300  # the size at which a column that changes with the size is read off where the size is zero
+BARELY = 1e-300  # the size at which a size-dependent column is evaluated if the size is zero
 
-MOST_STARTS = 60  # a start costs a pass over the record
+MOST_STARTS = 60  # each start costs a pass over the record
 
 _REGISTRY: dict[str, type[Effect]] = {}
 
@@ -87,7 +87,7 @@ class Effect:
     equation : str
         The effect in symbols, one line.
     size : str
-        The field that scales the effect: zero there means that nothing happens.
+        The field that scales the effect; at zero it has no influence.
     quantities : dict of str to Quantity
         Unit and range of every field.
     signature : str
@@ -99,40 +99,39 @@ class Effect:
     reference : str
         Where the equation comes from.
     port : str
-        Where it enters: ``torque`` (the drive has to pay for it), ``input`` (it changes
-        the drive; its columns are on the torque side all the same), ``output`` (it adds
-        to the measured position) or ``block`` (it changes the structure).
+        Where it enters: ``torque`` (the drive must supply it), ``input`` (it changes the drive; its columns are torques
+        nevertheless), ``output`` (it adds to the measured position) or ``block`` (it changes the structure).
     column_kind : str
-        ``exact`` if the effect is columns times coefficients at its shape, ``at_size`` if it
-        is so but the columns change with the size, ``first_order`` if it is so for small
-        sizes only, ``none`` if it can only be simulated.
+        ``exact`` if the effect is columns times coefficients at its shape, ``at_size`` if the columns also depend on
+        the size, ``first_order`` if this holds for small sizes only, ``none`` if it can only be simulated.
     neutral : float
-        The size at which nothing happens.
+        The size at which the effect has no influence.
     phased : bool
         Whether the effect is amplitude cos(argument + phase), hence linear in two columns.
     choices : dict of str to tuple of str
-        What a field that is text may be.
+        Allowed values of each text field.
     parent : str
-        Effect without which this one is not asked for, such as ``coulomb`` for what modifies it; empty: none.
+        Effect without which this one is not tried, such as ``coulomb`` for effects that modify it; empty for none.
     commoner : tuple of str
-        Effects that are preferred to this one where both explain a record about as well.
+        Effects that are preferred to this one if both explain a record about equally well.
     covers : tuple of str
-        Effects that its own numbers say already: an offset moves the place where a spring is at rest.
+        Effects that its own parameters already include: an offset only moves the rest position of a spring.
     elementary : bool
-        Whether it is so common that it is tried first wherever much is missing.
+        Whether it is so common that it is tried first when much is missing.
     repeats : bool
-        Whether a model may hold several of it, as cogging of two orders.
+        Whether a model may contain several of it, such as cogging of two orders.
     held : tuple of str
-        Fields that a search leaves where it starts.
+        Fields that a search keeps at their starting values.
     later : tuple of str
-        Fields that a search leaves where it starts until it has taken the effect; then they are set free, and stay so
-        if they earn it.
+        Fields that a search keeps at their starting values until it has accepted the effect; they are then freed, and
+        stay free if that improves the fit enough.
     sought : bool
-        Whether a search tries this class beside the one that has its name: a shape that the other cannot take.
+        Whether a search tries this class in addition to the registered class of its name, because it has a shape that
+        the other cannot take.
     finest : float
-        Largest time step at which its simulation is right (s).
+        Largest time step at which its simulation is accurate (s).
     evaluate : callable or None
-        ``evaluate(p, time, position, velocity, drive)``, for effects of one's own.
+        ``evaluate(p, time, position, velocity, drive)``, for user-defined effects.
 
     References
     ----------
@@ -209,7 +208,7 @@ class Effect:
 
     @classmethod
     def positive_fields(cls) -> frozenset[str]:
-        """Shape fields that must be above zero: those whose range is spanned in ratios."""
+        """Shape fields that must be above zero: those with a logarithmic range."""
         return frozenset(n for n, q in cls.quantities.items() if q.log and q.low > 0 and n != cls.size)
 
     @property
@@ -223,7 +222,7 @@ class Effect:
         Parameters
         ----------
         magnitude : float
-            Of the field ``size``, in its unit.
+            Value of the field ``size``, in its unit.
 
         Examples
         --------
@@ -249,7 +248,7 @@ class Effect:
 
     @classmethod
     def shape_fields(cls) -> tuple[str, ...]:
-        """Names of the shape fields a search has to vary: not the size, not the phase of a phased effect."""
+        """Names of the shape fields that a search varies: all but the size and the phase of a phased effect."""
         skip = {cls.size, *cls.choices, *(("phase",) if cls.phased else ())}
         return tuple(f.name for f in dataclasses.fields(cls) if f.name not in skip)
 
@@ -262,14 +261,14 @@ class Effect:
 
     @classmethod
     def linear(cls) -> int:
-        """How many leading numbers of a row the effect is linear in: two if phased, one, or none."""
+        """Number of leading entries of a row in which the effect is linear: two if phased, one, or none."""
         if cls.column_kind != "exact":
             return 0
         return 2 if cls.phased and cls.evaluate is None else 1
 
     @classmethod
     def searched(cls) -> tuple[str, ...]:
-        """Names of the numbers behind the linear ones of a row, in its order."""
+        """Names of the entries after the linear ones of a row, in order."""
         if cls.evaluate is not None:
             return tuple(f.name for f in dataclasses.fields(cls) if f.name != cls.size and f.name not in cls.choices)
         return cls.shape_fields() if cls.linear() else (cls.size, *cls.shape_fields())
@@ -313,13 +312,13 @@ class Effect:
 
     @classmethod
     def variants(cls) -> list[dict[str, str]]:
-        """Every choice of the fields that are text; one empty choice where there is none."""
+        """Every combination of the text fields; one empty combination if there are none."""
         names = list(cls.choices)
         return [dict(zip(names, values, strict=True)) for values in itertools.product(*cls.choices.values())]
 
     @classmethod
     def bounds(cls, scales: Scales) -> list[tuple[float, float]]:
-        """Range in one record of every number in `searched`.
+        """Search range, in one record, of every number in `searched`.
 
         Parameters
         ----------
@@ -332,7 +331,7 @@ class Effect:
     def starts(cls, scales: Scales) -> list[tuple[float, ...]]:
         """Points in `searched` from which a search of one record begins: the product of the quantities' grids.
 
-        Where that is more than 60 points the grids are thinned, those of quantities with starts of their own last.
+        Above 60 points the grids are thinned; those of quantities with starts of their own are thinned last.
 
         Parameters
         ----------
@@ -348,8 +347,8 @@ class Effect:
 
     @classmethod
     def later_starts(cls, scales: Scales) -> list[tuple[float, ...]]:
-        """Points in `later` from which they are fitted once the effect is taken: the product of what their grids have
-        beyond the value at which they were held.
+        """Starting points in `later` once the effect is accepted: the product of their grids without the value at which
+        they were held.
 
         Parameters
         ----------
@@ -361,7 +360,7 @@ class Effect:
 
     @classmethod
     def scanned(cls) -> str:
-        """The field that only a fine grid finds (its quantity says how); empty where the starts do."""
+        """The field that only a fine grid finds (its quantity says how); empty if the starts suffice."""
         return next((f for f in cls.searched() if cls.quantities[f].scan), "")
 
     @classmethod
@@ -385,7 +384,7 @@ class Effect:
 
     @classmethod
     def from_coefficients(cls, coefficients: Sequence[float] | NDArray[np.float64], **fields: Any) -> Self:
-        """The effect whose columns have these weights; the other fields as given or by default.
+        """The effect whose columns have these weights; other fields are as given or default.
 
         Parameters
         ----------
@@ -419,17 +418,16 @@ class Effect:
         ----------
         signals : object
             With 1-D arrays as attributes ``time`` (s), ``position`` (rad), ``velocity``,
-            ``acceleration`` and ``drive`` (Nm); ``kappa`` (s/rad) if sign(v) is to be
-            tanh(kappa v).
+            ``acceleration`` and ``drive`` (Nm); ``kappa`` (s/rad) for tanh(kappa v) in place of sign(v).
 
         Returns
         -------
         ndarray of shape (n_samples, n_columns)
-            Torque a coefficient, or position a coefficient where the port is ``output``;
-            no column at all where the effect can only be simulated.
+            Torque (position if the port is ``output``) per unit of each coefficient; no column if the effect can only
+            be simulated.
         """
         n = np.asarray(signals.position).size
-        if self.column_kind == "first_order":  # what a small delay or lag takes from the drive, a second of either
+        if self.column_kind == "first_order":  # what a small delay or lag takes from the drive, per second of either
             drive, time = (np.asarray(s, dtype=float) for s in (signals.drive, signals.time))
             return np.gradient(drive, time).reshape(-1, 1)
         if self.column_kind == "none" or self.code < 0:
@@ -444,7 +442,7 @@ class Effect:
         return np.column_stack([self.along((*unit, *shape), signals) for unit in np.eye(self.linear())])
 
     def along(self, row: Sequence[float], signals: Any) -> NDArray[np.float64]:
-        """The drive that the effect takes with the numbers of ``row``, or what it adds to the reading, shape (n,).
+        """The drive that the effect takes with the numbers in ``row``, or its contribution to the reading, shape (n,).
 
         Parameters
         ----------
@@ -474,7 +472,7 @@ class Effect:
         signals : Bunch
             ``time`` (s), ``position`` (rad), ``velocity``, ``acceleration`` and ``drive`` (Nm), shape (n,) each.
         """
-        weights = self.coefficients  # a limit may be infinite, and then its column is zero
+        weights = self.coefficients  # a limit may be infinite; its column is then zero
         return self.columns(signals) @ np.where(np.isfinite(weights), weights, 0.0)
 
     def value(
@@ -547,7 +545,7 @@ def get_effect(name: str) -> type[Effect]:
 
 
 def shapes_of(name: str) -> tuple[type[Effect], ...]:
-    """The class of a canonical name, and those of its shapes that a search tries beside it.
+    """The class of a canonical name, and further classes of that name that a search tries.
 
     Parameters
     ----------
@@ -565,7 +563,7 @@ def shapes_of(name: str) -> tuple[type[Effect], ...]:
 
 
 def effect_names(place: str | None = None) -> tuple[str, ...]:
-    """Names in the catalogue, of one place or of all, in the order of the chain.
+    """Names in the catalogue, of one place or of all places, in the order of the chain.
 
     Parameters
     ----------

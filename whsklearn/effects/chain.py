@@ -1,7 +1,7 @@
 """Effects at ports that only a chain of blocks has: before L1, between L1 and the law, and behind L2.
 
-On an axis a play and a coupling are between two inertias, and a limit is in the drive.  A chain has no inertia,
-so the same names are other equations there, of the signal at the port ``at``.
+On an axis a play and a coupling are between two inertias, and a limit is in the drive.  A chain has no inertia, so
+there the same names stand for other equations, of the signal at the port ``at``.
 """
 
 from __future__ import annotations
@@ -20,23 +20,23 @@ from whsklearn.effects.transmission import Backlash, FlexibleCoupling
 
 
 class AtPort:
-    """The port ``at`` decides the code; the name is that of the axis's effect, which stays the registered one."""
+    """The port ``at`` decides the code; the name is that of the axis effect, which remains the registered one."""
 
     _codes: ClassVar[dict[str, int]]
     at: str
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
-        """Not into the registry."""
+        """Do not register the class."""
 
     @property
     def code(self) -> int:
-        """What the compiled chain calls the effect at its port."""
+        """The code of the effect at its port in the compiled chain."""
         return self._codes[self.at]
 
 
 @dataclass(frozen=True)
 class ChainPlay(AtPort, Effect):  # type: ignore[override]
-    """A play of width b at the input or between L1 and the law: a signal that lets go after each reversal.
+    """A play of width b at the input or between L1 and the law: after each reversal the signal does not follow.
 
     See Also
     --------
@@ -72,7 +72,8 @@ class ChainPlay(AtPort, Effect):  # type: ignore[override]
 
 @dataclass(frozen=True)
 class ChainResonance(AtPort, Effect):  # type: ignore[override]
-    """A resonance of static gain one between L1 and the law or behind L2: a mass on a spring, its input held.
+    """A resonance of static gain one between L1 and the law or behind L2: a mass on a spring with its input held over a
+    sample.
 
     See Also
     --------
@@ -139,7 +140,7 @@ class ChainLimit(AtPort, Saturation):  # type: ignore[override]
 
     See Also
     --------
-    Saturation : that of the input.
+    Saturation : the same at the input of an axis.
 
     Examples
     --------
@@ -162,7 +163,7 @@ class ChainDeadZone(AtPort, DeadZone):  # type: ignore[override]
 
     See Also
     --------
-    DeadZone : that of the input.
+    DeadZone : the same at the input of an axis.
 
     Examples
     --------
@@ -181,14 +182,15 @@ class ChainDeadZone(AtPort, DeadZone):  # type: ignore[override]
 
 @dataclass(frozen=True)
 class ChainSpring(AtPort, HardeningSpring):  # type: ignore[override]
-    """A spring c (x - x_0)^3 that adds to the law, or that pulls on the mass that L1 is: the input then loses it.
+    """A spring c (x - x_0)^3 that adds to the law, or that acts on the mass that L1 represents: it is then subtracted
+    from the input.
 
-    With the second, L1 linear behind u - c x^3 is Duffing's oscillator: the input is held over a sample, and the pull
+    With the second, L1 linear behind u - c x^3 is Duffing's oscillator: the input is held over a sample, and the force
     changes with x (`whsklearn.systems.chain_ports.held_pull`).
 
     See Also
     --------
-    HardeningSpring : the first.
+    HardeningSpring : the first form.
 
     Examples
     --------

@@ -5,7 +5,7 @@ A compiled function takes an effect as a row: its code here and its `Effect.row`
 
 from __future__ import annotations
 
-N_NUMBERS = 8  # numbers a row can hold; the last of a user-defined effect says which function is its own
+N_NUMBERS = 8  # numbers in a row; the last one of a user-defined effect selects its function
 N_SHAPE = 3  # shape numbers of a static term
 
 # static terms f(x, dx) of a law; those up to POSITION_FRICTION hold the sign of dx
@@ -25,7 +25,7 @@ CONSTANT = 12
 NATURAL_SPLINE = 13
 SPEED_HINGE = 14
 
-# hills of a learned curve
+# basis functions of a learned curve
 LEARNED_POSITION = 90
 LEARNED_SPEED = 91
 LEARNED_FRICTION = 92
@@ -33,7 +33,7 @@ LEARNED_DAMPING = 93
 LEARNED_VELOCITY = 94
 LEARNED_DRIVE = 95
 
-# torques that are no static term
+# torques that are not static terms
 LOAD_FRICTION = 100
 FRICTION_DRIFT = 101
 INPUT_OFFSET = 102
@@ -82,6 +82,6 @@ SATURATION_X = 163
 DEAD_ZONE_X = 164
 SPRING_U = 165
 
-# effects of one's own, by port
+# user-defined effects, by port
 USER_TORQUE = 200
 USER_OUTPUT = 201

@@ -13,11 +13,11 @@ from whsklearn.effects.quantity import Quantity
 
 @dataclass(frozen=True)
 class InputOffset(Effect):
-    """A constant torque that the drive has to add, c (Nm): amplifier offset, a constant load.
+    """A constant torque that the drive must supply, c (Nm): amplifier offset, a constant load.
 
     See Also
     --------
-    AsymmetricCoulomb : vanishes at rest; without rest in the record the two are one column.
+    AsymmetricCoulomb : vanishes at rest; without rest in the record the two columns are equal.
     GravityImbalance : nearly constant over a short travel.
 
     Examples
@@ -46,12 +46,12 @@ class InputOffset(Effect):
 
 @dataclass(frozen=True)
 class DeadZone(Effect):
-    """The amplifier gives nothing below a threshold, and less by it above: u_eff = u - clip(u, -d, d) (Nm).
+    """The amplifier delivers nothing below a threshold d, and d less above it: u_eff = u - clip(u, -d, d) (Nm).
 
     See Also
     --------
     Coulomb : the step is in the sign of velocity.
-    Backlash : the drive seems lost around zero too, but over a distance.
+    Backlash : drive is also lost around zero, but over a distance.
 
     Examples
     --------
@@ -80,7 +80,7 @@ class DeadZone(Effect):
 
 @dataclass(frozen=True)
 class Saturation(Effect):
-    """The amplifier gives no more than its limit, u_eff = clip(u, -U, U) (Nm).
+    """The amplifier delivers no more than its limit, u_eff = clip(u, -U, U) (Nm).
 
     See Also
     --------
@@ -157,7 +157,7 @@ class InputDelay(Effect):
 class ActuatorLag(Effect):
     """The torque follows the command as a first-order lag, T du_eff/dt = u - u_eff, T in s: a current loop, a valve.
 
-    Its column is the first order of it, du/dt, the same as a delay's.
+    Its column is its first-order approximation, du/dt, the same as that of a delay.
 
     See Also
     --------
@@ -218,7 +218,7 @@ class TorqueRipple(Effect):
         "order": Quantity("1", 0.8, 256.0, scan="position"),
         "phase": Quantity("rad", -math.pi, math.pi),
     }
-    signature: ClassVar[str] = "a wave over position in proportion to the drive"
+    signature: ClassVar[str] = "a wave over position, proportional to the drive"
     needs: ClassVar[str] = "both signs of torque over a period of travel"
     reference: ClassVar[str] = "Jahns, Soong 1996, IEEE Trans. Ind. Electron. 43(2), 321-330"
     port: ClassVar[str] = "input"

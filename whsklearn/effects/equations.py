@@ -1,12 +1,12 @@
-"""Every equation of the catalogue, once: compiled functions of numbers, at weight one unless they are phased.
+"""All equations of the catalogue as compiled functions of numbers, at weight one unless they are phased.
 
 The effects' classes (`whsklearn.effects.friction` and its neighbours) say what an equation means, in which units and
-ranges; `whsklearn.effects.terms` and `whsklearn.effects.rows` go from a code to an equation.  Signs follow the torque
-balance J a = tau - friction, so what is positive has to be paid by the drive.  On a Wiener-Hammerstein system velocity
-is dx = x(t) - x(t-1) of (4).
+ranges; `whsklearn.effects.terms` and `whsklearn.effects.rows` map a code to an equation. Signs follow the torque
+balance J a = tau - friction, so the drive must supply what is positive.  On a Wiener-Hammerstein system velocity is dx
+= x(t) - x(t-1) of (4).
 
-``s`` is sign(dx) and ``ds`` its slope: at rest the sign is a choice between two directions, and while a
-gradient is needed it is a tanh.
+``s`` is sign(dx) and ``ds`` its slope: at rest the sign is a choice between two directions, and it is a tanh where a
+gradient is needed.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from whsklearn.effects import codes
 _equation = njit(cache=False, error_model="numpy")
 
 N_STATES = 8  # states of a memory of the path: the asperities of generalized Maxwell slip
-AHEAD = N_STATES  # column behind the states: the path travelled since the last advance, of all effects of an axis
+AHEAD = N_STATES  # column after the states: the path travelled since the last advance, of all effects of an axis
 
 
 # --- drive -----------------------------------------------------------------------------------------------------------
@@ -52,13 +52,13 @@ def lagged(u, state, constant, h):
 
 @_equation
 def delayed(age):
-    """Whole samples of a delay of ``age`` samples, and the share of the drive of one sample earlier still."""
+    """Whole samples of a delay of ``age`` samples, and the weight of the drive one further sample back."""
     whole = math.floor(age)
     return int(whole), age - whole
 
 
 # --- friction as a function of velocity: value, slope by x, slope by dx ----------------------------------------------
-UNDERFLOW = 700.0  # exp(-x) beyond is below 1e-304, and takes ten times as long as any other
+UNDERFLOW = 700.0  # beyond this exp(-x) is below 1e-304 and takes ten times as long to compute
 
 
 @_equation
@@ -75,7 +75,7 @@ def coulomb(s, ds):
 
 @_equation
 def asymmetric_coulomb(s, ds):
-    """|sign(dx)|, one in motion and nothing at rest."""
+    """|sign(dx)|: one in motion, zero at rest."""
     return s * s, 0.0, 2.0 * s * ds
 
 
@@ -95,7 +95,7 @@ def stribeck(velocity, exponent, dx, s, ds):
     if power > UNDERFLOW:
         return 0.0, 0.0, 0.0
     bump = math.exp(-power)
-    slope = -bump * (exponent * power / abs(dx)) * (1.0 if dx > 0.0 else -1.0)  # divided while exp is on its way
+    slope = -bump * (exponent * power / abs(dx)) * (1.0 if dx > 0.0 else -1.0)  # divided early, while exp is computed
     return bump * s, 0.0, bump * ds + slope * s
 
 
@@ -150,7 +150,7 @@ def natural_spline(knot, last_but_one, last, x):
     if x <= knot:
         return 0.0, 0.0, 0.0
     p, q, m = x - knot, x - last_but_one, last - last_but_one
-    if x >= last:  # in closed form, as the cubes cancel there
+    if x >= last:  # in closed form, because the cubes cancel there
         slope = 3.0 * (last_but_one - knot)
         return (last - knot) ** 2 - m * m + slope * (x - last), slope, 0.0
     value, slope = p * p * p / (last - knot), 3.0 * p * p / (last - knot)
@@ -272,7 +272,7 @@ def hardening_spring(stiffness, centre, angle):
 
 @_equation
 def end_stop(stiffness, limit, relaxation, side, angle, velocity):
-    """k max(d + tau dd/dt, 0) in contact, d = side q - q_s > 0: it pushes back and never pulls (Nm)."""
+    """k max(d + tau dd/dt, 0) in contact, d = side q - q_s > 0: it pushes and never pulls (Nm)."""
     depth = side * angle - limit
     if depth <= 0.0:
         return 0.0
@@ -331,7 +331,7 @@ def hill(z):
 
 @part
 def distance(x, centre, period):
-    """x - centre, the short way round where the signal comes back after a period above zero."""
+    """x - centre, taken the short way round if the signal has a period above zero."""
     d = x - centre
     if period > 0.0:
         d -= period * math.floor(d / period + 0.5)
@@ -340,7 +340,7 @@ def distance(x, centre, period):
 
 @part
 def learned_torque(code, centre, width, period, q, v, s, ds, u):
-    """Torque a unit of height, and its slope by velocity where a sign changes at rest."""
+    """Torque per unit of height, and its slope by velocity where a sign changes at rest."""
     if code == codes.LEARNED_SPEED:
         h = hill(distance(abs(v), centre, 0.0) / width)
         return h * s, h * ds
@@ -356,7 +356,7 @@ def learned_torque(code, centre, width, period, q, v, s, ds, u):
     return h, 0.0
 
 
-# --- what several of them are made of ---------------------------------------------------------------------------------
+# --- shared by several equations ------------------------------------------------------------------------------------
 AT_REST = 1e-6
 
 
@@ -380,11 +380,11 @@ def smooth_sign(dx, kappa):
     if kappa == math.inf:
         return (1.0 if dx > 0.0 else (-1.0 if dx < 0.0 else 0.0)), 0.0
     z = kappa * dx
-    if abs(z) > 20.0:  # there tanh is one to the last bit, and most samples of a sharp sign are there
+    if abs(z) > 20.0:  # there tanh is one to the last bit, as for most samples of a sharp sign
         return (1.0 if dx > 0.0 else -1.0), 0.0
     s = tanh(z)
     if kappa < 0.0:
-        # the tail of a motion that has long died away, such as 1e-20, is rest and has no sign
+        # the tail of a motion that has long decayed, such as 1e-20, counts as rest and has no sign
         return (0.0 if abs(z) < AT_REST else (1.0 if dx > 0.0 else -1.0)), -kappa * (1.0 - s * s)
     return s, kappa * (1.0 - s * s)
 

@@ -1,7 +1,7 @@
-"""Friction: what resists motion, as a function of velocity.
+"""Friction: torque that resists motion, as a function of velocity.
 
-Signs and symbols follow the torque balance J a = tau - friction, so a positive size
-brakes.  On a Wiener-Hammerstein system velocity is dx = x(t) - x(t-1) of (4).
+Signs and symbols follow the torque balance J a = tau - friction, so a positive size opposes the motion.  On a
+Wiener-Hammerstein system velocity is dx = x(t) - x(t-1) of (4).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from whsklearn.effects.quantity import Quantity
 class StaticEffect(Effect):
     """An effect that is a memoryless term f(x, dx), so a law can hold it.
 
-    ``code`` is known to `whsklearn.effects.terms.term`, ``term_shape`` gives its shape numbers.
+    `whsklearn.effects.terms.term` takes its ``code``, and ``term_shape`` gives its shape numbers.
 
     References
     ----------
@@ -49,8 +49,8 @@ class Viscous(StaticEffect):
     See Also
     --------
     QuadraticDrag : grows with the square; the two differ at top speed only.
-    AsymmetricViscous : the part of the slope that is not the same in both directions.
-    Coulomb : takes over part of the slope where only one speed was driven.
+    AsymmetricViscous : the part of the slope that differs between the two directions.
+    Coulomb : absorbs part of the slope if only one speed was driven.
 
     Examples
     --------
@@ -74,7 +74,7 @@ class Viscous(StaticEffect):
 
 @dataclass(frozen=True)
 class Coulomb(StaticEffect):
-    """Dry friction, constant against the motion, Fc sign(v) (Nm); beta_1 of (4).
+    """Dry friction of constant size against the motion, Fc sign(v) (Nm); beta_1 of (4).
 
     See Also
     --------
@@ -108,7 +108,7 @@ class AsymmetricCoulomb(StaticEffect):
 
     See Also
     --------
-    InputOffset : acts at rest too; without rest in the record the two are one column.
+    InputOffset : acts at rest too; without rest in the record the two columns are equal.
     GravityImbalance : nearly constant over a short travel.
 
     Examples
@@ -124,7 +124,7 @@ class AsymmetricCoulomb(StaticEffect):
     equation: ClassVar[str] = "c |sign(v)|"
     size: ClassVar[str] = "torque"
     quantities: ClassVar[dict[str, Quantity]] = {"torque": Quantity("Nm", -1e3, 1e3)}
-    signature: ClassVar[str] = "a constant while the axis moves, nothing while it rests"
+    signature: ClassVar[str] = "a constant while the axis moves, zero at rest"
     needs: ClassVar[str] = "rest and both directions"
     aliases: ClassVar[tuple[str, ...]] = ("input_offset",)
     reference: ClassVar[str] = "Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30(7), 1083-1138"
@@ -170,7 +170,7 @@ class Stribeck(StaticEffect):
     --------
     QuadraticDrag : a wide Stribeck term bends the curve at speed as drag does.
     PreslidingHysteresis : also acts near standstill, but depends on distance and not on speed.
-    ReducedStribeck : the term of the article's (4), which saturates at speed.
+    ReducedStribeck : the term in (4) of the paper, which saturates at speed.
 
     Examples
     --------
@@ -188,7 +188,7 @@ class Stribeck(StaticEffect):
     size: ClassVar[str] = "torque"
     quantities: ClassVar[dict[str, Quantity]] = {
         "torque": Quantity("Nm", 1e-4, 1e3, log=True),
-        # wider than half the rms speed it is curvature at speed, which drag explains as well
+        # wider than half the rms speed, it is curvature at speed, which drag explains equally well
         "velocity": Quantity("rad/s", 1e-3, 2.0, log=True, span=(0.004, 0.5), starts=(0.01, 0.03, 0.08, 0.2, 0.4)),
         "exponent": Quantity("1", 0.5, 2.6, starts=(1.0, 2.0)),
     }
@@ -223,7 +223,7 @@ class ReducedStribeck(StaticEffect):
     velocity: float = 1.0
 
     name: ClassVar[str] = "stribeck"
-    place: ClassVar[str] = "static"  # the catalogue's stribeck is the exponential one
+    place: ClassVar[str] = "static"  # in the catalogue, ``stribeck`` is the exponential term
     equation: ClassVar[str] = "-beta_2 tanh(dx / v_s)"
     size: ClassVar[str] = "torque"
     quantities: ClassVar[dict[str, Quantity]] = {
@@ -243,7 +243,7 @@ class QuadraticDrag(StaticEffect):
     See Also
     --------
     Viscous : alike where the speed varies little.
-    Stribeck : a wide one bends the curve too, to the other side.
+    Stribeck : a wide one also bends the curve, in the other direction.
 
     Examples
     --------
@@ -268,7 +268,7 @@ class QuadraticDrag(StaticEffect):
 # --- friction that varies with more than velocity: with the load, with position, with time --------------------------
 @dataclass(frozen=True)
 class LoadFriction(Effect):
-    """Dry friction that grows with the torque that the gears carry, c |u| sign(v) (Nm).
+    """Dry friction that grows with the torque transmitted by the gears, c |u| sign(v) (Nm).
 
     See Also
     --------
@@ -303,7 +303,7 @@ class PositionFriction(StaticEffect):
     See Also
     --------
     Cogging : the same wave, but its sign does not change with the direction.
-    Coulomb : the mean of it over a turn.
+    Coulomb : its mean over a turn.
 
     Examples
     --------
@@ -328,7 +328,7 @@ class PositionFriction(StaticEffect):
     needs: ClassVar[str] = "the same positions passed in both directions"
     parent: ClassVar[str] = "coulomb"
     repeats: ClassVar[bool] = True
-    commoner: ClassVar[tuple[str, ...]] = ("cogging",)  # over one direction they are one
+    commoner: ClassVar[tuple[str, ...]] = ("cogging",)  # in one direction they are the same
     reference: ClassVar[str] = "Armstrong-Helouvry 1991, Control of Machines with Friction, Kluwer"
     phased: ClassVar[bool] = True
     code: ClassVar[int] = codes.POSITION_FRICTION
@@ -336,12 +336,13 @@ class PositionFriction(StaticEffect):
 
 @dataclass(frozen=True)
 class FrictionDrift(Effect):
-    """Dry friction that settles while the axis warms up, c (1 - exp(-t/T)) sign(v) (Nm); negative: falls.
+    """Dry friction that settles while the axis warms up, c (1 - exp(-t/T)) sign(v) (Nm); a negative c means that it
+    falls.
 
     See Also
     --------
     ParameterChange : friction changes at one instant instead of settling.
-    Coulomb : what it looks like in a short record.
+    Coulomb : the same in a short record.
 
     Examples
     --------
@@ -360,7 +361,7 @@ class FrictionDrift(Effect):
         "torque": Quantity("Nm", -1e3, 1e3),
         "time_constant": Quantity("s", 1.0, 1e4, log=True, span=(0.03, 30.0), starts=(0.1, 0.27, 0.71, 1.9, 5.0)),
     }
-    signature: ClassVar[str] = "the step at zero velocity has another height early than late"
+    signature: ClassVar[str] = "the step at zero velocity has different heights early and late in the record"
     needs: ClassVar[str] = "a long run with all speeds throughout"
     parent: ClassVar[str] = "coulomb"
     reference: ClassVar[str] = "Simoni, Beschi, Legnani, Visioli 2017, Robotica, doi 10.1017/S0263574717000509"

@@ -1,8 +1,8 @@
-"""Friction before sliding: springs of asperities that let go after a short distance.
+"""Friction before sliding: asperities act as springs that break loose after a short distance.
 
-All of them are c z with z a pure memory of the path, |z| near 1 after the presliding
-distance.  The effect comes on top of the law's Coulomb term: where it takes the place
-of it, a refit takes the same torque out of ``coulomb``.
+All of them are c z, where z is a pure memory of the path, |z| near 1 after the presliding
+distance.  The effect adds to the law's Coulomb term; if it replaces that term, a refit removes the same torque from
+``coulomb``.
 """
 
 from __future__ import annotations
@@ -22,8 +22,9 @@ _DISTANCE = Quantity(
 )
 _RATIO = Quantity("1", 1.0, 2.5)
 _VELOCITY = Quantity("rad/s", 1e-3, 2.0, log=True)
-# of the torque's level at the peak behind a reversal, kappa = d v / x_s with v the speed that the axis has reached
-# after the presliding distance: critical damping of the bristles, d = 2 sqrt(J x_s / c), gives 2 sqrt(2 J a / c)
+# relative to the torque's level, of the peak after a reversal, kappa = d v / x_s with v the speed that the axis has
+# reached after the presliding distance: critical damping of the bristles, d = 2 sqrt(J x_s / c), gives 2 sqrt(2 J a /
+# c)
 _KICKS = (0.2, 0.8, 3.0)
 
 
@@ -34,9 +35,9 @@ class PreslidingHysteresis(Effect):
     See Also
     --------
     LuGre : its level falls with speed.
-    GeneralizedMaxwellSlip : closes nested loops, which this one forgets.
+    GeneralizedMaxwellSlip : closes nested loops, which this model does not remember.
     BoucWen : slimmer loops.
-    Backlash : the load is lost over a distance too, but the motor runs free meanwhile.
+    Backlash : also over a distance, but the motor moves freely meanwhile.
     Stribeck : acts near standstill as well, as a function of speed.
 
     Examples
@@ -100,7 +101,7 @@ class LuGre(PreslidingHysteresis):
     code: ClassVar[int] = codes.LUGRE
 
     def labelled(self) -> dict[str, float | str]:
-        """All fields under names that carry their unit; of a level that does not fall, no speed at which it does.
+        """All fields under names with their unit; without the Stribeck speed if the level does not fall.
 
         Examples
         --------
@@ -112,10 +113,12 @@ class LuGre(PreslidingHysteresis):
 
     @classmethod
     def starts(cls, scales: Scales) -> list[tuple[float, ...]]:
-        """Dahl's distances, each with dampings of the same kicks behind a reversal, d = kappa T sqrt(x_s / reach).
+        """Dahl's distances, each with the dampings that give the same peaks after a reversal, d = kappa T sqrt(x_s /
+        reach).
 
         T = reach / speed is the time of half the travel, sqrt(x_s / reach) the share of the speed that the axis has
-        gained after x_s: a grid of dampings alone would begin with kicks of hundreds and of nothing.
+        gained after x_s: a grid of dampings alone would begin with peaks that are hundreds of times too large or too
+        small.
 
         Parameters
         ----------
@@ -135,9 +138,10 @@ class LuGre(PreslidingHysteresis):
 
 @dataclass(frozen=True)
 class GeneralizedMaxwellSlip(PreslidingHysteresis):
-    """Maxwell elements in parallel, each sticking until its own distance: memory of nested reversals; c mean(z_i) (Nm).
+    """Maxwell elements in parallel, each sticking up to its own distance, with a memory of nested reversals; c
+    mean(z_i) (Nm).
 
-    The elements carry equal shares and let go at evenly spread distances with mean x_s;
+    The elements carry equal shares and break loose at evenly spaced distances with mean x_s;
     a sliding element follows the level g(v) at once, the limit of a fast attraction.
 
     See Also
@@ -177,7 +181,7 @@ class GeneralizedMaxwellSlip(PreslidingHysteresis):
 
 @dataclass(frozen=True)
 class BoucWen(PreslidingHysteresis):
-    """Bouc-Wen with exponent 1 and beta + gamma = 1, c z (Nm): beta = 1 is Dahl, below it the loop grows slimmer.
+    """Bouc-Wen with exponent 1 and beta + gamma = 1, c z (Nm): beta = 1 is Dahl, a smaller beta gives a slimmer loop.
 
     See Also
     --------

@@ -1,7 +1,6 @@
-"""Laws in x by name, and where their knots go: polynomials, piecewise linear, cubic splines.
+"""Laws in x by name (polynomial, piecewise linear, cubic spline) and the placement of their knots.
 
-A law by name has its knots where an x of unit deviation needs them; a fit that knows x places
-them again with `placed`.
+The knots of a named law suit an x of unit deviation; a fit that knows x places them again with `placed`.
 """
 
 from __future__ import annotations
@@ -14,13 +13,13 @@ from whsklearn.effects.static import Hinge, NaturalSpline, Power
 
 Array = NDArray[np.float64]
 
-N_KNOTS = 12  # 0.276 mV on the benchmark, as with 20; 8 leave 0.451 (cubic spline)
-N_KINKS = 30  # a piecewise-linear law needs that many for the same: 12 leave 0.523 mV, 20 0.314
+N_KNOTS = 12  # 0.276 mV on the benchmark, the same as with 20; 8 leave 0.451 (cubic spline)
+N_KINKS = 30  # a piecewise-linear law needs this many for the same error: 12 leave 0.523 mV, 20 leave 0.314
 SPREAD = 3.0  # deviations
 
 
 def static_terms(name: str) -> tuple[StaticEffect, ...] | None:
-    """The terms of a law in x by name; None if it is none of these.
+    """The terms of a named law in x; None for any other name.
 
     ``linear``, ``offset``, ``polynomial`` (of third degree, with offset), ``piecewise_linear``, ``cubic_spline``.
     """
@@ -38,21 +37,21 @@ def static_terms(name: str) -> tuple[StaticEffect, ...] | None:
 
 
 def spline_terms(knots: Array) -> tuple[StaticEffect, ...]:
-    """Constant, x and a `NaturalSpline` for each knot but the last two: v = x to begin with."""
+    """Constant, x and a `NaturalSpline` for each knot but the last two; initially v = x."""
     ends = float(knots[-2]), float(knots[-1])
     return (Power(0.0, 0), Power(1.0, 1), *(NaturalSpline(0.0, float(k), *ends) for k in knots[:-2]))
 
 
 def piecewise_linear_terms(knots: Array) -> tuple[StaticEffect, ...]:
-    """Constant, x and a `Hinge` for each knot: v = x to begin with."""
+    """Constant, x and a `Hinge` for each knot; initially v = x."""
     return (Power(0.0, 0), Power(1.0, 1), *(Hinge(0.0, float(k)) for k in knots))
 
 
 def place_knots(x: Array, count: int) -> Array:
-    """Knots for a law over these values: half at quantiles, half evenly over the 0.05 to 99.95 % range.
+    """Knots for a law over these values: half at quantiles, half evenly spaced over the 0.05 to 99.95 % range.
 
-    Quantiles alone leave the ends, where a saturation is, without any; an even grid alone wastes
-    most of its knots where there is no data.
+    Quantiles alone would leave none at the ends, where a saturation is; an even grid alone would waste most knots where
+    there is no data.
 
     Parameters
     ----------
@@ -73,14 +72,14 @@ def place_knots(x: Array, count: int) -> Array:
     grid = np.linspace(low, high, count - inner)
     at = np.quantile(x, (np.arange(inner) + 0.5) / inner)
     knots = np.sort(np.concatenate([grid, np.clip(at, low, high)]))
-    least = 0.1 * (high - low) / count  # knots closer than that make the spline's functions alike
+    least = 0.1 * (high - low) / count  # closer knots make the basis functions nearly equal
     for i in range(1, count):
         knots[i] = max(knots[i], knots[i - 1] + least)
     return low + (knots - knots[0]) * (high - low) / (knots[-1] - knots[0])
 
 
 def placed(terms: tuple[StaticEffect, ...], x: Array) -> tuple[StaticEffect, ...]:
-    """The same terms with the knots of hinges and splines placed for these x; other terms as they are."""
+    """The same terms with the knots of hinges and splines placed for these x; other terms are unchanged."""
     spline = [t for t in terms if isinstance(t, NaturalSpline)]
     hinges = [t for t in terms if isinstance(t, Hinge)]
     others = [t for t in terms if not isinstance(t, (NaturalSpline, Hinge))]

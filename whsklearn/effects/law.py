@@ -31,7 +31,7 @@ class FrictionLaw:
     Attributes
     ----------
     labels : tuple of str
-        One name a weight, numbered where a kind of term recurs; powers are x0, x1, x2, ...
+        One name per weight, numbered if a kind of term recurs; powers are x0, x1, x2, ...
     codes, shapes, weights : ndarray of shape (n_terms,), (n_terms, 3), (n_terms,)
         The law as the compiled kernels take it.
 
@@ -52,7 +52,7 @@ class FrictionLaw:
     def __init__(self, terms: Iterable[StaticEffect]):
         self.terms = tuple(terms)
         if not self.terms:
-            raise ValueError("The friction law has no term; give at least one, such as Viscous().")
+            raise ValueError("The friction law has no terms; give at least one, such as Viscous().")
         for t in self.terms:
             if not isinstance(t, StaticEffect):
                 raise ValueError(
@@ -110,7 +110,7 @@ class FrictionLaw:
         Parameters
         ----------
         weights : sequence of float
-            One a term, in the unit of y.
+            One per term, in the unit of y.
         """
         return FrictionLaw([t.resized(float(w)) for t, w in zip(self.terms, weights, strict=True)])
 
@@ -159,7 +159,7 @@ def polynomial_law(coefficients: Sequence[float]) -> FrictionLaw:
     Parameters
     ----------
     coefficients : sequence of float
-        From the constant on, in y per x to the k-th power.
+        In ascending powers from the constant, in y per x to the k-th power.
 
     Examples
     --------
@@ -176,7 +176,7 @@ def piecewise_linear_law(knots: Sequence[float], slopes: Sequence[float]) -> Fri
     Parameters
     ----------
     knots : sequence of float
-        Rising, in the unit of x.
+        Increasing, in the unit of x.
     slopes : sequence of float
         One more than knots, in y per x.
 
@@ -187,7 +187,7 @@ def piecewise_linear_law(knots: Sequence[float], slopes: Sequence[float]) -> Fri
     [-1.1, 0.0, 0.5, 1.1]
     """
     if len(slopes) != len(knots) + 1:
-        raise ValueError(f"{len(slopes)} slopes for {len(knots)} knots; expected one slope more than knots.")
+        raise ValueError(f"{len(slopes)} slopes for {len(knots)} knots; expected one more slope than knots.")
     if any(b <= a for a, b in itertools.pairwise(knots)):
         raise ValueError(f"knots are {list(knots)}, expected increasing numbers.")
     steps = np.diff(slopes)
@@ -202,7 +202,7 @@ def cubic_spline_law(knots: Sequence[float], values: Sequence[float]) -> Frictio
     Parameters
     ----------
     knots, values : sequence of float
-        Where, rising, in the unit of x; how much, in the unit of y.
+        Increasing positions, in the unit of x, and values there, in the unit of y.
 
     Examples
     --------
@@ -212,7 +212,7 @@ def cubic_spline_law(knots: Sequence[float], values: Sequence[float]) -> Frictio
     [1.0, 0.0, 1.0]
     """
     if len(knots) != len(values) or len(knots) < 3:
-        raise ValueError(f"{len(values)} values for {len(knots)} knots; expected as many, and 3 or more.")
+        raise ValueError(f"{len(values)} values for {len(knots)} knots; expected equal numbers, 3 or more.")
     if any(b <= a for a, b in itertools.pairwise(knots)):
         raise ValueError(f"knots are {list(knots)}, expected increasing numbers.")
     law = FrictionLaw(spline_terms(np.asarray(knots, dtype=float)))
@@ -220,7 +220,7 @@ def cubic_spline_law(knots: Sequence[float], values: Sequence[float]) -> Frictio
 
 
 def as_law(law: str | FrictionLaw | StaticEffect | Iterable[StaticEffect] | None) -> FrictionLaw:
-    """A law from whatever a user gives: None for (4), names joined by commas, terms, or a law.
+    """A law from None (law (4)), names joined by commas, terms, or a law.
 
     Names are those of memoryless effects, such as ``viscous``, of laws in x, ``linear``, ``offset``, ``polynomial``,
     ``piecewise_linear``, ``cubic_spline``, and ``reduced``, which is (4).
@@ -232,7 +232,7 @@ def as_law(law: str | FrictionLaw | StaticEffect | Iterable[StaticEffect] | None
     Raises
     ------
     ValueError
-        If a name is unknown or names an effect that is no memoryless term.
+        If a name is unknown or its effect is not a memoryless term.
 
     Examples
     --------

@@ -1,7 +1,7 @@
-"""A torque that no equation of the catalogue gives: cubic splines over position, speed or drive.
+"""A torque without an equation in the catalogue: cubic splines over position, speed or drive.
 
-A learned curve is a sum of equal hills at equal distances, one `LearnedTorque` each; three numbers more than its
-height give the position of a hill, its width and the turn after which it repeats.
+A learned curve is a sum of equally spaced basis functions of equal shape, one `LearnedTorque` each; besides its height,
+three numbers give its position, its width and the period after which it repeats.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ _FORMS = {
 
 @dataclass(frozen=True)
 class LearnedTorque(Effect):
-    """One hill of a learned curve, c B((x - x_0) / w) r (Nm) with the cubic spline B and x, r by ``over``.
+    """One basis function of a learned curve, c B((x - x_0) / w) r (Nm) with the cubic spline B and x, r by ``over``.
 
     ``over`` is ``position`` (x = q, r = 1), ``speed`` (|v|, sign(v)), ``position and direction`` (q, sign(v)),
     ``position and velocity`` (q, v), ``velocity`` (v, 1) or ``drive`` (u, 1); a curve is a sum of them.
 
     See Also
     --------
-    NaturalSpline : a term of a spline with a name, in a law.
-    PositionFriction : friction over the position by one wave.
+    NaturalSpline : a term of a named spline law.
+    PositionFriction : friction that varies with position as one wave.
     Cogging : waves over the angle.
 
     Examples
@@ -49,7 +49,7 @@ class LearnedTorque(Effect):
     over: str = "position"
 
     name: ClassVar[str] = "learned_torque"
-    place: ClassVar[str] = "static"  # it names nothing, so no search tries it
+    place: ClassVar[str] = "static"  # it does not name an effect, so no search tries it
     equation: ClassVar[str] = "sum of c B((x - x_0)/w)"
     size: ClassVar[str] = "torque"
     quantities: ClassVar[dict[str, Quantity]] = {
@@ -66,5 +66,5 @@ class LearnedTorque(Effect):
 
     @property
     def code(self) -> int:  # type: ignore[override]
-        """The compiled code of the signals that it is a function of."""
+        """The code of the signals that it depends on."""
         return _FORMS[self.over]

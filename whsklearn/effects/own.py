@@ -1,4 +1,4 @@
-"""Effects of one's own, compiled: functions of a record's signals that kernels call by their address."""
+"""User-defined effects, compiled: functions of a record's signals that kernels call by address."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from numba.core.errors import NumbaError
 from whsklearn._numba import njit
 from whsklearn.effects.codes import N_NUMBERS
 
-_settings: Any = numba.config  # its attributes are made at run time
-WHICH = N_NUMBERS - 1  # the slot of a row that says which function is its own
+_settings: Any = numba.config  # its attributes are created at run time
+WHICH = N_NUMBERS - 1  # the entry of a row that selects its function
 SIGNATURE = types.float64(
     types.int64, types.float64[::1], types.float64, types.float64, types.float64, types.float64
-)  # which, numbers, time, position, velocity, drive
+)  # index, numbers, time, position, velocity, drive
 
 
 def _none(_which, _p, _time, _position, _velocity, _drive):
@@ -51,7 +51,7 @@ def compiled(cls: Any) -> Any:
 
 @lru_cache(maxsize=128)
 def address_of(classes: tuple[Any, ...]) -> Any:
-    """One function for several classes, whose type is the same whatever it calls, so that no kernel is recompiled.
+    """One function for several classes. Its type does not depend on what it calls, so no kernel is recompiled.
 
     It is called as ``f(which, p, time, position, velocity, drive)``.
     """
@@ -84,7 +84,7 @@ def _dispatched(functions: tuple[Any, ...]) -> Any:
 
 @njit(nogil=True, error_model="numpy")
 def own_values_along(function, p, time, position, velocity, drive):
-    """An effect of one's own along a record; ``p`` of shape (n_numbers,), every signal of shape (n,)."""
+    """A user-defined effect along a record; ``p`` of shape (n_numbers,), every signal of shape (n,)."""
     out = np.empty(position.size)
     for k in range(position.size):
         out[k] = function(0, p, time[k], position[k], velocity[k], drive[k])

@@ -1,4 +1,4 @@
-"""Torques that depend on where the axis is."""
+"""Torques that depend on the position of the axis."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from whsklearn.effects.quantity import Quantity
 
 _SIDES = {"both": codes.END_STOP, "upper": codes.END_STOP_UPPER, "lower": codes.END_STOP_LOWER}
 _PHASE = Quantity("rad", -math.pi, math.pi)
-# a spring is at rest anywhere in the travel: a look from the middle alone shows a fifth of one at the end
+# a spring may be at rest anywhere in the travel: a search from the middle alone finds a fifth of one at the end
 _REST = Quantity("rad", -10.0, 10.0, span=(-3.0, 3.0), starts=(-1.0, -0.5, 0.0, 0.5, 1.0))
 _CENTRE = Quantity("rad", -10.0, 10.0, span=(-3.0, 3.0), starts=(0.0,))
 
 
 @dataclass(frozen=True)
 class Cogging(Effect):
-    """The rotor's magnets prefer some angles, A cos(k q + phi) (Nm); a gear in between makes the order fractional.
+    """The rotor's magnets prefer certain angles, A cos(k q + phi) (Nm); a gear in between makes the order fractional.
 
     See Also
     --------
@@ -48,7 +48,7 @@ class Cogging(Effect):
         "order": Quantity("1", 1.4, 256.0, scan="position"),
         "phase": _PHASE,
     }
-    signature: ClassVar[str] = "a wave over position, whatever the speed, the direction and the drive"
+    signature: ClassVar[str] = "a wave over position that does not depend on speed, direction or drive"
     needs: ClassVar[str] = "a period of travel at two speeds"
     reference: ClassVar[str] = "Jahns, Soong 1996, IEEE Trans. Ind. Electron. 43(2), 321-330"
     phased: ClassVar[bool] = True
@@ -59,7 +59,7 @@ class Cogging(Effect):
 
 @dataclass(frozen=True)
 class GravityImbalance(Effect):
-    """A centre of mass off the axis, A cos(q + phi) with A = m g l (Nm).
+    """A centre of mass that is off the axis of rotation, A cos(q + phi) with A = m g l (Nm).
 
     See Also
     --------
@@ -81,7 +81,7 @@ class GravityImbalance(Effect):
     equation: ClassVar[str] = "A cos(q + phi)"
     size: ClassVar[str] = "amplitude"
     quantities: ClassVar[dict[str, Quantity]] = {"amplitude": Quantity("Nm", 1e-4, 1e4, log=True), "phase": _PHASE}
-    signature: ClassVar[str] = "one wave a turn, whatever the speed"
+    signature: ClassVar[str] = "one wave per turn at any speed"
     needs: ClassVar[str] = "half a turn of travel"
     reference: ClassVar[str] = "Swevers, Verdonck, De Schutter 2007, IEEE Control Systems Magazine 27(5), 58-71"
     phased: ClassVar[bool] = True
@@ -90,7 +90,7 @@ class GravityImbalance(Effect):
 
 @dataclass(frozen=True)
 class CableSpring(Effect):
-    """Cables that pull back, c (q - q_0) (Nm).
+    """Cables that act as a spring, c (q - q_0) (Nm).
 
     See Also
     --------
@@ -132,7 +132,7 @@ class HardeningSpring(Effect):
     See Also
     --------
     CableSpring : linear.
-    EndStop : nothing at all before the stop.
+    EndStop : zero before the stop.
 
     Examples
     --------
@@ -157,7 +157,7 @@ class HardeningSpring(Effect):
         "Kovacic, Brennan 2011, The Duffing Equation: Nonlinear Oscillators and their Behaviour, Wiley"
     )
     commoner: ClassVar[tuple[str, ...]] = ("gravity_imbalance", "cable_spring")
-    held: ClassVar[tuple[str, ...]] = ("centre",)  # a cubic off its centre is a line and a parabola more
+    held: ClassVar[tuple[str, ...]] = ("centre",)  # a cubic about another centre adds a line and a parabola
     code: ClassVar[int] = codes.HARDENING_SPRING
 
 
@@ -167,8 +167,8 @@ class EndStop(Effect):
 
     See Also
     --------
-    ContactStop : the same with a damper, at one end or about another centre.
-    HardeningSpring : grows from the centre on.
+    ContactStop : the same with a damper, at one end, or about another centre.
+    HardeningSpring : grows from the centre.
     Saturation : limits the drive; both show where the motion is largest.
 
     Examples
@@ -240,7 +240,7 @@ class ContactStop(EndStop):
 
     @property
     def code(self) -> int:  # type: ignore[override]
-        """The compiled code of the side."""
+        """The code of the side."""
         return _SIDES[self.side]
 
     @property

@@ -1,4 +1,4 @@
-"""A number of an effect: its unit, its plausible range, and where a search for it begins."""
+"""A parameter of an effect: its unit, its plausible range, and the starting points of a search."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _REACHED = 3.0  # periods of a tone that a record must hold to show its frequenc
 
 @dataclass(frozen=True)
 class Scales:
-    """How large everything is in one record.
+    """Typical magnitudes in one record.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ class Scales:
     inertia : float
         Of the axis (kg m2).
     resonance : float
-        Highest frequency that the simulation's steps carry (Hz).
+        Highest frequency that the steps of the simulation resolve (Hz).
 
     References
     ----------
@@ -80,7 +80,7 @@ class Scales:
         return 4.0 / (self.inertia * (2.0 * math.pi * self.resonance) ** 2)
 
     def of(self, unit: str, name: str = "") -> tuple[float | None, float]:
-        """Scale and origin of a quantity by its unit, or by the scale's own name; None where there is none.
+        """Scale and origin of a quantity by its unit or by the name of the scale; None if there is none.
 
         Parameters
         ----------
@@ -95,13 +95,13 @@ class Scales:
         return float(getattr(self, name)), self.centre if unit == "rad" and name == "reach" else 0.0
 
 
-ONE_PERIOD = math.pi  # rad of a wave over half the travel: with less of it, it is a line and a parabola
-N_STARTS = 5  # of a number that says nothing of its own; a decade of a logarithmic range is about two of them
+ONE_PERIOD = math.pi  # rad of a wave over half the travel; a shorter piece is a line and a parabola
+N_STARTS = 5  # of a number without a setting of its own; a decade of a logarithmic range is about two of them
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """A parameter of an effect: its unit on a rotary axis, its plausible range, where to look for it.
+    """A parameter of an effect: its unit on a rotary axis, its plausible range, and where to search for it.
 
     Parameters
     ----------
@@ -111,19 +111,19 @@ class Quantity:
     low, high : float
         Plausible range on real axes, inclusive; used to reject a fit, to draw tests.
     log : bool
-        Whether the range is spanned in ratios rather than in differences.
+        Whether the range is logarithmic rather than linear.
     span : tuple of two floats, optional
-        Range in which a record can show it, as multiples of the record's scale (see `whsklearn.effects.Scales`);
-        it counts alone, whatever the unit of the log. Without it the plausible range is cut to 1e-3 to 3 for a
-        quantity in ratios, to -3 to 3 otherwise.
+        Range in which a record can show it, as multiples of the record's scale (see `whsklearn.effects.Scales`); if
+        given, only this range is used, whatever the unit of the log. Without it the plausible range is cut to 1e-3 to 3
+        for a logarithmic quantity, and to -3 to 3 otherwise.
     starts : tuple of float, optional
-        Where a search begins, as multiples of the record's scale; evenly over the range by default.
+        Starting points of a search, as multiples of the record's scale; evenly spaced over the range by default.
     scale : str, optional
         Which of the record's scales; that of the unit by default (``rad``: reach of the motion, ``rad/s``: speed,
         ``Nm``: torque, ``s``: duration, ``Hz``: one over the duration, ``rad/Nm``: compliance).
     scan : str
-        How a fine grid finds it, if starts are too coarse: ``position`` (the order of a wave over position),
-        ``time`` (a frequency), ``step`` (an instant); empty where the starts do.
+        How a fine grid finds it if starting points are too coarse: ``position`` (the order of a wave over position),
+        ``time`` (a frequency), ``step`` (an instant); empty if the starting points suffice.
 
     References
     ----------
@@ -149,7 +149,7 @@ class Quantity:
     scan: str = ""
 
     def labelled(self, name: str) -> str:
-        """The name with the unit appended, in the letters of a column: ``torque_nm``.
+        """The name with the unit appended, as in a column name: ``torque_nm``.
 
         Parameters
         ----------
@@ -165,9 +165,9 @@ class Quantity:
         return name if self.unit == "1" else f"{name}_{unit}"
 
     def bounds(self, scales: Scales) -> tuple[float, float]:
-        """Range to search in one record: the plausible one, cut to what the record can show.
+        """Search range in one record: the plausible range, cut to what the record can show.
 
-        Where the two do not meet, as in a log in degrees or millimetres, the record's own range counts.
+        If the two do not overlap, as in a log in degrees or millimetres, the record's own range is used.
 
         Parameters
         ----------
@@ -197,14 +197,14 @@ class Quantity:
         return both if wide else seen
 
     def grid(self, scales: Scales, n: int = N_STARTS) -> tuple[float, ...]:
-        """Values from which a search of one record begins, in rising order.
+        """Starting values of a search in one record, in increasing order.
 
         Parameters
         ----------
         scales : Scales
             Of the record.
         n : int, default=5
-            Values, where it has no starts of its own.
+            Number of values if the quantity has no starts of its own.
 
         Examples
         --------
@@ -224,5 +224,5 @@ class Quantity:
 
     @property
     def positive(self) -> bool:
-        """Whether a plausible value is never below zero."""
+        """Whether plausible values are never below zero."""
         return self.low >= 0.0 and not math.isinf(self.low)

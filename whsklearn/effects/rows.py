@@ -1,8 +1,8 @@
 """Effects by their code: the drive that a row of numbers takes, or what it adds to the reading, at one instant.
 
-This is the only place that goes from a code to an equation outside the static terms of
-`whsklearn.effects.terms`; integrators, the chain, regressor columns and screenings call it.  A row is
-`Effect.row`: the size and then the shape, or for a phased effect its cosine and sine weight and then the shape.
+This is the only place that maps a code to an equation, apart from the static terms in `whsklearn.effects.terms`;
+integrators, the chain, regressor columns and screenings call it.  A row is `Effect.row`: the size and then the shape,
+or for a phased effect its cosine and sine weight and then the shape.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ def motor_torque(code, p, i, t, q, v, s, ds, u):
     """Torque of row i that acts on the motor's side (Nm), and its slope by velocity.
 
     ``s`` is sign(v) and ``ds`` its slope: +1 or -1 in motion, either of them just off rest.
-    What acts on the drive before the motor (dead zone, saturation, timing) is no torque here.
+    Effects on the drive before the motor (dead zone, saturation, timing) are not torques here.
     """
     w = p[i, 0]
-    if code == codes.VISCOUS:  # the two that every axis has come first, without a call
+    if code == codes.VISCOUS:  # the two that every axis has come first and need no call
         value, _, slope = equations.viscous(v)
         return w * value, w * slope
     if code == codes.COULOMB:
@@ -81,7 +81,7 @@ def load_torque(code, p, i, t, q, v):
 
 @part
 def reading(code, p, i, t, q):
-    """What row i adds to the reading of the position q (rad); a lattice is the rounding error."""
+    """The contribution of row i to the reading of the position q (rad); of quantization, the rounding error."""
     w = p[i, 0]
     if code == codes.OUTPUT_OFFSET:
         return w
@@ -110,7 +110,7 @@ def has_memory(code):
 
 @njit(nogil=True, error_model="numpy")
 def values_along(code, p, time, position, velocity, acceleration, drive, kappa):
-    """Any built-in effect along a record: the drive that it takes (Nm), or what it adds to the reading (rad).
+    """Any built-in effect along a record: the drive that it takes (Nm), or its contribution to the reading (rad).
 
     ``p`` has shape (1, 8); every signal has shape (n,).  sign(v) has the sharpness ``kappa``.
     """

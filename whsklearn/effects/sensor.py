@@ -13,7 +13,7 @@ from whsklearn.effects.quantity import Quantity
 
 @dataclass(frozen=True)
 class OutputOffset(Effect):
-    """The zero of the sensor is off, y = q + c (rad).
+    """The sensor has a zero offset, y = q + c (rad).
 
     See Also
     --------
@@ -33,7 +33,7 @@ class OutputOffset(Effect):
     equation: ClassVar[str] = "y = q + c"
     size: ClassVar[str] = "offset"
     quantities: ClassVar[dict[str, Quantity]] = {"offset": Quantity("rad", -10.0, 10.0)}
-    signature: ClassVar[str] = "a constant in the position, none in the torque"
+    signature: ClassVar[str] = "a constant in the position but not in the torque"
     needs: ClassVar[str] = "a torque that depends on position, or a known start"
     reference: ClassVar[str] = "Ljung 1999, System Identification, 2nd ed., sec. 14.1"
     port: ClassVar[str] = "output"
@@ -42,12 +42,12 @@ class OutputOffset(Effect):
 
 @dataclass(frozen=True)
 class OutputDrift(Effect):
-    """The sensor's zero wanders at a constant rate, y = q + c t (rad).
+    """The sensor's zero drifts at a constant rate, y = q + c t (rad).
 
     See Also
     --------
     OutputOffset : constant.
-    FrictionDrift : slow too, in the torque.
+    FrictionDrift : also slow, but in the torque.
 
     Examples
     --------
@@ -62,7 +62,7 @@ class OutputDrift(Effect):
     equation: ClassVar[str] = "y = q + c t"
     size: ClassVar[str] = "rate"
     quantities: ClassVar[dict[str, Quantity]] = {"rate": Quantity("rad/s", -0.1, 0.1)}
-    signature: ClassVar[str] = "a trend in the position, none in the torque"
+    signature: ClassVar[str] = "a trend in the position but not in the torque"
     needs: ClassVar[str] = "a long run"
     reference: ClassVar[str] = "Ljung 1999, System Identification, 2nd ed., sec. 14.1"
     port: ClassVar[str] = "output"
@@ -75,7 +75,7 @@ class SensorRectification(Effect):
 
     See Also
     --------
-    OutputOffset : shifts the reading, and keeps its sign.
+    OutputOffset : shifts the reading but keeps its sign.
 
     Examples
     --------
@@ -106,7 +106,7 @@ class EncoderEccentricity(Effect):
     See Also
     --------
     Cogging : a wave in the torque, at any speed.
-    GravityImbalance : one wave a turn in the torque.
+    GravityImbalance : one wave per turn in the torque.
 
     Examples
     --------
@@ -143,8 +143,8 @@ class Quantization(Effect):
 
     See Also
     --------
-    OutputOffset : a rounding to the lower step is half a step of it.
-    DisturbanceTone : rounding makes none; what is periodic in time is no lattice.
+    OutputOffset : rounding down adds an offset of half a step.
+    DisturbanceTone : periodic in time, which rounding is not.
 
     Examples
     --------
@@ -159,7 +159,7 @@ class Quantization(Effect):
     equation: ClassVar[str] = "y = s round(q / s)"
     size: ClassVar[str] = "step"
     quantities: ClassVar[dict[str, Quantity]] = {"step": Quantity("rad", 1e-8, 0.1, log=True)}
-    signature: ClassVar[str] = "positions on a lattice"
+    signature: ClassVar[str] = "positions that are multiples of a step"
     needs: ClassVar[str] = "slow motion and less noise than a step"
     reference: ClassVar[str] = "Widrow, Kollar, Liu 1996, IEEE Trans. Instrum. Meas. 45(2), 353-361"
     port: ClassVar[str] = "output"

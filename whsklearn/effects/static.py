@@ -1,4 +1,4 @@
-"""Static nonlinearities that are no single physical effect: the terms of general laws.
+"""Static nonlinearities that are not a single physical effect: the terms of general laws.
 
 With them Hammerstein and Wiener systems are the same class as the paper's, and a
 six-parameter smooth friction law (3) is a sum like any other.
@@ -56,7 +56,7 @@ class TanhDifference(StaticEffect):
     See Also
     --------
     Stribeck : the same hump beside a sharp sign.
-    Tanh : a step that stays.
+    Tanh : a step that remains at high speed.
 
     References
     ----------
@@ -116,7 +116,7 @@ class Power(StaticEffect):
     size: ClassVar[str] = "weight"
     quantities: ClassVar[dict[str, Quantity]] = {"weight": _WEIGHT, "degree": Quantity("1", 0, 9)}
     signature: ClassVar[str] = "a curve over x that grows with the k-th power"
-    needs: ClassVar[str] = "the whole range of x; the ends of it decide the high powers"
+    needs: ClassVar[str] = "the whole range of x; its ends determine the high powers"
     code: ClassVar[int] = codes.POWER
 
     def __post_init__(self) -> None:
@@ -153,7 +153,7 @@ class Hinge(StaticEffect):
     equation: ClassVar[str] = "w max(x - knot, 0)"
     size: ClassVar[str] = "weight"
     quantities: ClassVar[dict[str, Quantity]] = {"weight": _WEIGHT, "knot": Quantity("x", -1e6, 1e6)}
-    signature: ClassVar[str] = "a kink at the knot, nothing below it"
+    signature: ClassVar[str] = "a kink at the knot, zero below it"
     needs: ClassVar[str] = "samples on both sides of the knot"
     code: ClassVar[int] = codes.HINGE
 
@@ -162,7 +162,7 @@ class Hinge(StaticEffect):
 class NaturalSpline(StaticEffect):
     """One of the functions that span the natural cubic splines over given knots, in y's unit.
 
-    With a constant and x they are all splines that are cubic between the knots and straight
+    Together with a constant and x they span all splines that are cubic between the knots and straight
     beyond the outer ones; there is one for each knot but the last two.
 
     See Also

@@ -1,4 +1,4 @@
-"""Effects that depend on time: a tone from outside, a parameter that changes."""
+"""Effects that depend on time: an external tone, and a parameter that changes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from whsklearn.effects.quantity import Quantity
 
 @dataclass(frozen=True)
 class DisturbanceTone(Effect):
-    """A torque of one frequency from outside, A cos(2 pi f t + phi) (Nm): mains, a fan, a pump.
+    """An external torque of one frequency, A cos(2 pi f t + phi) (Nm): mains, a fan, a pump.
 
     See Also
     --------
@@ -57,7 +57,7 @@ _CHANGES = {
 
 @dataclass(frozen=True)
 class ParameterChange(Effect):
-    """One parameter of the axis takes another value from a time on; ``change`` is in the parameter's unit.
+    """One parameter of the axis takes another value from a certain time on; ``change`` is in the parameter's unit.
 
     The drive torque (Nm) for it is c r(t) for t >= t_0, with r = a, v, sign(v) or -u.
 
@@ -84,7 +84,7 @@ class ParameterChange(Effect):
         "change": Quantity("1", -1e3, 1e3),
         "time": Quantity("s", 0.0, 1e5, span=(0.08, 0.92), scan="step"),
     }
-    signature: ClassVar[str] = "a constant that is not the same before and after"
+    signature: ClassVar[str] = "a parameter that differs before and after"
     needs: ClassVar[str] = "the same motion before and after the change"
     reference: ClassVar[str] = (
         "Basseville, Nikiforov 1993, Detection of Abrupt Changes: Theory and Application, Prentice Hall"
@@ -93,7 +93,7 @@ class ParameterChange(Effect):
 
     @classmethod
     def parent_of(cls, **options: str) -> str:
-        """Friction that changes must be there.
+        """A change of friction requires that friction in the model.
 
         Parameters
         ----------
@@ -104,5 +104,5 @@ class ParameterChange(Effect):
 
     @property
     def code(self) -> int:  # type: ignore[override]
-        """The compiled code of the parameter that changes."""
+        """The code of the parameter that changes."""
         return _CHANGES[self.parameter]

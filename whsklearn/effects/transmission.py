@@ -1,4 +1,4 @@
-"""Effects between motor and load: they split the one inertia in two."""
+"""Effects between motor and load: they split the inertia in two."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def coupling_torque(twist, slip, motor, load, stiffness, damping, gap, give, h):
     """Mean torque of the coupling over a step h: implicit midpoint, pushing only where there is play (Nm).
 
     At h = 0 it is T_c = k (d - clip(d, -b/2, b/2)) + c dd/dt in contact. ``motor`` and ``load`` are the
-    accelerations without the coupling, ``give`` what a torque of one adds to their difference.
+    accelerations without the coupling, ``give`` the change of their difference per unit torque.
     """
     side = 0.0
     if gap > 0.0:
@@ -51,7 +51,7 @@ def coupling_torque(twist, slip, motor, load, stiffness, damping, gap, give, h):
 def resonance(frequency, ratio, dt):
     """a_0, a_1, b_1, b_2 of (a_0 + a_1 z^-1) / (1 + b_1 z^-1 + b_2 z^-2), a resonance in Hz of static gain one.
 
-    Its input is held over each sample of dt seconds, so that at the end of each it is exact (Astrom and Wittenmark
+    It is exact at the samples for an input held over each sample of dt seconds (Astrom and Wittenmark
     1997, Computer-Controlled Systems, table 2.1; frequency and damping w and z, damped frequency w sqrt(1 - z^2)).
     """
     decay = 2.0 * math.pi * ratio * frequency * dt
@@ -91,14 +91,14 @@ class TransmissionEffect(Effect):
 
 @dataclass(frozen=True)
 class Backlash(TransmissionEffect):
-    """Play between motor and load; the contact is stiff and damped, and it only pushes.
+    """Play between motor and load; the contact is stiff and damped, and can only push.
 
     T_c = k (d - clip(d, -b/2, b/2)) + c dd/dt (Nm) in contact, d = q_m - q_l; k and c follow from the frequency
     and the damping ratio of the two inertias in contact.
 
     See Also
     --------
-    FlexibleCoupling : gives way in proportion to the torque; a heavily damped one resembles play.
+    FlexibleCoupling : deflects in proportion to the torque; a heavily damped one resembles play.
     PreslidingHysteresis : friction that builds up over a distance, with one inertia.
     DeadZone : the drive is lost by its size, not over a distance.
 
@@ -122,10 +122,10 @@ class Backlash(TransmissionEffect):
         "frequency": Quantity("Hz", 5.0, 1e3, log=True, scale="resonance", span=(0.1, 1.0), starts=(0.6,)),
         "damping_ratio": Quantity("1", 0.01, 1.5, starts=(0.15,)),
     }
-    signature: ClassVar[str] = "after a reversal the load lets go: the drive moves the motor alone, then an impact"
+    signature: ClassVar[str] = "after a reversal the drive moves the motor alone until an impact"
     needs: ClassVar[str] = "reversals under load"
     reference: ClassVar[str] = "Nordin, Gutman 2002, Automatica 38(10), 1633-1649"
-    finest: ClassVar[float] = 1.25e-4  # an impact is over in a few steps
+    finest: ClassVar[float] = 1.25e-4  # an impact lasts a few steps
     code: ClassVar[int] = codes.BACKLASH
 
 

@@ -1,6 +1,7 @@
 """Model export: MJCF, URDF, Isaac Lab, C99, Structured Text, FMI 2.0, scipy.signal, python-control.
 
-What a format cannot hold comes back as a list of `Loss`, each with its size, and stands as a comment in the file.
+What a format cannot represent is returned as a list of `Loss`, each with its size, and written into the file as a
+comment.
 """
 
 from whsklearn.export.files import FORMATS, Export, export_model

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from whsklearn.systems.arm import Arm
 
 HELD = ("viscous", "coulomb")
-LEAST = 1e-6  # kg and kg m2: MuJoCo takes no moving body without mass
+LEAST = 1e-6  # kg and kg m2: MuJoCo accepts no moving body without mass
 
 
 def arm_mjcf(arm: Arm) -> tuple[str, list[Loss]]:
@@ -115,12 +115,12 @@ def arm_urdf(arm: Arm) -> tuple[str, list[Loss]]:
         if arm.sum_armature.get(name):
             losses.append(Loss(f"{name}'s motor", f"{arm.sum_armature[name]:.6g} kg m2", "URDF has no motor inertia"))
     if not np.allclose(arm.gravity, (0.0, 0.0, -9.81), atol=0.02):
-        losses.append(Loss("gravity", f"{_text(arm.gravity)} m/s2", "URDF has none; set it in the simulator"))
+        losses.append(Loss("gravity", f"{_text(arm.gravity)} m/s2", "URDF has no gravity; set it in the simulator"))
     return _written(root, losses), losses
 
 
 def _passive(name: str, acting: Iterable[Effect], reason: str) -> tuple[float, float, list[Loss]]:
-    """Damping, dry friction, and a loss for each other effect, or one below zero, which no format takes."""
+    """Damping and dry friction, with a loss for each other effect and for negative values, which no format accepts."""
     sizes = dict.fromkeys(HELD, 0.0)
     lost = []
     for e in acting:
@@ -133,7 +133,7 @@ def _passive(name: str, acting: Iterable[Effect], reason: str) -> tuple[float, f
 
 
 def _body(arm: Arm, k: int, losses: list[Loss]) -> tuple[float, NDArray[Any], NDArray[Any]]:
-    """Mass, centre and inertia about it of a link; numbers that no body has are reported and replaced."""
+    """Mass, centre, and inertia about the centre of a link; numbers that no body can have are reported and replaced."""
     numbers = arm.inertial[k]
     mass = float(numbers[0])
     if mass <= LEAST:
@@ -149,7 +149,7 @@ def _text(values: Any) -> str:
 
 
 def _written(root: ElementTree.Element, losses: list[Loss]) -> str:
-    """The file, with what it does not hold as a comment."""
+    """The file, with its losses as a comment."""
     told = "".join(f"\n     Not held: {loss}".replace("--", "- ") for loss in losses)
     ElementTree.indent(root)
     comment = f"<!-- Written by whsklearn. Units: kg, m, rad, s, Nm.{told} -->"

@@ -1,7 +1,7 @@
 """The law of an arm as C: drives from position, velocity and acceleration of all joints, specialised to its numbers.
 
-The rigid-body equations exist once, in `whsklearn.systems._arm_kernels`.  They are run here on expressions instead of
-numbers, with the geometry and the links known, so that what is zero or constant is never computed (Khalil and Dombre
+The rigid-body equations exist once, in `whsklearn.systems._arm_kernels`.  Here they are evaluated on expressions
+instead of numbers, with known geometry and links, so that zeros and constants are never computed (Khalil and Dombre
 2002, ch. 9, customised symbolic method).
 """
 
@@ -36,7 +36,7 @@ _UNKNOWN = "it needs more than position, velocity and acceleration"
 
 
 class Traced:
-    """A number that is known only when the code runs; arithmetic with it writes code."""
+    """A number that is known only at run time; arithmetic with it generates code."""
 
     def __init__(self, work: Specialiser, value: Any):
         self.work, self.value = work, value
@@ -71,7 +71,7 @@ class Traced:
 
 
 def on_expressions(module: Any) -> dict[str, Any]:
-    """The functions of a module of kernels as plain Python, in which sine and cosine take expressions."""
+    """The functions of a module of kernels as plain Python, in which sine and cosine accept expressions."""
     names: dict[str, Any] = dict(vars(module))
     names["math"] = SimpleNamespace(sin=lambda x: x.wave("sin"), cos=lambda x: x.wave("cos"))
     for name, value in vars(module).items():
@@ -112,7 +112,7 @@ def _along(direction: Any, signal: Any) -> Any:
 
 
 def _with_effects(work: Specialiser, acting: Any, position: Any, velocity: Any, asked: Any) -> Any:
-    """What an axis asks for with its effects."""
+    """The torque required by the effects of an axis."""
     there = [e for e in acting if e.magnitude != e.neutral]
     rest = Bunch(position=np.zeros(1), velocity=np.zeros(1))
     asked = asked + sum(float(e.contribution(rest)[0]) for e in there if e.code == codes.INPUT_OFFSET)
@@ -126,7 +126,7 @@ def _with_effects(work: Specialiser, acting: Any, position: Any, velocity: Any, 
 
 
 def c_of_arm(arm: Arm, name: str, real: str = "double") -> tuple[dict[str, str], list[Loss]]:
-    """Header and source by file name, and what they leave out.
+    """Header and source by file name, and their losses.
 
     Examples
     --------

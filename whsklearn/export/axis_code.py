@@ -19,7 +19,7 @@ from whsklearn.systems._servo_torques import Ends, arranged, load_sum, motor_sum
 from whsklearn.systems.servo import ServoAxis, pack
 
 STATES = ("position", "velocity", "load_position", "load_velocity")
-WAVE = 3  # numbers kept of a wave: where it was taken, its cosine and its sine there
+WAVE = 3  # numbers stored per wave: the argument, its cosine and its sine
 
 
 @dataclass
@@ -33,16 +33,16 @@ class Part:
 
 @dataclass
 class AxisCode:
-    """What a template needs of an axis.
+    """The input of a template for an axis.
 
     Attributes
     ----------
     reading, substep : Part
-        From the state to the measured position; one fine step under the drive ``u`` at the time ``t``.
+        The measured position as a function of the state; one fine step under the drive ``u`` at the time ``t``.
     states : dict of str to int
-        Name and length of what is kept from sample to sample.
+        Names and lengths of the variables kept between samples.
     older, newer, share : list
-        For each fine step which past samples hold (0 is the newest), and the share of the older one.
+        For each fine step, the past samples that act (0 is the newest), and the share of the older one.
     """
 
     reading: Part
@@ -63,7 +63,7 @@ class AxisCode:
 
 
 class Law(NamedTuple):
-    """Effects of an axis as its integrator takes them."""
+    """Effects of an axis in the form that its integrator takes."""
 
     effects: Any
     p: Any
@@ -101,13 +101,13 @@ def axis_code(
     axis : ServoAxis
     language : Language
     state : callable
-        ``state(name, index)``: how the language reads a number that is kept between samples.
+        ``state(name, index)``: how the language reads a number kept between samples.
     velocity : bool
-        Answer with the velocity instead of the encoder's reading.
+        Whether to return the velocity instead of the encoder's reading.
     remember : bool
-        Take sines and cosines of the motion from the last ones, with what is kept in ``wave``.
+        Whether to compute sines and cosines of the motion from the previous ones, stored in ``wave``.
     out : float
-        What brings the answer's unit to SI.
+        Factor from the unit of the result to SI.
     """
     plant = pack(axis)
     law = _arranged(plant.codes, plant.p, axis)
@@ -158,19 +158,19 @@ def _timed(part: Part) -> bool:
 
 
 def _own(axis: ServoAxis) -> OneOf:
-    """The functions of effects of one's own, in the order in which `pack` numbers them."""
+    """The functions of user-defined effects, in the order in which `pack` numbers them."""
     classes = dict.fromkeys(type(e) for e in axis.effects if e.evaluate is not None and e.magnitude != e.neutral)
     return OneOf(tuple(c.evaluate for c in classes if c.evaluate is not None))
 
 
 def _arranged(effects: Any, p: Any, axis: ServoAxis) -> Law:
-    """Rows in the integrator's order, and where each kind of them ends."""
+    """Rows in the integrator's order, and the end of each kind."""
     effects, p, ends = arranged(effects, p)
     return Law(effects, p, _own(axis), Ends(*map(int, ends)))
 
 
 def _holds(delay: float, substeps: int) -> tuple[list[int], list[int], list[float]]:
-    """Which samples hold in each fine step under a delay in fine steps, as the simulator's own hold has it."""
+    """The samples that act in each fine step under a delay in fine steps, as in the simulator."""
     older, newer, share = [], [], []
     for j in range(substeps):
         start = (j - delay) / substeps
@@ -182,9 +182,9 @@ def _holds(delay: float, substeps: int) -> tuple[list[int], list[int], list[floa
 
 
 def torque_code(axis: ServoAxis, language: Language, factors: tuple[float, float] = (1.0, 1.0)) -> Part:
-    """The torque that friction and what depends on position ask for, as a function of ``position`` and ``velocity``.
+    """The torque of friction and of position-dependent effects, as a function of ``position`` and ``velocity``.
 
-    ``factors`` bring drive and motion to SI.
+    ``factors`` convert drive and motion to SI.
     """
     plant = pack(axis)
     keep = [i for i, code in enumerate(plant.codes) if compensated(int(code))]

@@ -23,10 +23,10 @@ from whsklearn.systems.chain_ports import added, driven, sensed, transmitted
 
 @dataclass(frozen=True)
 class CodedChain:
-    """x = b1/f1 u, v = law(x, dx), y = b2/f2 v + offset, summed up times dt where the output is a position.
+    """x = b1/f1 u, v = law(x, dx), y = b2/f2 v + offset, integrated if the output is a position.
 
-    Polynomials in the delay, from the direct path on; f1 and f2 begin with 1; no law: v = x.  Effects stand at the
-    ports of a chain whose blocks both delay (`whsklearn.systems.chain_ports`).
+    Polynomials in the delay operator, beginning with the direct path; f1 and f2 begin with 1; without a law, v = x.
+    Effects act at the ports of a chain whose blocks both have a delay (`whsklearn.systems.chain_ports`).
     """
 
     b1: NDArray[Any]
@@ -41,7 +41,7 @@ class CodedChain:
 
     @property
     def direct(self) -> bool:
-        """Whether a block has a direct path: then what acts before it depends on what comes behind."""
+        """Whether a block has a direct path: an effect before it then depends on signals behind it."""
         return bool(self.b1[0] != 0.0 or self.b2[0] != 0.0)
 
     def linear(self) -> tuple[NDArray[Any], NDArray[Any]]:
@@ -61,14 +61,14 @@ class CodedChain:
 
 @dataclass
 class ChainCode:
-    """One sample as statements, and what is kept between samples."""
+    """One sample as statements, and the variables kept between samples."""
 
     step: Part
     states: dict[str, int]
 
 
 def _filtered(b, f, z, n, u):  # type: ignore[no-untyped-def]
-    """One sample of b/f in the transposed direct form II, as scipy.signal.lfilter has it."""
+    """One sample of b/f in the transposed direct form II, as in scipy.signal.lfilter."""
     if n == 0:
         return b[0] * u
     y = b[0] * u + z[0]
@@ -86,7 +86,7 @@ def _law(codes, shapes, weights, x, dx):  # type: ignore[no-untyped-def]
 
 
 def _pushed(b, f, z, n, u, y):  # type: ignore[no-untyped-def]
-    """The states of `_filtered` behind an input that is known only after its output, as where b[0] is zero."""
+    """Update the states of `_filtered` for an input that is known only after its output, if b[0] is zero."""
     for i in range(n - 1):
         z[i] = b[i + 1] * u + z[i + 1] - f[i + 1] * y
     z[n - 1] = b[n] * u - f[n] * y
@@ -139,7 +139,7 @@ def _first(z):  # type: ignore[no-untyped-def]
 
 
 def _ahead(f, z, n, first, x):  # type: ignore[no-untyped-def]
-    """The next x without a drive, if the transmission passes the change of ``first``."""
+    """The next x without a drive, if the transmission transmits the change of ``first``."""
     return (z[1] if n > 1 else 0.0) - f[1] * first + x - first
 
 

@@ -17,13 +17,13 @@ from whsklearn.export.model import Exported
 from whsklearn.logs.files import atomic_write
 from whsklearn.systems.chain import FAR
 
-# No drive is larger; the squares and products of four of such numbers stay finite in the format.
+# No drive is larger, and products of four such numbers stay finite in the number format.
 LARGEST_DRIVE = {"double": FAR, "float": 1e9}
 _NOT_STEADY = "the compensator knows position and velocity only"
 
 
 def render(template: str, **names: Any) -> str:
-    """One of the package's templates with its names filled in."""
+    """A template of the package with its names filled in."""
     env = jinja2.Environment(
         loader=jinja2.PackageLoader("whsklearn.export"), undefined=jinja2.StrictUndefined, keep_trailing_newline=True
     )
@@ -61,7 +61,7 @@ def c_files(model: Exported, name: str, what: str = "model", real: str = "double
     ----------
     model : Exported
     name : str
-        Begins the names of all functions, and names the files.
+        Prefix of all functions, and name of the files.
     what : {"model", "compensator"}
         The compensator is the function NAME_torque alone.
     real : {"double", "float"}

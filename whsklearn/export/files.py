@@ -44,7 +44,7 @@ class Export:
     losses : list of Loss
         Parts of the model that the format cannot represent, with their sizes.
     left : list of Left
-        What each table leaves of its torque, by a replay against the model; of ``table``.
+        The torque that remains with each table, by a replay against the model; for ``table``.
 
     References
     ----------
@@ -94,12 +94,12 @@ def export_model(
     Returns
     -------
     Export
-        The paths, and what the format cannot hold.
+        The paths and losses.
 
     Raises
     ------
     ValueError
-        If the format is unknown, or cannot hold this kind of model at all.
+        If the format is unknown, or cannot represent this kind of model at all.
 
     Examples
     --------
@@ -143,7 +143,7 @@ def export_model(
 
 
 def _export_arm(arm: Arm, to: str, path: Path, real: str) -> Export:
-    """An arm, in the formats that hold several joints; its C is its inverse dynamics."""
+    """Export an arm, in the formats for several joints; its C code is its inverse dynamics."""
     if to == "c":
         return Export(*write_arm_c(arm, path, real))
     if to not in ("mjcf", "urdf"):

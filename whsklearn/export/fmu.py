@@ -1,4 +1,4 @@
-"""FMI 2.0 for co-simulation: a source FMU around the C code, with a binary where a compiler is at hand."""
+"""FMI 2.0 for co-simulation: a source FMU around the C code, with a binary if a compiler is available."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from whsklearn.logs.files import atomic_write
 from whsklearn.logs.units import factor_of
 
 _COMPILER = ("gcc", "cc", "clang")
-# Exponents of the base units of FMI 2.0, sec. 2.2.2, from which an importer knows how to convert
+# Exponents of the base units of FMI 2.0, sec. 2.2.2, from which an importer can convert units
 _BASE = {
     "Nm": {"kg": 1, "m": 2, "s": -2}, "N": {"kg": 1, "m": 1, "s": -2}, "A": {"A": 1},
     "V": {"kg": 1, "m": 2, "s": -3, "A": -1}, "rad": {"rad": 1}, "m": {"m": 1}, "rad/s": {"rad": 1, "s": -1},
@@ -27,7 +27,7 @@ _BASE = {
 
 
 def unit_definitions(units: dict[str, str]) -> dict[str, dict[str, float]]:
-    """Each unit with the exponents of its base units and its factor, where it has any.
+    """Each unit with the exponents of its base units and its factor, if it has any.
 
     Examples
     --------
@@ -51,7 +51,7 @@ def write_fmu(model: Exported, out: Path) -> tuple[Path, list[Loss]]:
     -------
     path : Path
     losses : list of Loss
-        With one more if no binary could be made.
+        With one more entry if no binary could be built.
     """
     path = out if out.suffix == ".fmu" else out / "model.fmu"
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -64,7 +64,7 @@ def write_fmu(model: Exported, out: Path) -> tuple[Path, list[Loss]]:
         reading = (
             "reading(&c->state, c->state.samples * c->dt)" if "double t)" in _reading(files) else "reading(&c->state)"
         )
-    guid = "{" + str(uuid.uuid5(uuid.NAMESPACE_OID, "".join(files.values()))) + "}"  # the same model, the same file
+    guid = "{" + str(uuid.uuid5(uuid.NAMESPACE_OID, "".join(files.values()))) + "}"  # same model, same file
     names = {
         "name": name,
         "guid": guid,

@@ -8,16 +8,16 @@ from typing import Protocol
 
 
 class Language(Protocol):
-    """What `whsklearn.export.specialise.Specialiser` needs from a language."""
+    """The interface that `whsklearn.export.specialise.Specialiser` needs from a language."""
 
     @property
     def operators(self) -> dict[str, str]:
-        """Operator by the name of its syntax node: ``Add``, ``LtE``, ``And``, ..."""
+        """Operators by the name of the syntax node: ``Add``, ``LtE``, ``And``, ..."""
         ...
 
     @property
     def twice(self) -> frozenset[str]:
-        """Functions whose arguments are written more than once, and so need a name."""
+        """Functions whose arguments are written more than once and therefore need a name."""
         ...
 
     def number(self, value: float) -> str:
@@ -85,14 +85,14 @@ class C:
         return f"{name} = {text.removeprefix('(').removesuffix(')') if _wrapped(text) else text};"
 
     def branch(self, test: str, yes: list[str], no: list[str], pad: str) -> list[str]:
-        """An if with its else, empty sides left out."""
+        """An if statement with its else, without empty branches."""
         test = test if _wrapped(test) else f"({test})"
         if not yes:
             return [f"{pad}if (!{test}) {{", *no, f"{pad}}}"]
         return [f"{pad}if {test} {{", *yes, *([f"{pad}}} else {{", *no] if no else []), f"{pad}}}"]
 
     def function(self, name: str, arguments: list[str]) -> str:
-        """A call of math.h; ``min`` and ``max`` are choices, which take one instruction."""
+        """A call of math.h; ``min`` and ``max`` are choices, which compile to one instruction."""
         if name in ("min", "max"):
             a, *more = arguments
             return a if not more else _choice(">" if name == "max" else "<", self.function(name, more), a)
@@ -138,13 +138,13 @@ class StructuredText:
         return f"{name} := {text.removeprefix('(').removesuffix(')') if _wrapped(text) else text};"
 
     def branch(self, test: str, yes: list[str], no: list[str], pad: str) -> list[str]:
-        """An IF with its ELSE, empty sides left out."""
+        """An IF statement with its ELSE, without empty branches."""
         if not yes:
             return [f"{pad}IF NOT {test} THEN", *no, f"{pad}END_IF;"]
         return [f"{pad}IF {test} THEN", *yes, *([f"{pad}ELSE", *no] if no else []), f"{pad}END_IF;"]
 
     def function(self, name: str, arguments: list[str]) -> str:
-        """A standard function, or what is made of them where the standard has none."""
+        """A standard function, or an expression of standard functions if there is none."""
         a = arguments[0]
         if name == "tanh":
             return f"(1.0 - 2.0 / (EXP(2.0 * {a}) + 1.0))"
@@ -159,12 +159,12 @@ class StructuredText:
 
 
 def _choice(sign: str, a: str, b: str) -> str:
-    """``a`` where it is beyond ``b``, as Python's ``min`` and ``max`` of b and a have it."""
+    """``a`` if it is beyond ``b``, as in Python's ``min`` and ``max`` of b and a."""
     return f"({a} {sign} {b} ? {a} : {b})"
 
 
 def _wrapped(text: str) -> bool:
-    """Whether one pair of brackets encloses all of it."""
+    """Whether one pair of brackets encloses the whole text."""
     if not (text.startswith("(") and text.endswith(")")):
         return False
     depth = 0

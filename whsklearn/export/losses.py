@@ -1,4 +1,4 @@
-"""Parts of a model that a format cannot represent, with their sizes: reported, never dropped silently."""
+"""Parts of a model that a format cannot represent, with their sizes; they are reported, never dropped silently."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from whsklearn.systems.servo import ServoAxis
 
 @dataclass(frozen=True)
 class Loss:
-    """One thing that is not in the exported file.
+    """A part of the model that is not in the exported file.
 
     Attributes
     ----------
@@ -24,7 +24,7 @@ class Loss:
 
     References
     ----------
-    MuJoCo XML reference, https://mujoco.readthedocs.io/en/stable/XMLreference.html: what a joint can hold.
+    MuJoCo XML reference, https://mujoco.readthedocs.io/en/stable/XMLreference.html: on what a joint can represent.
 
     Examples
     --------
@@ -59,28 +59,28 @@ def size_of(effect: Effect) -> str:
 
 
 def parts_of(axis: ServoAxis) -> list[Effect]:
-    """The law's terms and the effects that are not of neutral size."""
+    """The law's terms and the effects whose size is not neutral."""
     return [*axis.law.terms, *(e for e in axis.effects if e.magnitude != e.neutral)]
 
 
 def left_out(axis: ServoAxis, held: Callable[[Effect], bool], reason: str) -> list[Loss]:
-    """A loss for each term or effect that is not held."""
+    """A loss for each term or effect that is not represented."""
     return losses_of([e for e in parts_of(axis) if not held(e)], reason)
 
 
 def losses_of(lost: list[Effect], reason: str) -> list[Loss]:
-    """A loss for each effect, one for all hills of a learned torque."""
+    """A loss for each effect, with a single one for a learned torque."""
     hills = [e for e in lost if isinstance(e, LearnedTorque)]
     out = [Loss(e.name, size_of(e), reason) for e in lost if not isinstance(e, LearnedTorque)]
     if hills:
         most = max(abs(e.torque) for e in hills)
         over = " and over ".join(dict.fromkeys(e.over for e in hills))
-        out.append(Loss("learned_torque", f"{len(hills)} hills over {over}, up to {most:.6g} Nm", reason))
+        out.append(Loss("learned_torque", f"{len(hills)} basis functions over {over}, up to {most:.6g} Nm", reason))
     return out
 
 
 def lost_parts(axis: ServoAxis, *, timing: bool, transmission: bool, limit: bool) -> list[Loss]:
-    """Losses among drive, transmission and sensor; an argument says whether the format holds it."""
+    """Losses among drive, transmission and sensor; each argument says whether the format represents that part."""
     out = []
     if not timing and axis.drive.delay:
         out.append(Loss("drive delay", f"{axis.drive.delay:.6g} s", "the format has no dead time"))

@@ -1,4 +1,4 @@
-"""MJCF: the axis as a MuJoCo model of one joint, or of two where motor and load move apart."""
+"""MJCF: the axis as a MuJoCo model of one joint, or of two if motor and load move separately."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from whsklearn.systems._servo_step import body_of
 from whsklearn.systems.servo import ServoAxis, pack
 
 GRAVITY = 9.81
-# MuJoCo's step (s): friction and contacts are constraints that relax over a few steps, and are to be much
-# faster than any motion that a drive of 1 kHz can log (benchmarks/export.py, --steps)
+# MuJoCo's step (s): friction and contacts are constraints that relax over a few steps, which must be much faster than
+# any motion that a drive logs at 1 kHz (benchmarks/export.py, --steps)
 FINEST = 2.5e-4
 CREEP = 2e-3  # time constant of friction at rest (s), eight steps; MuJoCo's default of 20 ms creeps visibly
-BRISTLE = 1e-4  # rad: over which Stribeck's curve, which has no presliding, is reached where LuGre replaces it
+BRISTLE = 1e-4  # rad: presliding distance of LuGre where it replaces a Stribeck curve, which has none
 
-FAR = 1e3  # where a stop that is not there stands
+FAR = 1e3  # position of a stop that does not exist
 
 
 @dataclass
@@ -67,7 +67,7 @@ def mjcf(model: Exported, joint: str = "axis") -> tuple[str, list[Loss]]:
     load = axis.inertia * float(body_of(pack(axis)).share)
     amplitude, phase = m.gravity
     mass, arm = max(axis.inertia, 1e-6), 0.0
-    if amplitude:  # half of the inertia is that of a mass on an arm
+    if amplitude:  # half of the inertia is that of a mass on a lever
         arm = 0.5 * (load or axis.inertia) * GRAVITY / abs(amplitude)
         mass = abs(amplitude) / (GRAVITY * arm)
         phase += math.pi if amplitude < 0 else 0.0
@@ -85,7 +85,7 @@ def mjcf(model: Exported, joint: str = "axis") -> tuple[str, list[Loss]]:
 
 
 def mapped(axis: ServoAxis, linear: bool = False) -> Mjcf:
-    """What MuJoCo can hold of an axis, by its own means; the rest are ``losses``."""
+    """The parts of an axis that MuJoCo can represent with its own elements; the others are ``losses``."""
     packed = pack(axis)
     m = Mjcf(losses=lost_parts(axis, timing=True, transmission=True, limit=True))
     m.delay, first, second, _, m.limit = (float(x) for x in chain_of(packed))
@@ -99,7 +99,7 @@ def mapped(axis: ServoAxis, linear: bool = False) -> Mjcf:
         m.twist["frequency"] = math.sqrt(stiffness / reduced)
         m.twist["ratio"] = damping / (2.0 * math.sqrt(stiffness * reduced))
     if axis.sensor.resolution:
-        m.losses.append(Loss("encoder", f"step {axis.sensor.resolution:.6g} rad", "MuJoCo's sensors have no lattice"))
+        m.losses.append(Loss("encoder", f"step {axis.sensor.resolution:.6g} rad", "MuJoCo's sensors are not quantized"))
     effects = parts_of(axis)
     m.losses += losses_of([e for e in effects if e.name not in _HOLDERS], "MuJoCo has nothing like it")
     for effect in effects:
@@ -111,7 +111,7 @@ def mapped(axis: ServoAxis, linear: bool = False) -> Mjcf:
 
 
 def hold_in(m: Mjcf, effect: Effect, others: list[Effect]) -> None:
-    """Put one effect into ``m`` if MuJoCo has an equivalent; ``others`` are the other effects."""
+    """Add one effect to ``m`` if MuJoCo has an equivalent; ``others`` are the other effects."""
     if effect.name in _HOLDERS:
         _HOLDERS[effect.name](m, effect, others)
 
@@ -183,7 +183,7 @@ def _spring(m: Mjcf, e: Effect, others: list[Effect]) -> None:
 
 def _cubic(m: Mjcf, e: Effect, _: list[Effect]) -> None:
     if m.spring.get(3) and e.shape["centre"] != m.springref:
-        m.losses.append(Loss(e.name, size_of(e), "a joint has one spring, and its centre is taken"))
+        m.losses.append(Loss(e.name, size_of(e), "a joint has one spring, whose centre is already used"))
         return
     m.springref = e.shape["centre"]
     m.spring[3] = m.spring.get(3, 0.0) + e.magnitude
@@ -191,12 +191,12 @@ def _cubic(m: Mjcf, e: Effect, _: list[Effect]) -> None:
 
 def _stop(m: Mjcf, e: Any, _: list[Effect]) -> None:
     if e.shape.get("relaxation"):
-        m.losses.append(Loss(e.name, size_of(e), "held without its damping: a tendon has none in contact alone"))
+        m.losses.append(Loss(e.name, size_of(e), "held without its damping: a tendon cannot be damped in contact only"))
     m.stops.append((e.magnitude, *np.clip(e.ends, -FAR, FAR)))
 
 
 def _part(m: Mjcf, e: Effect, _: list[Effect]) -> None:
-    """Held by a part of the axis: limit, delay, lag, transmission."""
+    """Effects represented by a part of the axis: limit, delay, lag, transmission."""
 
 
 _HOLDERS = {

@@ -27,9 +27,9 @@ class Exported:
     chain : CodedChain or None
         One of the two.
     units : dict of str to str
-        Of the columns that code takes and gives, ``input`` and ``output``; empty where unknown. The numbers are in SI.
+        Of the columns ``input`` and ``output`` of the generated code; empty if unknown. The numbers are in SI.
     logged : str
-        What the model answers with: position, velocity or output.
+        The output of the model: position, velocity or output.
     """
 
     axis: ServoAxis | None = None
@@ -39,17 +39,19 @@ class Exported:
 
     @property
     def factors(self) -> tuple[float, float]:
-        """What brings the columns of input and output to SI."""
+        """Factors that convert the columns of input and output to SI."""
         return factor_of(self.units.get("input", ""))[0], factor_of(self.units.get("output", ""))[0]
 
     @property
     def si(self) -> tuple[str, str]:
-        """SI symbols of drive and motion, as robot descriptions use them; Nm and rad where the units are unknown."""
+        """SI symbols of drive and motion, as robot descriptions use them; Nm and rad if the units are unknown."""
         drive, motion = (factor_of(self.units.get(k, ""))[1] for k in ("input", "output"))
         return drive or "Nm", motion.removesuffix("/s") or "rad"
 
     def told(self, losses: list[Loss]) -> list[Loss]:
-        """Losses whose sizes, so far in Nm and rad, say the SI symbols of this model; a phase is an angle on any."""
+        """Losses with their sizes, so far in Nm and rad, in the SI symbols of this model; a phase is always an
+        angle.
+        """
         own = dict(zip(("Nm", "rad"), self.si, strict=True))
 
         def spelled(size: str) -> str:
@@ -58,14 +60,14 @@ class Exported:
         return [dataclasses.replace(loss, size=spelled(loss.size)) for loss in losses]
 
     def foreign(self) -> list[Loss]:
-        """Units that a format in Nm or N and rad or m cannot take: a current, counts, or an unknown unit."""
+        """Units that a format in Nm or N and rad or m does not support: a current, counts, or an unknown unit."""
         out = []
         for what, column, symbol, wanted in (
             ("drive", "input", self.si[0], ("Nm", "N")),
             ("position", "output", self.si[1], ("rad", "m")),
         ):
             if not self.units.get(column):
-                out.append(Loss(f"unit of the {what}", "not stated", f"taken for {wanted[0]}, which is the format's"))
+                out.append(Loss(f"unit of the {what}", "not stated", f"taken to be {wanted[0]}, as in the format"))
             elif symbol not in wanted:
                 how = "by the torque constant" if symbol == "A" else f"to {wanted[0]} for each {symbol}"
                 out.append(
@@ -87,7 +89,7 @@ class Exported:
         return self.units.get("output", "rad").split("/")[0] in ("m", "mm", "um")
 
     def need_axis(self, what: str) -> ServoAxis:
-        """The axis, or a sentence why there is none."""
+        """The axis; raises with a reason if there is none."""
         if self.axis is None:
             raise ValueError(
                 f"{what} describes a mechanical axis, and this model is a chain; export it to c, st or fmu."
@@ -96,7 +98,8 @@ class Exported:
 
 
 def as_exported(model: Any) -> Exported:
-    """Whatever holds a model: a file of `load_model`, a `ServoAxis`, a `WienerHammersteinSystem`, an identified model.
+    """Convert a model to `Exported`: a file for `load_model`, a `ServoAxis`, a `WienerHammersteinSystem`, an identified
+    model.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Ranges for domain randomisation: how far the numbers of a MuJoCo joint lie apart over records of several units."""
+"""Ranges for domain randomisation: the spread of the numbers of a MuJoCo joint over several units of one kind."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from typing import Any
 
 from whsklearn.logs.files import atomic_write
 
-# What MuJoCo calls a number of an axis; none of them can be below zero.
+# MuJoCo's names of the numbers of an axis; none of them can be negative.
 HELD = {"inertia": "inertia", "viscous": "damping", "coulomb": "frictionloss", "cable_spring": "stiffness"}
-DEVIATIONS = 2.0  # either way: 95 % of units of which these were drawn
+DEVIATIONS = 2.0  # in each direction: 95 % of the population of units
 
 
 def ranges_of(comparison: dict[str, Any]) -> dict[str, dict[str, Any]]:
     """MuJoCo's name of a number -> its range over units, in SI.
 
-    The range is two deviations either way of the mean, where the deviation is that between records beyond the one
-    within them, and what is not known of the mean itself.
+    The range is the mean plus or minus two standard deviations; the variance is that between records beyond that within
+    them, plus the uncertainty of the mean.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ def ranges_of(comparison: dict[str, Any]) -> dict[str, dict[str, Any]]:
     Raises
     ------
     ValueError
-        If it has no numbers of several records.
+        If it does not contain numbers of several records.
 
     Examples
     --------
@@ -53,7 +53,7 @@ def ranges_of(comparison: dict[str, Any]) -> dict[str, dict[str, Any]]:
 
 
 def write_ranges(comparison: str | os.PathLike[str], model: Path) -> Path:
-    """Write the ranges of a ``compare.json`` beside a model's file; returns their path."""
+    """Write the ranges of a ``compare.json`` beside a model's file; return their path."""
     data = json.loads(Path(comparison).read_text(encoding="utf-8"))
     path = model.with_suffix(".ranges.json")
     atomic_write(path, (json.dumps(ranges_of(data), indent=2) + "\n").encode())

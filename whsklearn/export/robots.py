@@ -1,4 +1,4 @@
-"""URDF and Isaac Lab: what robot descriptions hold of an axis."""
+"""URDF and Isaac Lab: the parts of an axis that robot descriptions represent."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def isaac(model: Exported, joint: str = "axis") -> tuple[str, list[Loss]]:
     effects = parts_of(axis)
     dry, peak = total(effects, "coulomb"), total(effects, "stribeck")
     if peak:
-        losses.append(Loss("stribeck", f"torque {peak:.6g} Nm", "held as static friction: its velocity is not"))
+        losses.append(Loss("stribeck", f"torque {peak:.6g} Nm", "held as static friction, without its velocity"))
     samples = delay * axis.sample_rate
     if abs(samples - round(samples)) > 1e-3:
         losses.append(

@@ -1,14 +1,14 @@
-"""Compiled equations as straight-line code of another language, with everything that is known in advance worked out.
+"""Compiled equations as straight-line code of another language, with everything that is known in advance evaluated.
 
-The effects' equations and the integrator exist once, as Python functions that Numba compiles.  An exported model
-must not write them down again, so it is made of the same functions: `Specialiser` walks their syntax trees with
-the model's numbers bound (online partial evaluation; Jones, Gomard, Sestoft 1993, Partial Evaluation and Automatic
-Program Generation, ch. 4), folds what is constant, unrolls loops over effects, inlines calls, and writes the rest
-with the operators of a `whsklearn.export.languages.Language`.
+The effects' equations and the integrator exist once, as Python functions that Numba compiles.  An exported model must
+not duplicate them, so it is generated from the same functions: `Specialiser` walks their syntax trees with the model's
+numbers bound (online partial evaluation; Jones, Gomard, Sestoft 1993, Partial Evaluation and Automatic Program
+Generation, ch. 4), folds constants, unrolls loops over effects, inlines calls, and writes the remaining operations in a
+`whsklearn.export.languages.Language`.
 
-Every name that is assigned becomes a new variable (static single assignment), and the values of both branches of
-an ``if`` meet in one.  Understood: numbers, tuples, arrays with known indices, ``if``, ``for`` over a known range,
-``math`` and ``abs min max int float``.
+Every name that is assigned becomes a new variable (static single assignment), and the values of both branches of an
+``if`` are merged. Supported: numbers, tuples, arrays with known indices, ``if``, ``for`` over a known range, ``math``
+and ``abs min max int float``.
 """
 
 from __future__ import annotations
@@ -44,19 +44,19 @@ class Specialiser:
     ----------
     language : Language
     prefix : str
-        Begins the name of every variable.
+        Prefix of every variable name.
     wave : callable, optional
-        ``wave(name, i, argument)`` writes a sine or cosine of the motion by what slot i of the state remembers of the
-        last one; without it every one is a call of the language's own.
+        ``wave(name, i, argument)`` writes a sine or cosine of the motion from the previous one in slot i of the state;
+        without it, each is a function call.
 
     Attributes
     ----------
     statements : list of Set and If
-        What was written so far.
+        Statements written so far.
     variables : dict of str to str
-        Kind of every variable they use.
+        Kinds of the variables in use.
     waves : dict of str to int
-        Slot of every argument whose sine or cosine is remembered.
+        Slots of the arguments whose sine or cosine is stored.
 
     Examples
     --------
@@ -73,7 +73,7 @@ class Specialiser:
         self.prefix = prefix
         self.wave = wave
         self.waves: dict[str, int] = {}
-        self.meaning: dict[str, tuple[str, set[str]]] = {}  # of a variable: expression, all that it depends on
+        self.meaning: dict[str, tuple[str, set[str]]] = {}  # per variable: expression, and all that it depends on
         self.statements: list[Any] = []
         self.variables: dict[str, str] = {}
         self.globals: dict[str, Any] = {}
@@ -107,7 +107,7 @@ class Specialiser:
         return rendered(statements, self.language), {v: k for v, k in self.variables.items() if v in alive}
 
     def bind(self, hint: str, value: Any) -> Any:
-        """The value under a name of its own, so that its expression is computed once."""
+        """Assign the value to a new variable, so that its expression is computed once."""
         if isinstance(value, tuple) and not isinstance(value, Symbol):
             parts = [self.bind(hint, v) for v in value]
             return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
@@ -126,13 +126,13 @@ class Specialiser:
     # -- functions --------------------------------------------------------------------
 
     def call(self, function: Any, *arguments: Any) -> Any:
-        """Inline a function of plain Python or Numba; what it returns, a tuple where it returns one."""
+        """Inline a function of plain Python or Numba, and return its value or tuple of values."""
         if isinstance(function, OneOf):
             function, arguments = function.functions[int(arguments[0])], arguments[1:]
         function = getattr(function, "py_func", function)
         tree = ast.parse(textwrap.dedent(inspect.getsource(function))).body[0]
         if not isinstance(tree, ast.FunctionDef):
-            raise ValueError(f"{function!r} is no function that can be exported; write it with def.")
+            raise ValueError(f"{function!r} cannot be exported; define it with def.")
         names = [a.arg for a in tree.args.args]
         if len(names) != len(arguments):
             raise ValueError(f"{function.__name__} takes {len(names)} arguments, got {len(arguments)}.")
@@ -149,7 +149,7 @@ class Specialiser:
     # -- statements -------------------------------------------------------------------
 
     def _block(self, body: list[ast.stmt], env: dict[str, Any]) -> tuple[bool, Any]:
-        """Write statements; (whether they returned, what)."""
+        """Write statements; return whether they returned, and their value."""
         for k, s in enumerate(body):
             rest = body[k + 1 :]
             if isinstance(s, ast.Return):
@@ -172,14 +172,14 @@ class Specialiser:
                 load = ast.copy_location(ast.parse(ast.unparse(s.target), mode="eval").body, s)
                 self._assign(s.target, self._value(ast.BinOp(load, s.op, s.value), env), env)
             elif isinstance(s, ast.Expr):
-                if not isinstance(s.value, ast.Constant):  # a docstring is one
+                if not isinstance(s.value, ast.Constant):  # such as a docstring
                     self._value(s.value, env)
             elif not isinstance(s, ast.Pass):
                 raise ValueError(f"Line {ast.unparse(s)!r} cannot be exported; write it with if, for and assignments.")
         return False, None
 
     def _unrolled(self, s: ast.For, env: dict[str, Any]) -> list[ast.stmt]:
-        """The passes of a loop one after the other."""
+        """Unroll a loop."""
         call = s.iter
         if not (isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id == "range"):
             raise ValueError(f"The loop over {ast.unparse(s.iter)!r} cannot be exported; loop over a range.")
@@ -193,7 +193,7 @@ class Specialiser:
         return out
 
     def _branch(self, test: Symbol, body: list[ast.stmt], orelse: list[ast.stmt], env: dict[str, Any]) -> Any:
-        """Write both ways of an if, and bring names and results together; the result."""
+        """Write both branches of an if, merge names and results, and return the result."""
         outside = self.statements
         sides = []
         for statements in (body, orelse):
@@ -210,7 +210,7 @@ class Specialiser:
         return result
 
     def _merge(self, hint: str, a: Any, b: Any, yes: list[Any], no: list[Any]) -> Any:
-        """One value for both sides."""
+        """Merge the values of both branches."""
         if a is b or (isinstance(a, Symbol) and isinstance(b, Symbol) and a.text == b.text):
             return a
         if isinstance(a, tuple) and not isinstance(a, Symbol) and isinstance(b, tuple) and len(a) == len(b):
@@ -268,7 +268,7 @@ class Specialiser:
 
     def _subscript(self, e: ast.Subscript, env: dict[str, Any]) -> Any:
         whole, index = self._value(e.value, env), self._value(e.slice, env)
-        if isinstance(whole, Memory):  # read now: what is stored may change before it is used
+        if isinstance(whole, Memory):  # read now, because the stored value may change before it is used
             kept = whole.name(*_indices(index))
             if not kept:
                 return 0.0
@@ -309,7 +309,7 @@ class Specialiser:
         if op == "Div":
             if zero_a:
                 return 0.0
-            if not isinstance(b, Symbol):  # a product is five times faster and right to the last bit but one
+            if not isinstance(b, Symbol):  # a product is five times faster and accurate to the last bit but one
                 return self.binary("Mult", a, 1.0 / b)
         if op == "Pow":
             if not isinstance(b, Symbol) and b in (2, 3):
@@ -369,7 +369,7 @@ class Specialiser:
             return self.call(function, *arguments)
         if not any(isinstance(a, Symbol) for a in arguments):
             return function(*arguments)
-        if name in ("min", "max"):  # a limit that is infinite is none
+        if name in ("min", "max"):  # an infinite limit has no effect
             never = math.inf if name == "min" else -math.inf
             arguments = [a for a in arguments if isinstance(a, Symbol) or a != never]
         if len(arguments) == 1 and name in ("min", "max", "float"):
@@ -381,7 +381,7 @@ class Specialiser:
         return Symbol(self.language.function(name, [self.text(a) for a in arguments]))
 
     def _remembered(self, name: str, argument: str) -> str:
-        """A sine or cosine of the motion; branches that need the same one share its slot."""
+        """A sine or cosine of the motion; branches that need the same one share a slot."""
         assert self.wave is not None
         whole = self.meaning[argument][0] if argument in self.meaning else argument
         slot = self.waves.setdefault(whole, len(self.waves))

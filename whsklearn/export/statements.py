@@ -1,4 +1,6 @@
-"""Statements that `whsklearn.export.specialise.Specialiser` writes: kept as values until it is known who needs them."""
+"""Statements that `whsklearn.export.specialise.Specialiser` writes, kept as values until it is known which are
+needed.
+"""
 
 from __future__ import annotations
 
@@ -11,9 +13,9 @@ from whsklearn.export.languages import Language
 
 
 class Symbol(NamedTuple):
-    """An expression that is known only when the code runs; ``kind`` is ``real`` or ``bool``.
+    """An expression whose value is known only at run time; ``kind`` is ``real`` or ``bool``.
 
-    A product with a constant keeps its ``factor`` and what it multiplies, so that the next one joins it.
+    A product with a constant keeps the ``factor`` and the other operand, so that further constant factors are merged.
     """
 
     text: str
@@ -23,7 +25,7 @@ class Symbol(NamedTuple):
 
 
 class Set(NamedTuple):
-    """An assignment; ``kept`` if the name is of the state and outlives the code."""
+    """An assignment; ``kept`` if the name belongs to the state and is kept between samples."""
 
     name: str
     text: str
@@ -40,14 +42,16 @@ class If(NamedTuple):
 
 @dataclass(frozen=True)
 class Memory:
-    """An array of the generated code's state: element (i, j) is called ``name(i, j)``, empty if nobody reads it."""
+    """An array of the generated code's state: element (i, j) is called ``name(i, j)``, which is empty if it is never
+    read.
+    """
 
     name: Callable[..., str]
 
 
 @dataclass(frozen=True)
 class OneOf:
-    """Effects of one's own: called with the number of the function first, as compiled kernels do."""
+    """User-defined effects, called with the index of the function first, as in compiled kernels."""
 
     functions: tuple[Callable[..., float], ...]
 
@@ -58,7 +62,7 @@ def identifiers(text: str) -> set[str]:
 
 
 def used(statements: list[Any]) -> set[str]:
-    """Every name that some expression reads."""
+    """Every name that is read by some expression."""
     out: set[str] = set()
     for s in statements:
         if isinstance(s, Set):
@@ -69,7 +73,7 @@ def used(statements: list[Any]) -> set[str]:
 
 
 def _pruned(statements: list[Any], used: set[str]) -> list[Any]:
-    """Without assignments that nobody reads and without empty ifs."""
+    """Remove assignments that are never read, and empty ifs."""
     out: list[Any] = []
     for s in statements:
         if isinstance(s, Set):

@@ -31,10 +31,10 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
     Torque = Callable[[Array], Array]
 
-ENTRIES = 3600  # of cogging.csv: a tenth of a degree
+ENTRIES = 3600  # entries of cogging.csv: one per tenth of a degree
 _FINE = 36_000  # angles of a turn at which the replay compares table and model
-# A fitted order is never whole.  Rounded by this much, a wave slips by 3.6 degrees in a turn and leaves 4 % of itself;
-# orders that are fractional by construction, with a gear in between, are further off.
+# A fitted order is never whole.  Rounding by this much shifts a wave by 3.6 degrees per turn and leaves 4 % of it;
+# orders that are fractional by construction, because of a gear, are further off.
 NEARLY_WHOLE = 0.01
 _KEBA_ENTRIES = 250
 _TF5200_ENTRIES = 20
@@ -43,14 +43,14 @@ _MILLIDEGREE = math.radians(1e-3)
 
 
 class Ratings(NamedTuple):
-    """What turns torques into a drive's own units; None leaves out what needs it.
+    """Ratings that convert torques to a drive's units; tables that need a value of None are left out.
 
     Attributes
     ----------
     torque : float or None
         Rated torque of the motor (Nm or N).
     constant : float or None
-        Nm (or N) for each ampere.
+        Nm (or N) per ampere.
     speed : float
         Highest speed of the friction tables (rad/s or m/s).
 
@@ -113,8 +113,8 @@ def write_tables(model: Exported, out: Path, ratings: Ratings) -> tuple[list[Pat
     asked = waves
     waves = [_of_a_whole_order(w) for w in asked]
     changed = [w for w, whole in zip(asked, waves, strict=True) if whole is not w]
-    losses = model.told(losses_of(rest, "no table holds it"))
-    losses += model.told(losses_of(changed, "written with a whole order, which every turn repeats"))
+    losses = model.told(losses_of(rest, "no table can represent it"))
+    losses += model.told(losses_of(changed, "written with a whole order, so that it repeats every turn"))
     out.mkdir(parents=True, exist_ok=True)
     paths: list[Path] = []
     left: list[Left] = []
@@ -189,7 +189,7 @@ def divided(axis: ServoAxis) -> tuple[list[Effect], list[Effect], list[Effect]]:
         if effect.place == "sensor" or not compensated(effect.code):
             rest.append(effect)
             continue
-        with np.errstate(invalid="ignore", divide="ignore"):  # a delay needs a time that passes, and is NaN without
+        with np.errstate(invalid="ignore", divide="ignore"):  # a delay needs time, and is NaN without it
             table = np.array([torque_of([effect], angles, np.array([v])) for v in speeds])
         if not np.isfinite(table).all():
             rest.append(effect)
@@ -206,18 +206,18 @@ def divided(axis: ServoAxis) -> tuple[list[Effect], list[Effect], list[Effect]]:
 
 
 def _of_a_whole_order(wave: Effect) -> Effect:
-    """The wave with its order rounded, where it has one."""
+    """The wave with its order rounded, if it has one."""
     order = float(getattr(wave, "order", 1.0))
     return wave if order == round(order) else replace(wave, order=float(round(order)))  # type: ignore[call-arg]
 
 
 def torque_of(effects: list[Effect], position: Array, velocity: Array) -> Array:
-    """The torque that some effects ask for, at positions and velocities that broadcast, in the model's units."""
+    """The torque of some effects at positions and velocities, which are broadcast, in the model's units."""
     return np.asarray(sum(e.value(position=position, velocity=velocity) for e in effects))
 
 
 def _rated(ratings: Ratings, unit: str) -> float | None:
-    """The rated torque in the unit of the tables: a current where the drive is one."""
+    """The rated torque in the unit of the tables: a current if the drive is a current."""
     if ratings.torque is None or unit != "A":
         return ratings.torque
     return None if ratings.constant is None else ratings.torque / ratings.constant
@@ -228,7 +228,7 @@ def _rows(x: Array, y: Array) -> list[str]:
 
 
 def _both_ways(torque: Torque, speeds: Array) -> Array:
-    """Half of what the two directions differ by: a list of positive speeds serves both."""
+    """Half the difference between the two directions: a list of positive speeds is used for both."""
     return 0.5 * (torque(speeds) - torque(-speeds))
 
 
@@ -241,7 +241,9 @@ def _tf5200(speeds: NDArray[np.int64], values: NDArray[np.int64]) -> list[str]:
 
 
 def _three(torque: Torque, top: float) -> Array:
-    """Three speeds that tell most of a friction curve: next to rest, where it is least or bends most, and the top."""
+    """Three speeds that describe a friction curve best: near rest, at its minimum or strongest bend, and the
+    highest.
+    """
     v = top * np.geomspace(5e-3, 1, 60)
     f = _both_ways(torque, v)
     best = min(range(1, 59), key=lambda i: float(np.sum((np.interp(v, v[[0, i, -1]], f[[0, i, -1]]) - f) ** 2)))
@@ -249,7 +251,7 @@ def _three(torque: Torque, top: float) -> Array:
 
 
 def _over_a_turn(name: str, torque: Torque, tabled: Torque, entries: int, *, hold: bool) -> Left:
-    """A table read back at fine angles of one turn, an entry held until the next one or joined to it by a line."""
+    """Evaluate a table at fine angles of one turn, holding each entry until the next or interpolating linearly."""
     angle = np.arange(_FINE) * 2 * np.pi / _FINE
     known = torque(angle)
     at = angle * entries / (2 * np.pi)
@@ -259,7 +261,7 @@ def _over_a_turn(name: str, torque: Torque, tabled: Torque, entries: int, *, hol
 
 
 def _over_speed(name: str, torque: Torque, speeds: Array, top: float, read: Array) -> Left:
-    """A friction table read back at fine speeds of both directions; one of positive speeds serves both."""
+    """Evaluate a friction table at fine speeds of both directions; a table of positive speeds is used for both."""
     fine = top * np.concatenate([-np.geomspace(1, 2e-3, 500), np.geomspace(2e-3, 1, 500)])
     known = torque(fine)
     table = np.interp(fine, speeds, read) if speeds[0] < 0 else np.sign(fine) * np.interp(np.abs(fine), speeds, read)

@@ -23,6 +23,11 @@ def titled(name: str, unit: str) -> str:
     return f"{name} ({unit})" if unit else name
 
 
+def _legend(axes: Any) -> None:
+    """The legend above the axes, where it covers no line."""
+    axes.legend(frameon=False, fontsize=8, ncols=3, loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
+
+
 def draw(d: Diagnosis) -> list[tuple[str, str, str]]:
     """(title, caption, SVG in base 64) of every picture that the diagnosis has data for."""
     out = []
@@ -138,7 +143,7 @@ def _overlay(axes: Any, d: Diagnosis) -> bool:
         axes.plot(t[part], p["runs"]["after"][part], color=AFTER, lw=1.2, ls="--", label="model after")
     axes.fill_between(t[part], y[part], p["runs"]["before"][part], color=BEFORE, alpha=0.2, lw=0)
     axes.set(xlabel=titled("time", p.get("clock", "s")), ylabel=titled(p.get("output", "position"), p["units"][1]))
-    axes.legend(frameon=False, fontsize=8)
+    _legend(axes)
     return True
 
 
@@ -152,7 +157,7 @@ def _of_joint(joint: str) -> Callable[[Any, Diagnosis], bool]:
         if d.repaired:
             axes.plot(time, after, color=AFTER, lw=0.8, label="missing after")
         axes.set(xlabel="time (s)", ylabel=titled(f"drive of {joint}", d.pictures["units"][0]))
-        axes.legend(frameon=False, fontsize=8)
+        _legend(axes)
         return True
 
     painter.__name__ = f"joint {joint}"
@@ -169,7 +174,7 @@ def _over_time(axes: Any, d: Diagnosis) -> bool:
     floor = noise / before * float(np.sqrt(np.mean(p["gap_before"][keep] ** 2))) if before > 0.0 else p["floor"]
     axes.axhspan(-2 * floor, 2 * floor, color=FLOOR, alpha=0.3, lw=0, label="twice the noise floor")
     axes.set(xlabel=titled("time", p.get("clock", "s")), ylabel=titled(p["what"], p.get("gap_unit", p["units"][0])))
-    axes.legend(frameon=False, fontsize=8)
+    _legend(axes)
     return True
 
 
@@ -199,7 +204,7 @@ def _where(axes: Any, d: Diagnosis) -> bool:
         axes.plot(centres, mean(after), color=FLOOR, lw=1, label="left after")
     axes.axhline(0, color=FLOOR, lw=0.6)
     axes.set(xlabel=titled(name, best.unit), ylabel=titled(p["what"], p.get("gap_unit", p["units"][0])))
-    axes.legend(frameon=False, fontsize=8)
+    _legend(axes)
     return True
 
 
@@ -295,7 +300,7 @@ def _spectrum(axes: Any, d: Diagnosis) -> bool:
         xlabel=titled("frequency", "Hz" if p.get("clock", "s") == "s" else "cycles a sample"),
         ylabel=titled("amplitude", p.get("gap_unit", p["units"][0])),
     )
-    axes.legend(frameon=False, fontsize=8)
+    _legend(axes)
     return True
 
 
@@ -309,7 +314,7 @@ def _map(axes: Any, d: Diagnosis) -> bool:
     axes.axhline(0, color=FLOOR, lw=0.6)
     axes.set(xlabel="angle in the turn (deg)", ylabel=titled("size", families[0].amplitude_unit), xlim=(0, 360))
     axes.set_xticks(range(0, 361, 60))
-    axes.legend(frameon=False, fontsize=8)
+    _legend(axes)
     return True
 
 
@@ -324,5 +329,5 @@ def _orders(axes: Any, d: Diagnosis) -> bool:
         xlabel="order (periods in 2 pi of x)" if "window" in p else "order (periods a turn)",
         ylabel=titled("amplitude", p.get("gap_unit", p["units"][0])),
     )
-    axes.legend(frameon=False, fontsize=8)
+    _legend(axes)
     return True

@@ -1,4 +1,4 @@
-"""Which structure fits a record: linear, Wiener-Hammerstein, an axis as physics; and arms of several axes."""
+"""Structure selection for a record: linear, Wiener-Hammerstein, or a physical axis; and arms with several axes."""
 
 from whsklearn.identification.arm_fit import ArmFit, identify_arm
 from whsklearn.identification.compare import Compared, Identification, identify

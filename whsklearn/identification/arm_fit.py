@@ -25,38 +25,38 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-# Of a record, each omitted once for the spread of the numbers.  Between two records of 14 arms of six joints, on which
-# nothing had changed, numbers differ by 0.9 standard errors (rms), by 1.9 if errors count as white, with one of 37 by
-# more than five (`benchmarks.blind_arms --numbers`).
+# Blocks of a record, each omitted once for the spread of the numbers. Between two records of 14 unchanged arms of six
+# joints, numbers differ by 0.9 standard errors (rms), or by 1.9 if errors are taken to be white, with one in 37 beyond
+# five (`benchmarks.blind_arms --numbers`).
 N_LEFT_OUT = 20
 # Standard errors above zero at which friction is said to grow with the torque, or to act along two joints: Student's t
 # over 20 blocks is beyond it once in 25,000 joints that have none.
 GROWS = 5.0
 SAME = 1e-9  # of the largest singular value: below it, columns are combinations of each other
-DIGITS = 4  # of a model's numbers that tells no errors
+DIGITS = 4  # of the numbers of a model without standard errors
 ROUNDING = 1e-12  # of the largest eigenvalue of a correlation matrix
-BLOCKS = 10  # of a record, one after the other; every second one is held out, and then the others
+BLOCKS = 10  # blocks of a record; every second one is held out, and then the others
 
 
 @dataclass(frozen=True)
 class ArmFit:
-    """What `identify_arm` found.
+    """The result of `identify_arm`.
 
     Attributes
     ----------
     model : ArmModel
     lags : RigidBodyLags
-        As fitted: filter, base columns, weights of the joints.
+        As used in the fit: filter, base columns, weights of the joints.
     missing : dict of str to float
         For each joint, the rms error on held-out blocks as a share of its rms drive, without slow samples.
     alone : dict of str to float
-        The same where the joint is an axis of its own: inertia, friction, offset.
+        The same for each joint as a single axis: inertia, friction, offset.
     nominal : dict of str to float
-        Base numbers by the robot's file; none where it names no mass.
+        Base numbers of the robot's file; empty if it gives no mass.
     covariance : ndarray of shape (b, b)
         Of the base numbers.
     ages : dict of str to float
-        For each joint that moves, by how much its drive acts later than it is logged (s).
+        For each moving joint, the delay between its logged drive and its action (s).
 
     References
     ----------
@@ -81,7 +81,7 @@ class ArmFit:
     ages: dict[str, float]
 
 
-@threadpool_limits.wrap(limits=1, user_api="blas")  # two take twice the CPU and sum in another order
+@threadpool_limits.wrap(limits=1, user_api="blas")  # two threads take twice the CPU and sum in another order
 def identify_arm(
     position: ArrayLike, drive: ArrayLike, *, dt: float, robot: Any, groups: ArrayLike | None = None, **settings: Any
 ) -> ArmFit:
@@ -174,13 +174,13 @@ def _shown(
     before = with_ages(phi, keep, rate)[0], target, keep
     driven = any(isinstance(e, LoadFriction) for row in more.values() for e in row)
     growing, asked = list(more), 0
-    while growing and len(growing) != asked:  # until all that are fitted together are sure
+    while growing and len(growing) != asked:  # until all of those fitted together are significant
         asked = len(growing)
         beside = effects | {a: (*effects.get(a, ()), *more[a]) for a in growing}
         own = clone(lags).set_params(effects=beside, cutoff=lags.cutoff_)
         for drive in (predicted, torque) if driven else (torque,):
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore", UserWarning)  # joints at rest were told of already
+                warnings.simplefilter("ignore", UserWarning)  # joints at rest were already reported
                 phi = own.joint_rows(np.hstack([q, drive]), torque, groups)[0]
             weights = own._weights(phi, target, keep)
             with_them = with_ages(phi, keep, rate)[0], target, keep
@@ -188,7 +188,7 @@ def _shown(
             at = {a: [column.get(f"{a}.{e.name}", -1) for e in more[a]] for a in growing}
             theta, white = fitted(*with_them, weights)
             growing = [a for a, i in at.items() if min(i) >= 0 and _sure(theta, white, i)]
-            if len(growing) < asked:  # errors by blocks are no smaller, and cost more
+            if len(growing) < asked:  # errors by blocks are no smaller, and take longer
                 break
             covariance = _with_blocks(*with_them, weights)[1]
             less = held_out(*with_them, weights) < held_out(*before, weights)
@@ -204,9 +204,10 @@ def _sure(theta: Array, covariance: Array, columns: list[int]) -> bool:
 
 
 def with_ages(phi: Array, keep: NDArray[np.bool_], rate: Array) -> tuple[Array, NDArray[np.int64]]:
-    """Columns with the ages of the drives of the joints that move, and which these are.
+    """Columns extended by the drive ages of the moving joints, and the list of these joints.
 
-    A drive is held for a sample, and logged late or early: beside its age, friction and inertia are what they are.
+    A drive is held over a sample and logged late or early; with its age in the fit, friction and inertia are not
+    biased.
     """
     moving = np.flatnonzero(np.any(keep & (rate != 0.0), axis=0))
     return np.concatenate([phi, rate[:, :, None] * np.eye(rate.shape[1])[:, moving]], axis=2), moving
@@ -220,7 +221,7 @@ def _with_blocks(phi: Array, target: Array, keep: NDArray[np.bool_], weights: Ar
 
 
 def blocks_of(keep: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """To which of `N_LEFT_OUT` blocks of a record each row that counts belongs."""
+    """The block of the record, of `N_LEFT_OUT`, to which each used row belongs."""
     block = np.arange(len(keep)) * N_LEFT_OUT // len(keep)
     return np.broadcast_to(block[:, None], keep.shape)[keep]
 
@@ -228,9 +229,9 @@ def blocks_of(keep: NDArray[np.bool_]) -> NDArray[np.int64]:
 def fitted(
     phi: Array, target: Array, keep: NDArray[np.bool_], weights: Array, known: Array | None = None
 ) -> tuple[Array, Array]:
-    """Weights of the columns and their covariance, by weighted least squares over the rows that count.
+    """Weights of the columns and their covariance, by weighted least squares over the used rows.
 
-    ``known`` (r, p) are further rows, of which the target is zero (`Known`).
+    ``known`` (r, p) are further rows with target zero (`Known`).
     """
     rows, y = (phi * weights[:, None])[keep], (target * weights)[keep]
     if known is not None:
@@ -240,17 +241,18 @@ def fitted(
 
 
 def block_covariance(rows: Array, error: Array, block: NDArray[np.int64], white: Array) -> Array:
-    """Covariance of least-squares weights whose errors are neither white nor normal: those of a real arm repeat.
+    """Covariance of least-squares weights for errors that are neither white nor normal, because those of a real arm
+    repeat.
 
-    Each block of rows is omitted in turn, and the spread of the weights is that of the fits to the others.  It is at
-    least ``white`` along every direction, as there are fewer blocks than weights.
+    Each block of rows is omitted in turn, and the covariance is the spread of the fits to the others. It is at least
+    ``white`` in every direction, because there are fewer blocks than weights.
 
     Parameters
     ----------
     rows : ndarray of shape (m, p)
         Weighted.
     error : ndarray of shape (m,)
-        What the fit leaves of them.
+        Residuals of the fit.
     block : ndarray of int, shape (m,)
         To which each row belongs.
     white : ndarray of shape (p, p)
@@ -273,7 +275,7 @@ def block_covariance(rows: Array, error: Array, block: NDArray[np.int64], white:
     """
     deviation = np.sqrt(error @ error / max(len(error) - rows.shape[1], 1))
     scale = 1.0 / deviation if deviation > 0.0 else 0.0
-    unit = _root(white)  # in these weights the rows are orthonormal
+    unit = _root(white)  # with these weights the rows are orthonormal
     return _wider(unit, _spread(rows @ unit * scale, error * scale, block))
 
 
@@ -285,7 +287,9 @@ def _root(covariance: Array) -> Array:
 
 
 def _spread(rows: Array, error: Array, block: NDArray[np.int64]) -> Array:
-    """Covariance (p, p) of weights of which the whole information is one, by leaving out each block of rows in turn."""
+    """Covariance (p, p) of weights whose total information is the identity, by leaving out each block of rows in
+    turn.
+    """
     moved = []
     for b in np.unique(block):
         own = rows[block == b]
@@ -296,14 +300,14 @@ def _spread(rows: Array, error: Array, block: NDArray[np.int64]) -> Array:
 
 
 def _wider(unit: Array, spread: Array) -> Array:
-    """The covariance ``unit unit'``, wider in every direction in which ``spread`` is above one."""
+    """The covariance ``unit unit'``, widened in every direction in which ``spread`` exceeds one."""
     values, turned = np.linalg.eigh(spread)
     half = unit @ turned * np.sqrt(np.maximum(values, 1.0))
     return np.asarray(half @ half.T)
 
 
 class Known(NamedTuple):
-    """What another record knows of the weights: ``root`` (r, p) times (weights - values) has unit variance.
+    """Prior knowledge of the weights from another record: ``root`` (r, p) times (weights - values) has unit variance.
 
     ``covariance`` (p, p) is that of the values, zero where nothing is known.
 
@@ -323,9 +327,9 @@ class Known(NamedTuple):
 
     @classmethod
     def of(cls, model: ArmModel, names: Sequence[str]) -> Known:
-        """From a model, in the order of ``names``; of the offsets of the drives, each record's own, nothing is known.
+        """From a model, in the order of ``names``; nothing is known of drive offsets, which differ between records.
 
-        A model without a covariance is taken to be right in its first `DIGITS` digits.
+        A model without a covariance is taken to be correct in its first `DIGITS` digits.
         """
         own = list(model.numbers)
         if missing := [n for n in names if n not in model.numbers]:
@@ -346,23 +350,25 @@ class Known(NamedTuple):
 
 
 def updated(rows: Array, target: Array, block: NDArray[np.int64], known: Array) -> tuple[Array, Array, float]:
-    """Weights of the columns of a record beside what another record knows of them; their covariance; how wide it is.
+    """Weights of the columns of a record combined with the prior knowledge from another record; their covariance; its
+    inflation.
 
-    The last is by how much variances are above those of errors that are independent and agree with the other record.
+    The inflation is the factor of the variances over those of independent errors that agree with the other record.
 
-    A number that this record shows better is moved, and one that it hardly shows stays.  Errors that repeat within the
-    record count as so many fewer rows.  If the two records disagree by more than their errors say, all are widened.
+    A number that this record determines better is moved, and one that it hardly determines is kept. Errors that repeat
+    within the record reduce the effective number of rows. If the two records disagree by more than their errors, all
+    errors are widened.
 
     Parameters
     ----------
     rows : ndarray of shape (m, p)
         Weighted.
     target : ndarray of shape (m,)
-        Beside what the other record expects of it.
+        Minus the prediction from the other record.
     block : ndarray of int, shape (m,)
         To which each row belongs.
     known : ndarray of shape (r, p)
-        Times the weights it is zero with unit variance (`Known`).
+        Its product with the weights is zero with unit variance (`Known`).
 
     References
     ----------
@@ -385,7 +391,7 @@ def updated(rows: Array, target: Array, block: NDArray[np.int64], known: Array) 
     x = np.linalg.lstsq(rows, target, rcond=SAME)[0]
     left = target - rows @ x
     variance, repeats = max(float(left @ left) / max(len(left) - rows.shape[1], 1), 1e-300), 1.0
-    for _ in range(2):  # errors as if each were its own, and then as often as they repeat
+    for _ in range(2):  # errors taken as independent, and then as they repeat
         variance *= repeats
         all_rows = np.vstack([rows / np.sqrt(variance), known])
         u, s, vt = np.linalg.svd(all_rows, full_matrices=False)
@@ -396,7 +402,7 @@ def updated(rows: Array, target: Array, block: NDArray[np.int64], known: Array) 
         spread = _spread(seen, left, block)
         repeats = max(repeats, float(np.trace(spread)) / max(float(np.sum(seen**2)), 1e-300))
     beside = u[len(rows) :]
-    tested = len(known) - float(np.sum(beside**2))  # directions in which both records have something to say
+    tested = len(known) - float(np.sum(beside**2))  # directions in which both records carry information
     apart = max(float(np.sum((known @ x) ** 2)) / max(tested, 1.0), 1.0)
     return x / scale, apart * _wider(unit, spread) / np.outer(scale, scale), apart * repeats
 
@@ -407,7 +413,7 @@ def held_out(
 ) -> Array:  # fmt: skip
     """For each joint the rms error on blocks that were not fitted, as a share of its rms drive there; (n_joints,).
 
-    NaN where no row of a joint counts, as it does not move.
+    NaN for a joint without used rows, because it does not move.
 
     Parameters
     ----------
@@ -429,7 +435,7 @@ def held_out(
 
 
 def one_axis(lags: RigidBodyLags, joint: int, q: Array, torque: Array, groups: ArrayLike | None = None) -> float:
-    """`held_out` of one joint as an axis of its own, behind the same filter; NaN where it does not move."""
+    """`held_out` of one joint as a single axis, behind the same filter; NaN if it does not move."""
     arm = lags.arm_
     alone = Arm([arm.joints[joint]], [-1], [False], [np.eye(3)], [[0, 0, 0]], [[0, 0, 1]], gravity=(0, 0, 0))
     own = RigidBodyLags(alone, lags.sample_rate, law=lags.law, cutoff=lags.cutoff_, slow=lags.slow)
@@ -441,19 +447,19 @@ def one_axis(lags: RigidBodyLags, joint: int, q: Array, torque: Array, groups: A
 
 
 def nominal_numbers(lags: RigidBodyLags) -> dict[str, float]:
-    """Base numbers by the robot's file: links, motors' inertia, damping and dry friction; none without a mass."""
+    """Base numbers of the robot's file: links, motor inertia, damping and dry friction; empty without a mass."""
     arm = lags.arm_
     if not arm.inertial[:, 0].any():
         return {}
     return dict(zip(lags.base_.names, lags.weights_of(arm).tolist(), strict=True))
 
 
-# Least correlation between the positions of all joints, of one sign or the other, at which they move along one line: of
-# 0.997 on the AIRBOT; drawn sines and the other records here are below 0.7.
+# Smallest absolute correlation between the positions of all joints at which they are taken to move along one line:
+# 0.997 on the AIRBOT; random sines and the other records here are below 0.7.
 ONE_LINE = 0.97
-FAR = 4.0 * np.pi  # rad: no limb turns further, degrees do at once
-UNLIKE = 30.0  # times the drive that the file's masses need: an ampere in mA is 1,000, gear ratios are up to 300
-CLEARLY = 0.25  # of the drives' residual: half the error at the joints that another order affects
+FAR = 4.0 * np.pi  # rad: no limb turns further, while degrees exceed it at once
+UNLIKE = 30.0  # times the drive that the file's masses require: amperes logged in mA give 1,000, gear ratios up to 300
+CLEARLY = 0.25  # of the drives' residual: half the error at the joints affected by another order
 
 
 def suspicions(arm: Arm, q: Array, torque: Array) -> list[str]:
@@ -490,7 +496,7 @@ def suspicions(arm: Arm, q: Array, torque: Array) -> list[str]:
 
 
 def swapped(joints: Sequence[str], phi: Array, target: Array, keep: NDArray[np.bool_]) -> list[str]:
-    """A sentence if the joints' columns explain the drives far better in another order, else an empty one.
+    """A sentence if the joints' columns explain the drives far better in another order; empty otherwise.
 
     Parameters
     ----------
@@ -501,7 +507,7 @@ def swapped(joints: Sequence[str], phi: Array, target: Array, keep: NDArray[np.b
     from scipy.optimize import linear_sum_assignment
 
     n = len(joints)
-    left = np.ones((n, n))  # of each drive (column), as a share, by the columns of each joint (row)
+    left = np.ones((n, n))  # of each drive (column), as a share, from the columns of each joint (row)
     for j in range(n):
         rows = phi[keep[:, j], j]
         rows = rows[:, np.any(rows != 0.0, axis=0)]

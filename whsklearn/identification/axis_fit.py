@@ -1,4 +1,4 @@
-"""The axis as physics, fitted by its free run from an inverse-dynamics start."""
+"""A physical axis, fitted by its free run from an inverse-dynamics start."""
 
 from __future__ import annotations
 
@@ -46,24 +46,25 @@ SHOOTING = (
     0.25,
     0.5,
     2.0,
-)  # s of the pieces of multiple shooting: from what is fitted first to what windows are judged by
-# Of the drive's rms: what is fitted where there is no gravity, and held-out data happen to like, is up to 0.2 %
-# (benchmarks/which_structure.py, axes of MuJoCo)
+)  # s, lengths of the pieces of multiple shooting: from those fitted first to those by which windows are judged
+# Of the rms drive: gravity that is fitted where there is none, and that happens to help on held-out data, is up to 0.2
+# % (benchmarks/which_structure.py, axes of MuJoCo)
 LEAST_GRAVITY = 0.01
-LEAST_LINEAR = 0.5  # of the variance that the best linear model may leave, or no start is near
+LEAST_LINEAR = 0.5  # share of the variance that the best linear model may leave; above it no start is close
 EARLY = 4_000  # samples of the first fit of a coupled axis
-LONG = 20_000  # samples of the first fits of an axis on a spring; the last one has all
-# Resonances that are tried: how many, from so many Hz to which share of the sampling rate, and damped by how much; the
-# next one is 5 to 8 % away, which is the width of a peak so damped.  They are looked for in pieces of `RINGS` s.
+LONG = 20_000  # samples of the first fits of an axis on a spring; the last fit uses all
+# Resonances that are tried: their number, the lowest (Hz), the highest (share of the sampling rate) and the damping
+# ratio; neighbours are 5 to 8 % apart, which is the width of a peak with that damping. They are sought in pieces of
+# `RINGS` s.
 RESONANCES, SLOWEST, FASTEST, RINGS, DAMPED = 60, 3.0, 0.2, 0.5, 0.05
-# Of the squared error of a rigid axis that one may leave: loads leave 0.02 to 0.25, cogging 0.98, a play 0.4 to 0.9, so
-# some of that is fitted and left to the comparison (axes of the tests and of `make_servo_log`)
+# Share of the squared error of a rigid axis that a resonance may leave: loads leave 0.02 to 0.25, cogging 0.98, play
+# 0.4 to 0.9, so some play is fitted and left to the comparison (axes of the tests and of `make_servo_log`)
 RESONANT = 0.5
 FEW = 8  # steps of each fit of a coupled axis, whose derivatives are differences
 TINY = 1e-100
 LEVEL = 0.01  # of the test for whiteness
-LEAST_TESTED = 60  # samples, twice the lags of the test and some
-BLOCKS = 20  # of the scores of inverse dynamics: each is to be longer than what is missing is correlated
+LEAST_TESTED = 60  # samples, somewhat more than twice the lags of the test
+BLOCKS = 20  # blocks of the scores of inverse dynamics: each must be longer than the correlation of the missing torque
 
 
 def fit_rigid_axis(log: View) -> AxisModel:
@@ -78,7 +79,7 @@ def fit_free_law_axis(log: View) -> AxisModel:
 
 
 def fit_hanging_axis(log: View) -> AxisModel:
-    """The rigid axis with gravity; the output is its position, an angle, which gravity keeps from drifting away.
+    """The rigid axis with gravity; the output is its position, an angle, which gravity prevents from drifting.
 
     Raises
     ------
@@ -88,20 +89,20 @@ def fit_hanging_axis(log: View) -> AxisModel:
     model = _fit(_of_position(log), AxisForm(hangs=True))
     share = model.parameters["gravity_imbalance"] / np.std(log.u)
     if share < LEAST_GRAVITY:
-        raise ValueError(f"Gravity would be {100 * share:.2g} % of the drive, so the axis without it is the same.")
+        raise ValueError(f"Gravity would be {100 * share:.2g} % of the drive, so the axis without it is equivalent.")
     return model
 
 
 def fit_sprung_axis(log: View, powers: int) -> AxisModel:
-    """The rigid axis on a spring of so many powers of the position, which is the output.
+    """The rigid axis on a spring with the given number of powers of the position, which is the output.
 
-    The drive is taken as held between samples and as a smooth signal, whichever leaves less: an axis that turns by half
-    a radian a sample, as the Silverbox does, knows the one from the other.
+    The drive is taken either as held between samples or as a smooth signal, whichever leaves the smaller error; the two
+    differ for a system whose phase changes by half a radian per sample, such as the Silverbox.
 
     Raises
     ------
     ValueError
-        If the best linear model of second order is no mass on a spring, or explains almost none of the record.
+        If the best linear model of second order is not a mass on a spring, or explains almost none of the record.
     """
     record = _of_position(log)
     theta, form = spring_start(log), AxisForm(powers=powers)
@@ -131,17 +132,17 @@ def fit_two_masses(log: View) -> AxisModel:
     Raises
     ------
     ValueError
-        If the output is no position, or no resonance is found.
+        If the output is not a position, or no resonance is found.
     """
     if log.logged != "position":
-        raise ValueError("The resonance of a load is looked for behind a position only.")
+        raise ValueError("The resonance of a load can be identified from a position only.")
     theta, form = resonance_start(log), AxisForm(coupled=True)
     log = replace(log, steps=fine_steps([FlexibleCoupling()], log.dt))
     best = fit_pieces(theta, shooting_log(log.part(0, min(log.u.size, EARLY)), RINGS, form), iterations=FEW)
     best = fit_pieces(best.theta, shooting_log(log, SHOOTING[-1], form), iterations=FEW)
     (least, most), found_at = SHARE_AND_DAMPING, best.theta[-2:]
     if not (np.isfinite(best.cost) and (found_at > least).all() and (found_at < most).all()):
-        raise ValueError("No resonance of a load is found: its share or its damping ends at a physical limit.")
+        raise ValueError("No resonance of a load is found: its share or its damping is at a physical limit.")
     return _model(best, log, form)
 
 
@@ -153,13 +154,13 @@ def resonance_start(log: View) -> Array:
 
     .. math:: q = \frac{1}{J p^2} \tau + \frac{s}{1 - s} \frac{1}{J (p^2 + 2 \zeta \omega p + \omega^2)} \tau,
 
-    which is linear in the numbers but for the resonance, of which a grid is tried.  All terms are taken in pieces
-    without their lines, as each piece has a start of its own.
+    which is linear in the numbers except the resonance, for which a grid is tried. All terms are used in pieces and
+    detrended, because each piece has its own initial state.
 
     Raises
     ------
     ValueError
-        If no resonance explains more than `RESONANT` leaves of what a rigid axis does.
+        If every resonance leaves more than `RESONANT` of the squared error of a rigid axis.
     """
     from scipy.signal import cont2discrete, detrend
 
@@ -185,7 +186,7 @@ def resonance_start(log: View) -> Array:
         found.append((*explained(np.vstack([rigid, *ringing])), frequency))
     left, weights, frequency = min(found, key=lambda f: f[0])
     if not (left < RESONANT * least and weights[0] > 0.0 and weights[4] > 0.0):
-        raise ValueError("What a rigid axis leaves of the motion shows no resonance of a load.")
+        raise ValueError("The residual of a rigid axis shows no resonance of a load.")
     load = np.clip([weights[4] / (1.0 + weights[4]), DAMPED], *SHARE_AND_DAMPING)
     inertia, (viscous, coulomb, offset) = 1.0 / weights[0], weights[1:4] / weights[0]
     return np.r_[inertia, max(viscous, 0.0), max(coulomb, 0.0), offset, frequency, load]
@@ -212,7 +213,7 @@ def spring_start(log: View) -> Array:
 
 
 def _fit(log: View, form: AxisForm) -> AxisModel:
-    """Of the results of all fits, the parameters that simulate best over windows of the record."""
+    """Among the results of all fits, the parameters that simulate windows of the record best."""
     return _model(_best_minimum(log, form), log, form)
 
 
@@ -221,10 +222,10 @@ def _model(best: AxisFit, log: View, form: AxisForm) -> AxisModel:
     covariance = best.covariance
     if not (form.powers or form.coupled) and not white(axis_residual(best.theta, log, form), log):
         other, spread = inverse_dynamics(log, form)
-        # two estimators agree where nothing is missing, and how far they lie apart tells what is (Hausman 1978)
+        # two estimators agree if nothing is missing, and their difference shows what is (Hausman 1978)
         errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
         wider = np.hypot(np.hypot(errors, spread), best.theta - other)
-        known = errors.min() > TINY * wider.max()  # of a run that is lost they are anything
+        known = errors.min() > TINY * wider.max()  # for a diverged run they are arbitrary
         scale = wider / errors if known else wider
         covariance = covariance * np.outer(scale, scale) if known else np.diag(wider**2)
     model = axis_of(best.theta, log, form)
@@ -232,7 +233,7 @@ def _model(best: AxisFit, log: View, form: AxisForm) -> AxisModel:
 
 
 def axis_of(theta: Array, log: View, form: AxisForm) -> AxisModel:
-    """The kernel's numbers as an axis."""
+    """Convert the kernel's numbers to an axis."""
     last = theta.size - form.knots.size
     more, effects = (0.0, [coupling_of(theta)]) if form.coupled else position_effects(theta[4:last], form)
     hinges = [SpeedHinge(w, k) for w, k in zip(theta[last:], form.knots, strict=True)]
@@ -247,7 +248,7 @@ def axis_of(theta: Array, log: View, form: AxisForm) -> AxisModel:
 
 
 def standard_errors(theta: Array, covariance: Array, log: View, form: AxisForm) -> dict[str, float]:
-    """Of the axis' own numbers, to first order; those of a knot, which is fixed, are omitted."""
+    """Standard errors of the axis' own numbers, to first order; knots, which are fixed, have none."""
     names = [k for k in axis_of(theta, log, form).parameters if not k.endswith("__knot")]
 
     def numbers(at: Array) -> Array:
@@ -263,9 +264,9 @@ def standard_errors(theta: Array, covariance: Array, log: View, form: AxisForm) 
 def _best_minimum(log: View, form: AxisForm) -> AxisFit:
     """Starts by inverse dynamics, fits by multiple shooting over short and long pieces, and by one free run.
 
-    Where gravity is large against the inertia the free run of a start that is a little wrong is lost within a second,
-    and its least squares end anywhere.  So the best start goes first over pieces short enough for it, and of all
-    that is found the numbers whose windows are simulated best are taken.
+    If gravity is large compared with the inertia, the free run from a slightly wrong start diverges within a second,
+    and its least squares end anywhere. Therefore the best start is first fitted over sufficiently short pieces, and
+    among all results the one that simulates windows best is used.
     """
 
     def score(theta: Array) -> float:
@@ -293,7 +294,7 @@ def start_as_fit(start: Start, log: AxisLog) -> AxisFit:
 def white(error: Array, log: View) -> bool:
     """Whether the error of a free run is white, by Ljung and Box; of a smoothed velocity it is taken a window apart."""
     apart = error[:: window_of(log.y.size, log.dt) if log.logged == "position" else 1]
-    if not np.isfinite(apart).all():  # it ran away
+    if not np.isfinite(apart).all():  # it diverged
         return False
     if apart.size <= LEAST_TESTED or not np.ptp(apart) > 1e-9 * np.ptp(log.in_si.y):  # exact but for rounding
         return True
@@ -303,10 +304,11 @@ def white(error: Array, log: View) -> bool:
 def inverse_dynamics(log: View, form: AxisForm) -> tuple[Array, Array]:
     """The numbers by least squares of the torque balance along the measured motion, and their standard errors.
 
-    In closed loop the motion hardly knows what is missing, and the drive carries it: these estimates stay near the
-    truth where those of a free run, whose input holds what is missing, do not.  The errors are the sandwich over
-    blocks.  On 20 axes whose cogging is 7 % of the drive the intervals of a free run alone held the inertia of 9, the
-    ones made wider by both all 20 (tests/identification/test_axis_fit.py measures it).
+    In closed loop the motion hardly contains the missing torque, while the drive does. These estimates therefore stay
+    near the truth where those of a free run, whose input contains the missing torque, do not. The errors are block
+    sandwich estimates. On 20 axes with cogging of 7 % of the drive, the intervals of a free run alone contained the
+    inertia of 9, and those widened by both estimators that of all 20 (tests/identification/test_axis_fit.py measures
+    it).
     """
     from scipy.signal import savgol_filter
 

@@ -17,16 +17,16 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-# Standard deviations of the Gaussian in samples.  Behind a narrow one an encoder's noise hides in the acceleration and
-# takes the inertia down (to a twentieth on a wrist logged at 100 Hz), behind a wide one the motion is flat; which of
-# the starts is best is decided by simulation.
+# Standard deviations of the Gaussian in samples.  With a narrow one, encoder noise in the acceleration biases the
+# inertia towards zero (to a twentieth on a wrist logged at 100 Hz); a wide one removes the motion. Simulation decides
+# which of the starts is best.
 WIDTHS = (1.5, 4.0, 10.0, 25.0)
-SLOW = 0.02  # of the rms velocity: below it the direction is uncertain, and with it that of friction
-# Times what least squares leave of the drive, and of the rms drive, that the numbers of a free run may leave of it:
-# fits of a wrong valley leave several times as much.  Chosen on a simulated shoulder and the joints of an AIRBOT, not
-# calibrated.
+SLOW = 0.02  # of the rms velocity: below it the direction is uncertain, and with it the sign of friction
+# Largest residual of the drive that the numbers of a free run may leave, as a multiple of the least-squares residual
+# and as a share of the rms drive: fits in a wrong minimum leave several times as much. Chosen on a simulated shoulder
+# and the joints of an AIRBOT, not calibrated.
 WORSE, ALIKE = 2.0, 0.05
-# Of the rms drive that must go into acceleration, or the sign of the inertia is anybody's guess
+# Share of the rms drive that must go into acceleration; below it the sign of the inertia is arbitrary
 LEAST_INERTIA = 1e-3
 FEWEST = 20  # samples of a balance: its six numbers and a few
 
@@ -35,7 +35,7 @@ def balance(log: View, width: float, form: AxisForm) -> tuple[Array, Array]:
     """(columns, drive) of u = J a + B v + C sign(v) + o + p(q) + sum w_k hinge_k, shapes (m, p) and (m,).
 
     Columns as theta of `whsklearn.recursion.batch.axis_free_run.AxisForm`.
-    Where the axis rests for longer than the Gaussian is wide friction can have any value, and these samples are
+    If the axis rests for longer than the width of the Gaussian, friction can have any value, so these samples are
     omitted.
 
     Parameters
@@ -43,7 +43,7 @@ def balance(log: View, width: float, form: AxisForm) -> tuple[Array, Array]:
     log : View
         In SI; its position, or its velocity.
     width : float
-        Standard deviation of the Gaussian in samples; that of what the friction is taken from is half of it.
+        Standard deviation of the Gaussian in samples; the velocity for friction is smoothed with half of it.
     """
     dt = log.dt
     g, g1, g2 = gaussian_derivatives(width * dt, dt)
@@ -75,7 +75,7 @@ def balance(log: View, width: float, form: AxisForm) -> tuple[Array, Array]:
 
 
 def position_columns(q: Array, form: AxisForm) -> list[Array]:
-    """Forces of the position at weight one, shape (n,) each."""
+    """Position-dependent forces at weight one, shape (n,) each."""
     e = q - form.centre
     return [np.sin(e), np.cos(e)] if form.hangs else [e ** (k + 1) for k in range(form.powers)]
 
@@ -83,7 +83,7 @@ def position_columns(q: Array, form: AxisForm) -> list[Array]:
 def solved(columns: Array, drive: Array) -> Array:
     """Bounded least squares (p,): inertia, viscous and Coulomb friction are not below zero.
 
-    With three bounds there are eight sets of numbers that are off them: the best of those that keep the bounds.
+    With three bounds there are eight combinations of active bounds; the best feasible solution is returned.
     """
     scale = np.linalg.norm(columns, axis=0)
     scale[scale == 0.0] = 1.0
@@ -100,7 +100,7 @@ def solved(columns: Array, drive: Array) -> Array:
 
 
 class Start(NamedTuple):
-    """Numbers by inverse dynamics, and the balance that they were solved from."""
+    """Numbers by inverse dynamics, and the torque balance from which they were solved."""
 
     theta: Array
     columns: Array
@@ -109,21 +109,22 @@ class Start(NamedTuple):
     def holds(self, theta: Array) -> bool:
         """Whether other parameters explain the drive along the measured motion about as well as least squares does.
 
-        A run that ignores the drive can follow a record for a while, of an axis that gravity makes unstable above all;
-        its balance cannot be nearly as good.
+        A run that ignores the drive can follow a record for a while, especially that of an axis made unstable by
+        gravity; its torque balance, however, is much worse.
         """
         left, least = (_rms(self.drive - self.columns @ t) for t in (theta, self.theta))
         return left <= max(WORSE * least, ALIKE * _rms(self.drive))
 
 
 def inverse_starts(log: View, form: AxisForm) -> list[Start]:
-    """Starts of a fit, one per width of the Gaussian that gives an inertia; friction is slightly above zero at least.
+    """Starts of a fit, one for each width of the Gaussian that yields an inertia; friction is at least slightly above
+    zero.
 
     Raises
     ------
     ValueError
-        If behind none of them the drive accelerates the output in its own direction, with a force of the position
-        beside it.
+        If with none of them the drive accelerates the output in its own direction, even with a position-dependent
+        force.
     """
     found: list[Start] = []
     least = 1e-3 * np.std(log.u) / np.array([np.std(log.target) or 1.0, 1.0])
@@ -150,10 +151,10 @@ def _rms(x: Array) -> float:
 
 
 def _backwards(log: View, form: AxisForm) -> str:
-    """Error message for a missing inertia: a force that grows with the position may hide it."""
+    """Error message if no inertia is found: a force that grows with the position may hide it."""
     if not form.of_position and log.logged == "position":
         for width in WIDTHS:
             columns, drive = balance(log, width, AxisForm(hangs=True))
             if drive.size >= FEWEST and _accelerates(solved(columns, drive), columns, drive):
                 return "Without gravity no inertia fits: see the axis with gravity."
-    return "The drive does not accelerate the output in its own direction, so this is no rigid axis."
+    return "The drive does not accelerate the output in its own direction, so this is not a rigid axis."

@@ -19,15 +19,15 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-PIECE = 2.0  # s of a free run whose place is to be known
-LEAST_PIECE = 100  # samples of it
-FEWEST_SHOT = 20  # samples of a piece of multiple shooting, ten for each number of its state
+PIECE = 2.0  # s, length of a free run whose position must stay accurate
+LEAST_PIECE = 100  # samples of such a free run
+FEWEST_SHOT = 20  # samples of a piece of multiple shooting, ten per state variable
 
 
 def axis_log(log: View, form: AxisForm) -> AxisLog:
     """The record in the form for fitting an axis: one piece, or short ones if there is gravity.
 
-    Where it does the place counts, and a free run is off it after some seconds.
+    With gravity the position matters, and a free run deviates from it after some seconds.
     """
     n, placed = log.u.size, form.of_position > 0
     piece = max(round(PIECE / log.dt), LEAST_PIECE) if placed else n
@@ -39,7 +39,7 @@ def axis_log(log: View, form: AxisForm) -> AxisLog:
 
 
 def shooting_log(log: View, seconds: float, form: AxisForm) -> AxisLog:
-    """A logged position in pieces of so many seconds, each of `FEWEST_SHOT` samples at least, for multiple shooting."""
+    """A logged position in pieces of the given length (s) and at least `FEWEST_SHOT` samples, for multiple shooting."""
     piece = max(seconds / log.dt, FEWEST_SHOT)
     begins = np.concatenate(
         [
@@ -80,7 +80,7 @@ def axis_theta(model: AxisModel) -> tuple[Array, AxisForm]:
 
 
 def position_effects(weights: Array, form: AxisForm) -> tuple[float, list[Effect]]:
-    """What the forces of the position add to the offset, and their effects.
+    """The contribution of position-dependent forces to the offset, and these forces as effects.
 
     w_1 sin q + w_2 cos q is A cos(q + phi); w_1 q + w_2 q^2 + w_3 q^3 is a cubic about c = -w_2 / (3 w_3) and a line.
     """
@@ -94,7 +94,7 @@ def position_effects(weights: Array, form: AxisForm) -> tuple[float, list[Effect
 
 
 def position_weights(effects: list[Effect]) -> tuple[list[float], float]:
-    """The reverse of `position_effects`: weights, and what the cubic adds to the offset."""
+    """The inverse of `position_effects`: weights, and the contribution of the cubic to the offset."""
     if not effects:
         return [], 0.0
     first, *more = effects

@@ -52,20 +52,19 @@ def chain_model(model: Any, **shared: Any) -> ChainModel:
 
 
 # --- a linear system behind a sensor that loses the sign: y = |x| ---------------------------------------------------
-# The signs that the search starts from are those of a lag and a resonance in series: time constants in samples (none:
-# no lag), radians a sample, damping ratios.  A wrong resonance has wrong signs half of the time, so the grid of it is
-# finer than half of its width.
+# The initial signs are those of a lag and a resonance in series: time constants in samples (none: no lag), radians per
+# sample, damping ratios. A wrong resonance has wrong signs half of the time, so its grid is finer than half its width.
 LAGS = (0.0, 2.0, 5.0, 12.0, 30.0)
 RESONANCES = tuple(np.geomspace(0.05, 1.5, 24).tolist())
 DAMPINGS = (0.1, 0.3, 0.8)
-STARTS = 6  # the ones whose size without the sign correlates best with the output
-ITERATIONS = 15  # of signs and numbers in turn; they settle within five where they settle at all
+STARTS = 6  # number of starts, those whose absolute value correlates best with the output
+ITERATIONS = 15  # alternations of signs and parameters; they settle within five if they settle at all
 REFINED = 40  # steps of the free run
-BELOW = 0.1  # of its deviation: a speed that is logged without its sign goes no further below zero than noise does
+BELOW = 0.1  # of its deviation: a speed logged without its sign is below zero only by noise
 
 
 def loses_sign(log: View) -> bool:
-    """Whether the output may be a signal without its sign: it does not go below zero, and the input does."""
+    """Whether the output may be an absolute value: it does not go below zero, but the input does."""
     y = log.target
     return bool(y.min() > -BELOW * np.std(y) and log.u.min() < 0.0 < log.u.max() and log.logged == "output")
 
@@ -73,7 +72,7 @@ def loses_sign(log: View) -> bool:
 def fit_rectified(log: View, order: int) -> ChainModel:
     """Output error of |x| by iteration: x is fitted to y with the signs of the previous x.
 
-    Where no sign changes the sum of squares of |x| - y is that of x - sign(x) y, so a fit that keeps its signs is a
+    If no sign changes, the sum of squares of |x| - y equals that of x - sign(x) y, so a fit that keeps its signs is a
     minimum of it (phase retrieval by alternating projections, Fienup 1982).
 
     Raises
@@ -87,9 +86,10 @@ def fit_rectified(log: View, order: int) -> ChainModel:
 
 
 def fit_folded(log: View, order: int) -> ChainModel:
-    """The same by the free run, where the sensor has two gains (one per direction), an offset and a lag, and x a mean.
+    """The same by the free run, for a sensor with two gains (one per direction), an offset and a lag, and an x with a
+    mean.
 
-    A pulse counter averages, and a drive that does not move at a low voltage has the sign of its offset.
+    A pulse counter averages, and at a low voltage at which the drive does not move, x has the sign of its offset.
 
     Raises
     ------
@@ -136,7 +136,7 @@ def _from_signs(log: View, order: int, signs: Array) -> tuple[Ratio, float]:
 
 
 def _starts(log: View) -> list[Array]:
-    """Signs (n,) of the lags and resonances whose size looks most like the output."""
+    """Signs (n,) of the lags and resonances whose absolute value is most like the output."""
     from scipy.signal import lfilter
 
     found = []

@@ -1,4 +1,4 @@
-"""Fit every structure, compare them on held-out free runs, recommend the simplest that is as good as the best."""
+"""Fit every structure, compare them on held-out free runs, recommend the simplest that is about as good as the best."""
 
 from __future__ import annotations
 
@@ -44,30 +44,30 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-AS_GOOD = 1.075  # a simpler structure is taken within 7.5 % of the least error: what twins of one system differ by
-AT_FLOOR = 1.3  # times the noise; no structure can be better, and that of thirty numbers takes most of the time
+AS_GOOD = 1.075  # a simpler structure is preferred within 7.5 % of the least error: twins of one system differ by that
+AT_FLOOR = 1.3  # times the noise; no structure can be better, and the one with thirty parameters takes most of the time
 ORDERS = (1, 2, 3, 4)
 TWO_MASSES, CHAIN = "axis with a load behind a spring", "Wiener-Hammerstein"
 LAST = (TWO_MASSES, CHAIN)  # what takes most of the time
-CHAIN_FROM = 300  # samples, below which some thirty numbers of a chain cannot be estimated
-# Of the way in a window: a steady rotation that constant velocity predicts to that follows its drive, whatever the
+CHAIN_FROM = 300  # samples; with fewer, the thirty parameters of a chain cannot be estimated
+# Of the travel in a window: a steady rotation that constant velocity predicts this well follows its drive, whatever the
 # structures add
 STEADY = 0.03
-LOST = 1.0  # NMSE of a free run beyond which the mean of the output is nearer
+LOST = 1.0  # NMSE of a free run beyond which the mean of the output is closer
 EXPLAINS = 0.9  # of the trivial model's error; a best model above that says nothing about the record
 
 
 @dataclass
 class Compared:
-    """One candidate: its model (None: the trivial one, or one that could not be fitted) and its errors.
+    """A candidate: its model (None for the trivial one, or if it could not be fitted) and its errors.
 
     ``seconds`` are of processor time, ``windows`` root mean square errors by length in samples, ``score`` their
-    geometric mean over the noise floor (over the trivial model's where there is no floor).
+    geometric mean over the noise floor (over that of the trivial model if there is no floor).
 
     Attributes
     ----------
     name, kind : str
-        Of the candidate, and what it is: ``arx``, ``output_error``, ``wiener-hammerstein``, ``axis``.
+        Name of the candidate, and its kind: ``arx``, ``output_error``, ``wiener-hammerstein``, ``axis``.
     structure : dict
         Its orders and settings.
     criterion : str
@@ -118,7 +118,7 @@ class Compared:
 
 @dataclass
 class Identification:
-    """What `identify` found.
+    """The result of `identify`.
 
     ``models`` are the candidates from the simplest on, ``recommended`` one of them, ``trivial`` the model that
     does nothing, ``reason`` a sentence, ``train`` and ``test`` the records as the candidates saw them.
@@ -138,8 +138,8 @@ class Identification:
     rows : int
         Samples that were given; those of ``train`` were used.
     white : bool
-        Whether what the recommended model leaves of its record is white; where it is not the intervals are wider, and
-        something is missing in the model.
+        Whether the residual of the recommended model is white; if it is not, intervals are widened, and the model is
+        incomplete.
 
     References
     ----------
@@ -170,13 +170,13 @@ class Identification:
 
     @property
     def rows_used(self) -> str:
-        """How many of the samples were used, and in how many segments."""
+        """Number of samples used, and of segments."""
         used, segments = self.train.y.size, len(self.train.starts) + 1
         return f"{used} of {self.rows or used}" + (f" in {segments} segments" if segments > 1 else "")
 
     @property
     def on_drive(self) -> str:
-        """Note on the timing of the drive; empty if it is that of the output."""
+        """Note on the timing of the drive; empty if it agrees with the output."""
         samples = self.train.lead
         if not samples:
             return ""
@@ -190,7 +190,7 @@ class Identification:
         return self.recommended.model
 
 
-@threadpool_limits.wrap(limits=1, user_api="blas")  # two take twice the CPU and sum in another order
+@threadpool_limits.wrap(limits=1, user_api="blas")  # two threads take twice the CPU and sum in another order
 def identify(
     u: ArrayLike,
     y: ArrayLike,
@@ -213,15 +213,14 @@ def identify(
     dt : float, default=1.0
         Sampling time (s).
     test : tuple of array-like, optional
-        Another record to report on, (u, y) or (u, y, groups); the choice is made on the last 30 % of the first in
-        either case.
+        Another record to report on, (u, y) or (u, y, groups); the choice is always made on the last 30 % of the first.
     skip : int, default=0
-        First samples of the test that do not count.
+        Number of first samples of the test to ignore.
     logged : {"auto", "output", "velocity", "position"}, default="auto"
-        What y is.  A position is fitted by its velocity and judged as it is.
+        What y is.  A position is fitted through its velocity and judged as a position.
     units : dict of str to str, optional
-        Of ``input`` and ``output``, and of ``time``, which may be ``samples``; SI by default. Errors come in the
-        output's unit, an axis' numbers in SI.
+        Of ``input`` and ``output``, and of ``time``, which may be ``samples``; SI by default. Errors are in the
+        output's unit, parameters of an axis in SI.
     drive_error : float, default=0.0
         Standard deviation of the input's scale (a torque constant) as a share of it; it enters the standard errors of
         an axis and of a linear model.
@@ -290,7 +289,7 @@ def identify(
     if test is not None:
         cuts = test[2] if len(test) == 3 else None
         judged = moved(replace(view(test[0], test[1], dt, whole.logged, cuts), si=whole.si), lead_found)
-    else:  # it begins in motion
+    else:  # the record begins in motion
         judged = held_out
         skip = max(skip, lead(judged.longest.u.size, dt))
     for compared in tried:
@@ -305,7 +304,7 @@ def candidates(
 ) -> Iterator[tuple[Compared, Callable[[View], Any]]]:
     """Every structure for ``n`` samples and how it is fitted.
 
-    With gravity where the output may be an ``angle``, without a sign where it may be ``rectified``.
+    With gravity if the output may be an ``angle``, and without its sign if it may be ``rectified``.
     """
     for order in ORDERS:
         yield (
@@ -354,8 +353,8 @@ def candidates(
 def recommend(tried: list[Compared], trivial: Compared, *, steady: bool = False) -> tuple[Compared, str]:
     """The simplest within `AS_GOOD` of the best, and why; ``tried`` is sorted from the simplest on.
 
-    One whose free run is `LOST`, of which windows see little, is taken only where all are.
-    A record that the trivial model predicts as well says nothing against a structure where its motion is ``steady``.
+    One whose free run is `LOST`, which windows hardly show, is chosen only if all are. If the motion is ``steady``, a
+    record that the trivial model predicts equally well is no argument against a structure.
     """
     good = [c for c in tried if np.isfinite(c.score)]
     if not good:
@@ -393,7 +392,7 @@ def recommend(tried: list[Compared], trivial: Compared, *, steady: bool = False)
 
 
 def _lost(run: dict[str, float]) -> bool:
-    """Whether the mean of the output is nearer than this free run."""
+    """Whether the mean of the output is closer than this free run."""
     return not run.get("nmse", np.inf) <= LOST
 
 
@@ -410,12 +409,12 @@ def _steady(trivial: Compared, log: View) -> bool:
 
 
 def _fitted(compared: Compared, fit: Callable[[View], Any], log: View, units: dict[str, str]) -> Compared:
-    """The candidate with its model, or with the reason why there is none."""
+    """The candidate with its model, or with the reason for failure."""
     begin = time.process_time() - compiling_seconds()
     try:
         model = fit(log.in_si)
         compared.model = replace(model, units=units) if units else model
-        if not compared.structure:  # the fit has found it
+        if not compared.structure:  # already found by the fit
             sizes = {k: len(getattr(model, k)) - 1 for k in ("b1", "f1", "b2", "f2")}
             compared.structure = {"zeros_and_poles": sizes, "law": "cubic_spline", "knots": len(model.law)}
     except (ValueError, np.linalg.LinAlgError) as error:
@@ -425,7 +424,7 @@ def _fitted(compared: Compared, fit: Callable[[View], Any], log: View, units: di
 
 
 def _better(first: Compared, again: Compared, log: View) -> Any:
-    """The model that was fitted to all of the record, unless that fit ended in a minimum worse than the first."""
+    """The model fitted to the whole record, unless that fit ended in a worse minimum than the first."""
     parts = [replace(first, windows={}, score=np.inf), replace(again, windows={}, score=np.inf)]
     for part in parts:
         _score(part, log)
@@ -436,7 +435,9 @@ def _better(first: Compared, again: Compared, log: View) -> Any:
 
 
 def _with_drive_error(model: Any, relative: float) -> Any:
-    """The model with wider errors of what is in proportion to the drive (an axis), or to one over it (a numerator)."""
+    """The model with wider errors of the parameters that scale with the drive (an axis) or inversely with it (a
+    numerator).
+    """
     if not relative or isinstance(model, ChainModel):
         return model
     values, errors = model.parameters, dict(model.standard_errors)
@@ -447,7 +448,7 @@ def _with_drive_error(model: Any, relative: float) -> Any:
 
 
 def _score(compared: Compared, log: View) -> None:
-    """Errors over windows; a free run of the whole record counts as one more where the output is no position."""
+    """Errors over windows; if the output is not a position, a free run of the whole record counts as one more."""
     if compared.model is None and compared.kind != "trivial":
         return
     longest = log.longest.u.size
@@ -464,9 +465,9 @@ def _score(compared: Compared, log: View) -> None:
 
 
 def _whole_run(model: Any, log: View, before: int) -> Array:
-    """Output minus the run of the whole record behind its first samples; that of a chain from rest.
+    """Output minus the free run of the whole record after its first samples; a chain starts from rest.
 
-    A first block that never forgets follows any window from a state that is fitted to it, and no other record.
+    A first block with a very long memory follows any window from a state fitted to it, but not another record.
     """
     if not isinstance(model, ChainModel):
         return whole_errors(model, log, before)[0]
@@ -475,7 +476,7 @@ def _whole_run(model: Any, log: View, before: int) -> Array:
 
 
 def _indices(model: Any, log: View, skip: int) -> dict[str, float]:
-    """NMSE and RMSE of the free run in the output's unit; its state is fitted where the record begins in motion."""
+    """NMSE and RMSE of the free run in the output's unit; its state is fitted if the record begins in motion."""
     if model is None:
         return {}
     if log.logged == "output" and model.kind != "axis" and not log.starts:

@@ -1,4 +1,4 @@
-"""How much earlier or later than the position the drive was logged."""
+"""Timing of the logged drive relative to the position."""
 
 from __future__ import annotations
 
@@ -22,38 +22,38 @@ if TYPE_CHECKING:
 
 # s: the oldest drive of a real log (pendulum rigs and arms reach -0.016 to 0.038 s)
 OLDEST = 0.06
-# Moves of a drive that was logged late: the first finds half of 16 ms, the third all.
+# Iterations for a drive that was logged late: the first finds half of 16 ms, the third all.
 MOST_MOVES = 6
-# Largest age of the drive, in samples, that is bookkeeping: a drive held over a sample is half a sample old, and a
+# Largest age of the drive, in samples, due to sampling alone: a drive held over a sample is half a sample old, and a
 # logger may add one sample.
 LATEST = 1.5
 # Of the squared residual with the drive as logged: a shift must remove at least this share.
 EXPLAINED = 0.5
-# Of the rms drive: what may be left of it after a move, or it is no axis, and more poles look like a delay.
+# Largest residual after a shift, as a share of the rms drive; above it the system is not an axis, and further poles
+# look like a delay.
 KNOWN = 0.35
-# Standard deviation (s) of the Gaussian behind which `skew` looks, and in samples at the least: narrow enough for the
-# motion of a servo, wide enough for its encoder.
+# Standard deviation (s) of the Gaussian in `skew`, and its minimum in samples: narrow enough for the motion of a servo,
+# wide enough for its encoder.
 WIDTH, FEWEST_WIDE = 0.02, 4.0
 
 
 def drive_lead(
     look: Callable[[int], tuple[float, float]], as_logged: float, dt: float, *, either_way: bool = False
 ) -> int:
-    """Samples by which a drive was logged after it had acted; zero unless that explains half of the residual as logged.
+    """Samples by which a drive was logged after it had acted; zero unless this removes half of the residual as logged.
 
-    The age of the drive that inverse dynamics finds is at first smaller than the true one, so it is computed repeatedly
-    until it does not change.
+    Inverse dynamics underestimates the age of the drive at first, so the estimate is repeated until it does not change.
 
     Parameters
     ----------
     look : callable
-        (age of the drive in s, rms that is left) of the record with its drive so many samples earlier.
+        (age of the drive in s, rms residual) of the record with its drive shifted earlier by a number of samples.
     as_logged : float
-        Rms that is left of the record as it was logged, without an age.
+        Rms residual of the record as logged, without an age.
     dt : float
         Sampling time (s).
     either_way : bool, default=False
-        Whether a drive that acts later than it was logged counts too, as a number below zero; else it is a delay.
+        Whether to report a drive that acts later than it was logged, as a negative number; otherwise that is a delay.
 
     Examples
     --------
@@ -72,9 +72,9 @@ def drive_lead(
 
 
 def skew(log: View) -> int:
-    """Samples by which the drive of an axis' log is to be earlier (later below zero) to fit its motion.
+    """Samples by which the drive of an axis log must be shifted earlier (negative: later) to fit its motion.
 
-    Asked of inverse dynamics with friction, an offset and a force of the position.
+    Determined by inverse dynamics with friction, an offset and a position-dependent force.
     """
     width = max(WIDTH / log.dt, FEWEST_WIDE)
     if 2 * OLDEST < log.dt or log.logged == "output":
@@ -97,7 +97,7 @@ def skew(log: View) -> int:
 
 
 def moved(log: View, lead: int) -> View:
-    """The record with its drive so many samples earlier, the end of every segment held."""
+    """The record with its drive shifted earlier by a number of samples; the end of every segment is held."""
     if not lead:
         return log
     parts = [earlier(log.u[a:b], lead) for a, b in itertools.pairwise(log.bounds)]
@@ -105,7 +105,7 @@ def moved(log: View, lead: int) -> View:
 
 
 def earlier(u: Array, samples: int) -> Array:
-    """A signal so many samples earlier, or later below zero; its last value, or its first, is held.
+    """A signal shifted earlier by a number of samples (negative: later); its last or first value is held.
 
     Examples
     --------

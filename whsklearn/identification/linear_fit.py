@@ -1,4 +1,4 @@
-"""Linear candidates: ARX and output error, with a delay of one sample at least."""
+"""Linear candidates: ARX and output error, with a delay of at least one sample."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from whsklearn.recursion.batch.best_linear import IOData, Ratio, best_linear, le
 from whsklearn.recursion.batch.linear_filter import delayed_rows, filter_rows
 from whsklearn.recursion.batch.simulation_search import SKIP
 
-OFFSETS = 20  # fits at most, each with the constant that the one before left
-SETTLED = 1e-4  # share of the variance that the next one must take off
+OFFSETS = 20  # maximum number of fits, each with the constant from the one before
+SETTLED = 1e-4  # share of the variance that the next one must remove
 
 if TYPE_CHECKING:
     from whsklearn.identification.view import View
 
 
 def fit_arx(log: View, order: int) -> LinearModel:
-    """Least error one step ahead; poles beyond the unit circle mirrored into it."""
+    """Smallest one-step error; poles outside the unit circle are mirrored into it."""
     data = input_output(log)
-    level = data.u.mean(axis=1, keepdims=True)  # both without their means: least squares with a constant
+    level = data.u.mean(axis=1, keepdims=True)  # both with their means removed: least squares with a constant
     ratio = least_squares_arx(data._replace(u=data.u - level), order, order - 1)
     return _model(log, data, Ratio(ratio.b, stabilised(ratio.a)), "prediction")
 
 
 def fit_output_error(log: View, order: int) -> LinearModel:
-    """Least error in free run, the constant of the output fitted with it."""
+    """Smallest free-run error, with the constant of the output fitted."""
     data = input_output(log)
     offset, best, least = float(log.target.mean()), None, np.inf
     for _ in range(OFFSETS):
@@ -42,7 +42,7 @@ def fit_output_error(log: View, order: int) -> LinearModel:
 
 
 def input_output(log: View) -> IOData:
-    """Input a sample late: with u(t) itself a linear model of a closed loop would invert the controller."""
+    """The input delayed by one sample: with u(t) a linear model in closed loop would invert the controller."""
     bounds = log.bounds
     skip = np.repeat(np.minimum(SKIP, np.diff(bounds) // 10), np.diff(bounds))
     u = one_later(log.u, bounds)[None, :]

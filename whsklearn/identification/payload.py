@@ -1,10 +1,10 @@
 """A payload from a loaded record against an unloaded one, and drive gains from a known load.
 
-The loaded record is fitted beside what the unloaded one knows of the arm's numbers, so that a number which neither
-shows well is not frozen at a chance value; the offsets and ages of the drives are the loaded record's own.  A body at a
-link adds its ten numbers to the link's, and the columns of any number are those of the base numbers times its column of
-the base's mapping, so nothing is filtered again.  Currents alone do not determine a gain: with a load of known mass,
-the extra current of each joint is regressed on the load's torque.
+The loaded record is fitted together with the knowledge of the arm's parameters from the unloaded one, so that a
+parameter which neither record determines well is not fixed at a random value; offsets and ages of the drives belong to
+the loaded record. A body at a link adds its ten parameters to those of the link, and the columns of any parameter are
+those of the base parameters times its column of the base mapping, so nothing is filtered again. Currents alone do not
+determine a gain: with a load of known mass, the extra current of each joint is regressed on the load's torque.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-SEEN = 1e-9  # of a column's power, beside what both records know: below it, rounding
-MASS = 4  # numbers of a body that are fitted, m and m c: on the AIRBOT all ten left the mass open by 2 kg
+SEEN = 1e-9  # share of a column's power that remains after what both records know: below it, rounding
+MASS = 4  # fitted parameters of a body, m and m c: on the AIRBOT all ten left the mass uncertain by 2 kg
 INERTIAS = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))  # in the order of a link's numbers
-FURTHEST = 1.0  # m, of a load's centre from the joint that carries it, while it is sought
-DISTANCES, EVALUATIONS = (0.05, 0.2, 0.6), 300  # m at which a search begins, and its steps
-ROUNDS = 5  # of gains: an arm whose joints are in units of their own fits worse, by 1 to 3 %
-ALIKE = 4.0  # chi-squared: two links that explain a load as well, as a load on the last one's axis may be either's
+FURTHEST = 1.0  # m, largest distance of a load's centre from its joint during the search
+DISTANCES, EVALUATIONS = (0.05, 0.2, 0.6), 300  # m at which a search begins, and the number of its steps
+ROUNDS = 5  # iterations of the gains: an arm whose joints have different units fits worse, by 1 to 3 %
+ALIKE = 4.0  # chi-squared: two links may explain a load equally well, such as a load on the axis of the last one
 
 
 class Payload(NamedTuple):
@@ -44,12 +44,12 @@ class Payload(NamedTuple):
     joint : str
         That carries it.
     mass, mass_error : float
-        In kg, and its standard error, which holds that of the unloaded fit and of the gains, and by how much the two
-        records disagree elsewhere.
+        In kg, and its standard error, which includes that of the unloaded fit and of the gains, and the disagreement of
+        the two records elsewhere.
     centre, centre_error : tuple of three float
         Of its mass, in the joint's frame, and its standard errors (m).
     left : float
-        What it leaves of the squared weighted error, as a share.
+        Share of the squared weighted error that remains.
 
     References
     ----------
@@ -89,7 +89,7 @@ def find_payload(empty: ArmFit, position: ArrayLike, drive: ArrayLike, *, gain_e
     position, drive : array-like of shape (n, n_joints)
         Of the loaded record, in the same units.
     gain_error : float, default=0.0
-        Relative standard deviation of the drive gains, as of one that all joints share: the mass follows them.
+        Relative standard deviation of the drive gains, taken as common to all joints: the mass is proportional to them.
     """
     lags = clone(empty.lags)
     phi, target, keep = lags.joint_rows(position, drive)
@@ -115,14 +115,14 @@ def find_payload(empty: ArmFit, position: ArrayLike, drive: ArrayLike, *, gain_e
 
 @dataclass(frozen=True)
 class Beside:
-    """A record in which a load is sought, beside what another record knows.
+    """A record in which a load is sought, with the knowledge from another record.
 
     Attributes
     ----------
     rows : ndarray of shape (m, p)
-        Weighted: columns of the arm's numbers, and of what else is free.
+        Weighted columns of the arm's parameters and of other free parameters.
     error : ndarray of shape (m,)
-        What the other record's numbers leave, weighted.
+        Weighted residual with the other record's numbers.
     known : ndarray of shape (r, p)
         See `whsklearn.identification.arm_fit.updated`.
     block, joint : ndarray of int, shape (m,)
@@ -137,12 +137,12 @@ class Beside:
 
     @cached_property
     def deviation(self) -> float:
-        """Of an error, if all columns were free."""
+        """Residual of an error if all columns were free."""
         left = self.error - self.rows @ np.linalg.lstsq(self.rows, self.error, rcond=None)[0]
         return max(float(np.sqrt(left @ left / max(len(left) - self.rows.shape[1], 1))), 1e-300)
 
     def away(self, at: Any) -> Array:
-        """Orthonormal columns whose span, less by what is known, is taken off these rows."""
+        """Orthonormal columns whose span, reduced by prior knowledge, is projected out of these rows."""
         both = np.vstack([self.rows[at] / self.deviation, self.known])
         return np.linalg.qr(both)[0][: len(self.rows[at])]
 
@@ -152,7 +152,7 @@ class Beside:
         return q, error - q @ (q.T @ error)
 
     def weigh(self, joint: str, body: Array) -> tuple[Payload, float] | None:
-        """The load at a link, and by how much it may leave more by chance; None if no drive tells its mass.
+        """The load at a link, and the chance excess of its residual; None if no drive shows its mass.
 
         Parameters
         ----------
@@ -188,7 +188,7 @@ class Beside:
         return told, ALIKE * wide / max(whole, 1e-300)
 
     def _by_joint(self, one: Array) -> tuple[Array, Array]:
-        """The mass that each joint's drive asks for, and its variance; ``one`` (m,) are the rows of a kilogram."""
+        """The mass that each joint's drive indicates, and its variance; ``one`` (m,) are the rows of one kilogram."""
         masses, variances = [], []
         for j in np.unique(self.joint):
             at = self.joint == j
@@ -205,7 +205,7 @@ def gains_from_load(
     lags: RigidBodyLags, empty: tuple[ArrayLike, ArrayLike], loaded: tuple[ArrayLike, ArrayLike], *,
     joint: str, numbers: ArrayLike,
 ) -> dict[str, tuple[float, float]]:  # fmt: skip
-    """Nm for each unit of the drive and its standard error, by joint, from a pair of records with a known load.
+    """Nm per unit of the drive and its standard error, by joint, from a pair of records with a known load.
 
     Parameters
     ----------
@@ -221,7 +221,7 @@ def gains_from_load(
     Returns
     -------
     dict of str to (float, float)
-        NaN and an infinite error for a joint whose drive the load does not move.
+        NaN and an infinite error for a joint whose drive the load does not change.
 
     Examples
     --------
@@ -265,17 +265,17 @@ def gains_from_load(
 
 
 def between_joints(masses: Array, variances: Array, wide: float) -> float:
-    """Variance of a weighted mean over joints by what they disagree beyond their own errors.
+    """Variance of a weighted mean over joints due to their disagreement beyond their own errors.
 
-    An error of the model at a joint is the same in every block of a record, so that no jackknife over blocks sees it.
-    The joints see the same mass, and tau^2 is by how much more they differ than their errors say.
+    An error of the model at a joint is the same in every block of a record, so a jackknife over blocks does not show
+    it. All joints carry the same mass, and tau^2 is the variance between them beyond their errors.
 
     Parameters
     ----------
     masses, variances : ndarray of shape (k,)
-        Of each joint that the body moves: the mass that its drive alone asks for, by errors that are independent.
+        For each joint that the body affects: the mass that its drive alone indicates, with independent errors.
     wide : float
-        By how much variances are above these.
+        Inflation of these variances.
 
     References
     ----------
@@ -304,10 +304,10 @@ def place_of(numbers: Array) -> Array:
 
 
 def slopes_at(place: Array) -> Array:
-    """Derivatives (10, 4) of the ten numbers of a point load by m and m c, at its place.
+    """Derivatives (10, 4) of the ten parameters of a point load with respect to m and m c.
 
-    Its inertia is of first degree in both, I(m, h) = (h.h - h h') / m, so that along its own derivatives it is what the
-    step says, exactly (Euler's theorem).
+    Its inertia I(m, h) = (h.h - h h') / m is homogeneous of first degree, so the derivatives times (m, h) give it
+    exactly (Euler's theorem).
 
     Examples
     --------
@@ -330,8 +330,8 @@ def slopes_at(place: Array) -> Array:
 def point_load(gram: Array, cross: Array) -> Array:
     """m and m c, (4,), of the point load that explains most, from the normal equations of the ten numbers of a body.
 
-    Where a joint's axis meets the one before, no drive sees a mass but by the inertia of its place: the search begins
-    along the moment, at several distances.
+    If a joint's axis intersects the previous one, a mass affects the drives only through the inertia of its position;
+    the search therefore begins along the moment, at several distances.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Pictures of an identification: overlay, Bode, poles, characteristic, as one figure."""
+"""Figure of an identification: overlay, Bode, poles and characteristic."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def as_png(page: Any) -> str:
 
 
 def _overlay(ax: Axes, found: Identification) -> None:
-    """The last of the longest held-out windows, measured and replayed."""
+    """The last of the longest held-out windows, measured and simulated."""
     log = found.test.longest
     before = lead(log.u.size, log.dt)
     horizon = horizons(log.u.size - before, log.dt)[-1]
@@ -66,7 +66,7 @@ def _axis_label(name: str, found: Identification) -> str:
 
 
 def blocks(model: Any) -> list[tuple[str, np.ndarray, np.ndarray]]:
-    """(name, numerator, denominator) of the linear parts; of an axis, motion above its dry friction."""
+    """(name, numerator, denominator) of the linear parts; for an axis, motion above its dry friction."""
     if isinstance(model, LinearModel):
         return [("model", np.array(model.numerator), np.array(model.denominator))]
     if isinstance(model, ChainModel):
@@ -103,7 +103,7 @@ def _poles(ax: Axes, model: Any) -> None:
     )
     ax.legend(
         fontsize=8, loc="upper left"
-    )  # above the circle: a marker of the legend inside it would be read as a pole
+    )  # above the circle, because a legend marker inside it would look like a pole
 
 
 def _characteristic(ax: Axes, found: Identification) -> None:

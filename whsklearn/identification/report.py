@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from whsklearn.identification.compare import Compared, Identification
 
 MODEL_FILE = "model.json"
-DIVERGED = 1e6  # times the error of a constant: a run that has left every scale, not a poor model
+DIVERGED = 1e6  # times the error of a constant: a diverged run rather than a poor model
 
 
 def write(found: Identification, folder: str | os.PathLike[str]) -> Path:
@@ -108,7 +108,7 @@ def _windows(c: Compared, found: Identification) -> dict[str, float]:
 
 
 def page(found: Identification) -> str:
-    """The page as HTML, with its pictures inside; without matplotlib it has none."""
+    """The page as HTML with embedded pictures; without matplotlib it has none."""
     try:
         from whsklearn.identification.pictures import as_png, figure
 
@@ -132,7 +132,7 @@ def page(found: Identification) -> str:
 
 
 def error_of(value: float | None, trivial: float = 1.0, digits: int = 3) -> str:
-    """An error in some significant digits; a word where the run leaves every scale.
+    """An error with three significant digits; a word if the run diverged.
 
     Examples
     --------
@@ -143,5 +143,5 @@ def error_of(value: float | None, trivial: float = 1.0, digits: int = 3) -> str:
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """A number in some significant digits; a dash for none."""
+    """A number with a few significant digits; a dash for None."""
     return f"{value:.{digits}g}" if value is not None and np.isfinite(value) else "-"

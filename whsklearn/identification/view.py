@@ -1,4 +1,4 @@
-"""A log prepared for the candidates: which signal is fitted, how noisy it is, what is held out."""
+"""A log prepared for the candidates: the fitted signal, its noise, and the held-out part."""
 
 from __future__ import annotations
 
@@ -19,16 +19,18 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 HOLDOUT = 0.3
-LEAST_MOTION = 0.1  # of the range: of eight XL330 logs (benchmarks/which_structure.py) four end at rest, in 0.01 of it
+LEAST_MOTION = (
+    0.1  # share of the range; four of eight XL330 logs end at rest, within 0.01 (benchmarks/which_structure.py)
+)
 LEAST_FITTED = 60  # samples
-LEAST_SEGMENT = 30  # samples; a shorter one says less than its start state takes
-SMOOTHING = 0.03  # s over which a parabola is laid for the velocity of a logged position
-INTEGRATES = 0.1  # a time constant above that share of the record is an integrator to anyone who reads the log
+LEAST_SEGMENT = 30  # samples; a shorter one has less information than its initial state needs
+SMOOTHING = 0.03  # s, width of the parabola for the velocity of a logged position
+INTEGRATES = 0.1  # a time constant above this share of the record cannot be distinguished from an integrator
 
 
 @dataclass(frozen=True)
 class View:
-    """A record as the candidates of a comparison see it.
+    """A record in the form that the candidates of a comparison use.
 
     Attributes
     ----------
@@ -41,15 +43,15 @@ class View:
     logged : {"output", "velocity", "position"}
         What y is.
     si : tuple of two float
-        Factors that bring u and y to SI, in which the candidates are fitted.
+        Factors that convert u and y to SI, in which the candidates are fitted.
     starts : tuple of int
-        Where a segment begins after a hole or a restart, beside sample 0.
+        Start of each segment after a hole or a restart, besides sample 0.
     lead : int
         Samples by which ``u`` is earlier than it was logged.
     steps : int
-        Fine steps a sample in which an axis is run.
+        Fine steps per sample in the simulation of an axis.
     hold : {"zero", "cubic"}
-        What the drive does between samples, see `whsklearn.filtering.between_samples.fine_drive`.
+        Behaviour of the drive between samples, see `whsklearn.filtering.between_samples.fine_drive`.
 
     References
     ----------
@@ -103,7 +105,7 @@ class View:
 
     @property
     def floor(self) -> float:
-        """Standard deviation of the output's noise from third differences; 0 where y is not slow against dt."""
+        """Standard deviation of the output's noise from third differences; 0 if y is not slow compared with dt."""
         return noise_floor(self.y, self.bounds)
 
     def part(self, start: int, stop: int) -> View:
@@ -112,7 +114,7 @@ class View:
         Parameters
         ----------
         start, stop : int
-            Samples, without the last one.
+            Range of samples; ``stop`` is excluded.
         """
         starts = tuple(b - start for b in self.starts if start < b < stop)
         u, y, target = (x[start:stop] for x in (self.u, self.y, self.target))
@@ -120,7 +122,7 @@ class View:
 
 
 def view(u: ArrayLike, y: ArrayLike, dt: float, logged: str, groups: ArrayLike | None = None) -> View:
-    """Check a record, and see what was logged if ``logged`` is ``auto``; ``groups`` tell its segments.
+    """Check a record, and determine what was logged if ``logged`` is ``auto``; ``groups`` gives its segments.
 
     Segments of fewer than `LEAST_SEGMENT` samples are omitted.
     """
@@ -129,7 +131,7 @@ def view(u: ArrayLike, y: ArrayLike, dt: float, logged: str, groups: ArrayLike |
     if groups is not None and u.shape == y.shape:
         u, y, starts = _segments(u, y, np.asarray(groups).reshape(-1))
     if u.shape != y.shape or u.size < 100:
-        raise ValueError(f"The record has {u.size} inputs and {y.size} outputs; expected as many, and 100 at least.")
+        raise ValueError(f"The record has {u.size} inputs and {y.size} outputs; expected equal numbers, at least 100.")
     for name, signal in (("input", u), ("output", y)):
         if not np.isfinite(signal).all():
             raise ValueError(
@@ -150,7 +152,7 @@ def view(u: ArrayLike, y: ArrayLike, dt: float, logged: str, groups: ArrayLike |
 
 
 def _segments(u: Array, y: Array, groups: NDArray[Any]) -> tuple[Array, Array, tuple[int, ...]]:
-    """The segments that are long enough, one after the other, and where the later ones begin."""
+    """The sufficiently long segments, concatenated, and the starts of all but the first."""
     if groups.shape != y.shape:
         raise ValueError(f"There are {groups.size} groups for {y.size} samples; expected one for each.")
     bounds = np.r_[0, np.flatnonzero(groups[1:] != groups[:-1]) + 1, y.size]
@@ -170,7 +172,7 @@ def since_start(bounds: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def one_later(u: Array, bounds: NDArray[np.int64]) -> Array:
-    """A signal a sample later, zero where a segment begins."""
+    """A signal delayed by one sample, zero at the start of each segment."""
     out = np.append(0.0, u[:-1])
     out[bounds[:-1]] = 0.0
     return out
@@ -192,14 +194,14 @@ def integrates(u: Array, y: Array, bounds: NDArray[np.int64]) -> bool:
 
 
 def smooth(y: Array, bounds: NDArray[np.int64] | None = None) -> bool:
-    """Whether y is slow against its sampling, as the position of anything with mass is."""
+    """Whether y is slow compared with its sampling, like the position of a mass."""
     return bool(np.std(_differences(y, 2, bounds)) < 0.1 * np.std(y))
 
 
 def held_out_from(y: Array) -> int:
-    """The first sample that is held out: after 70 % of the record, or earlier where what follows hardly moves.
+    """The first held-out sample: after 70 % of the record, or earlier if the remainder hardly moves.
 
-    An axis that stands says nothing of a model; held out is then what follows from where 30 % of the range are to come.
+    An axis at rest does not test a model; the split is then placed so that 30 % of the range is still to come.
     """
     cut, whole = int((1 - HOLDOUT) * y.size), np.ptp(y)
     if np.ptp(y[cut:]) >= LEAST_MOTION * whole:
@@ -210,7 +212,7 @@ def held_out_from(y: Array) -> int:
 
 
 def noise_floor(y: Array, bounds: NDArray[np.int64] | None = None) -> float:
-    """median |third difference| / (0.6745 sqrt 20): of white noise its deviation, of a slow signal nothing."""
+    """median |third difference| / (0.6745 sqrt 20): the deviation of white noise, and zero for a slow signal."""
     third = _differences(y, 3, bounds)
     return float(np.median(np.abs(third)) / (0.6745 * np.sqrt(20.0))) if smooth(y, bounds) else 0.0
 

@@ -25,22 +25,22 @@ if TYPE_CHECKING:
 SECONDS = (0.1, 0.5, 2.0, 5.0)
 LEAD = 0.3  # s before a window over which its state is fitted
 MOST = 24  # windows of a length
-PULL = 1e-3  # towards no other state, of the output: what the samples before a window say nothing of stays
+PULL = 1e-3  # prior weight of an unchanged state, relative to the output, for what the samples before do not determine
 
 
 def horizons(n: int, dt: float) -> list[int]:
-    """Lengths of windows in samples: tenths of seconds to seconds where that suits the record, else by its length."""
+    """Lengths of windows in samples: tenths of seconds to seconds if that suits the record, otherwise by its length."""
     fit = [h for h in (round(s / dt) for s in SECONDS) if 5 <= h <= n // 4]
     return fit if len(fit) > 1 else sorted({int(h) for h in np.geomspace(10, max(n // 4, 11), 3)})
 
 
 def lead(n: int, dt: float) -> int:
-    """Samples over which a state is fitted, half of a short record at the most."""
+    """Samples over which a state is fitted, at most half of a short record."""
     return min(int(np.clip(round(LEAD / dt), 30, max(n // 10, 30))), n // 2)
 
 
 def window_errors(model: Any, log: View, horizon: int, before: int) -> Array:
-    """Output minus prediction over windows, (windows, horizon); infinite where the model diverges."""
+    """Output minus prediction over windows, (windows, horizon); infinite if the model diverges."""
     begins = _begins(log, horizon, before)
     if model is None:
         return np.array([_steady(log, s, horizon, before) for s in begins])
@@ -50,7 +50,7 @@ def window_errors(model: Any, log: View, horizon: int, before: int) -> Array:
 
 
 def _begins(log: View, horizon: int, before: int) -> NDArray[np.int64]:
-    """Where the windows of a length begin, spread over the segments that are long enough."""
+    """Starts of the windows of a length, spread over the segments that are long enough."""
     spans = [(a + before, b - horizon) for a, b in itertools.pairwise(log.bounds.tolist()) if b - a >= before + horizon]
     count = int(np.clip(sum((b - a) // horizon + 1 for a, b in spans), 1, MOST))
     possible = np.concatenate([np.arange(a, b + 1) for a, b in spans])
@@ -69,7 +69,7 @@ def _steady(log: View, start: int, horizon: int, before: int) -> Array:
     """The trivial model: the output stays constant, a position continues at constant velocity."""
     past = log.y[start - before : start]
     if log.logged != "position":
-        # of a white output the mean is the better constant, of a slow one the last value
+        # for a white output the mean is the better constant, for a slow one the last value
         return log.y[start : start + horizon] - (past[-1] if smooth(log.y) else past.mean())
     m = min(before, 30)
     slope, level = np.polyfit(np.arange(-m, 0), past[-m:], 1)
@@ -77,7 +77,7 @@ def _steady(log: View, start: int, horizon: int, before: int) -> Array:
 
 
 def _axis_errors(model: AxisModel, log: View, begins: NDArray[np.int64], horizon: int, before: int) -> Array:
-    """In the record's unit, while the model and its run are in SI."""
+    """In the record's unit; the model and its run are in SI."""
     theta, form = axis_theta(model)
     logged = replace(log.in_si, logged=model.logged, steps=model.steps, hold=model.hold)
     return _theta_errors(theta, form, logged, begins, horizon, before) / log.si[1]
@@ -105,7 +105,7 @@ def _theta_errors(
 
 
 def axis_score(theta: Array, form: AxisForm, log: View) -> float:
-    """Geometric mean of the errors over windows of all lengths, of a record in SI."""
+    """Geometric mean of the errors over windows of all lengths, for a record in SI."""
     longest = log.longest.u.size
     before = lead(longest, log.dt)
     rms = [
@@ -118,15 +118,16 @@ def axis_score(theta: Array, form: AxisForm, log: View) -> float:
 def mean_error(rms: list[float], log: View, least: float) -> float:
     """Geometric mean of errors, none below ``least``.
 
-    Once a run is further off than the output is from its mean, it is lost, and how far says nothing: where gravity
-    makes a position unstable a window of 5 s is lost with any model, and the shorter ones decide.
+    A run with an error above the deviation of the output from its mean is lost, and the size of the error carries no
+    information: if gravity makes a position unstable, a window of 5 s is lost with any model, and the shorter ones
+    decide.
     """
     spread = float(np.std(log.y))
     return float(np.exp(np.mean(np.log([min(max(e, least), spread) for e in rms]))))
 
 
 def rms_of(error: Array) -> float:
-    """Root mean square, infinite where the run is."""
+    """Root mean square; infinite if the run is."""
     value = float(np.sqrt(np.mean(np.square(error)))) if np.isfinite(error).all() else np.inf
     return value if np.isfinite(value) else np.inf
 
@@ -146,7 +147,7 @@ def residual(model: Any, log: View) -> Array:
 def _response_errors(
     model: LinearModel | ChainModel, log: View, begins: NDArray[np.int64], horizon: int, before: int
 ) -> Array:
-    """The run from the record's start, and before each window what the output's poles leave of another state."""
+    """The run from the start of the record, corrected before each window by the decaying effect of another state."""
     from scipy.signal import lfilter
 
     denominator = np.array(model.denominator if isinstance(model, LinearModel) else model.f2)
@@ -179,9 +180,9 @@ def _fades(model: ChainModel) -> int:
 
 
 def _first_block_moved(model: ChainModel, log: View, start: int, before: int, span: int, basis: Array) -> Array:
-    """What another state of the first block at ``start`` does to the output over ``span`` samples, by least squares.
+    """Effect of another state of the first block at ``start`` on the output over ``span`` samples, by least squares.
 
-    Behind a law that loses a sign the state of either sign may fit, so both are tried.
+    If the law loses the sign, a state of either sign may fit, so both are tried.
     """
     from scipy.optimize import least_squares
     from scipy.signal import lfilter

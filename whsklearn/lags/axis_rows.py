@@ -27,7 +27,7 @@ def effect_terms(law: Any, effects: str | Iterable[str | Effect]) -> tuple[Effec
     terms = (*friction, *(get_effect(e)() if isinstance(e, str) else e for e in names))
     for term in terms:
         if not isinstance(term, Effect):
-            raise ValueError(f"{term!r} is no effect; expected a catalogue name or an instance such as Coulomb().")
+            raise ValueError(f"{term!r} is not an effect; expected a catalogue name or an instance such as Coulomb().")
         if term.column_kind == "none":
             raise ValueError(f"{term.name} has no columns and can only be simulated; remove it from law and effects.")
     return terms

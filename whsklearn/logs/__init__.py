@@ -1,4 +1,4 @@
-"""Logs of axes: one reader for every format, which mends what can be mended and says so."""
+"""Logs of axes: one reader for every format, which repairs what can be repaired and reports it."""
 
 from whsklearn.logs.check import check_log
 from whsklearn.logs.errors import ColumnError, LogError, LogWarning

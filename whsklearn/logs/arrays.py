@@ -14,14 +14,14 @@ from whsklearn.logs.source import Column, Source
 
 
 def missing(path: Path, package: str, extra: str) -> ImportError:
-    """The sentence for an optional reader that is not installed."""
+    """The error for an optional reader that is not installed."""
     return ImportError(
         f"Reading {path.name} needs {package}; install it with `pip install 'whsklearn[{extra}]'`, or export CSV."
     )
 
 
 def open_parquet(path: Path) -> Source:
-    """A Parquet file; a column of lists becomes a column an element, ``state.0``."""
+    """A Parquet file; a column of lists becomes one column per element, ``state.0``."""
     try:
         from pyarrow import ArrowException
         from pyarrow.parquet import ParquetFile
@@ -51,7 +51,7 @@ def open_parquet(path: Path) -> Source:
 
 
 def open_feather(path: Path) -> Source:
-    """A Feather file: Arrow's own format, of version 2."""
+    """A Feather file, the Arrow format of version 2."""
     try:
         from pyarrow import ArrowException, feather
     except ImportError:
@@ -78,7 +78,7 @@ def _damaged(path: Path, what: str, error: BaseException) -> LogError:
 
 
 def open_matlab(path: Path) -> Source:
-    """A MATLAB file, of version 7.3 too; fields of structures are ``log.torque``, columns of a matrix ``data.0``."""
+    """A MATLAB file, including version 7.3; fields of structures are ``log.torque``, columns of a matrix ``data.0``."""
     with path.open("rb") as file:
         if file.read(512).startswith(b"MATLAB 7.3"):
             return open_hdf5(path)
@@ -97,7 +97,7 @@ def open_matlab(path: Path) -> Source:
 
 
 def _flatten(out: dict[str, Any], name: str, value: Any, depth: int = 0) -> None:
-    """Arrays of numbers under their paths; elements of cells and of arrays of structures by their numbers from 0."""
+    """Numeric arrays by path; elements of cells and of structure arrays are numbered from 0."""
     if hasattr(value, "_fieldnames") and depth < 6:
         for field in value._fieldnames:
             _flatten(out, f"{name}.{field}", getattr(value, field), depth + 1)
@@ -112,7 +112,7 @@ def _flatten(out: dict[str, Any], name: str, value: Any, depth: int = 0) -> None
 
 
 def _columns(out: dict[str, Any], name: str, array: Any) -> None:
-    """A vector as it is, a matrix column by column, the longer side being time."""
+    """A vector as it is, or a matrix column by column; the longer side is time."""
     array = np.squeeze(array)
     if array.ndim == 1:
         out[name] = array
@@ -122,7 +122,7 @@ def _columns(out: dict[str, Any], name: str, array: Any) -> None:
 
 
 def _of_arrays(path: Path, flat: dict[str, Any]) -> Source:
-    """A source of arrays that are in memory."""
+    """A source of arrays in memory."""
     if not flat:
         raise LogError(f"{path.name} holds no vector of numbers; save time, drive and position as vectors.")
     return Source(path.name, list(flat), lambda wanted: {w: Column(np.asarray(flat[w])) for w in wanted})
@@ -157,7 +157,9 @@ def _slice(i: int, tall: bool) -> Callable[[Any], Any]:
 
 
 def open_hdf5(path: Path) -> Source:
-    """An HDF5 file: data sets by their paths, the columns of a matrix as ``group/data.0``, fields of records too."""
+    """An HDF5 file: data sets by their paths, the columns of a matrix are ``group/data.0``, as are fields of
+    records.
+    """
     try:
         import h5py
     except ImportError:

@@ -14,14 +14,14 @@ if TYPE_CHECKING:
 
 _PLAIN = r"(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d+)?"
 _NUMBER = re.compile(rf"[+-]?{_PLAIN}$|[+-]?(nan|inf|infinity)$|$", re.IGNORECASE)
-_GROUP = r"'\u2019 \u00a0\u2009\u202f"  # between thousands, beside the comma or the point that is no decimal sign
+_GROUP = r"'\u2019 \u00a0\u2009\u202f"  # thousands separators, besides the comma or point that is not the decimal sign
 _THOUSANDS = {
     ".": re.compile(rf"[+-]?\d{{1,3}}(?:[,{_GROUP}]\d{{3}})+(?:\.\d*)?"),
     ",": re.compile(rf"[+-]?\d{{1,3}}(?:[.{_GROUP}]\d{{3}})+(?:,\d*)?"),
 }
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 _HEX = re.compile(r"0[xX][0-9a-fA-F]+")
-_BRACKETS = re.compile(r"\(\s*([^()+-]+)\)")  # bookkeepers' minus
+_BRACKETS = re.compile(r"\(\s*([^()+-]+)\)")  # accounting notation of negative numbers
 _WITH_UNIT = re.compile(r"([+-]?[\d.,]+(?:[eE][+-]?\d+)?)\s?([A-Za-zµ°%][\w°%·*/^ ]*)")
 _MISSING = {
     "-",
@@ -44,7 +44,7 @@ _FLAGS = {"true": 1.0, "false": 0.0}
 
 
 def plain(cell: str) -> str:
-    """A cell without blanks, quotes, a semicolon at the end of a script's line, and a typographic minus.
+    """A cell stripped of blanks, quotes and a final semicolon, with a typographic minus replaced.
 
     Examples
     --------
@@ -85,19 +85,19 @@ def is_number(cell: str, decimal: str = ".") -> bool:
 
 
 def is_plain(cell: str, decimal: str = ".") -> bool:
-    """Whether a cell is empty or holds a number as programs write it."""
+    """Whether a cell is empty or holds a number in programming notation."""
     if decimal == ",":
         cell = cell.replace(",", ".") if "." not in cell else "x"
     return _NUMBER.match(cell) is not None
 
 
 def as_numbers(values: pd.Series, decimal: str) -> tuple[pd.Series, str, list[str]]:
-    """Floats of cells, the unit that all of them carry, and what was done; NaN where a cell is not a number.
+    """Floats of cells, their common unit, and notes on conversions; NaN if a cell is not a number.
 
     Parameters
     ----------
     values : Series of str, shape (n,)
-        Cells, or NaN where there is none.
+        Cells, or NaN for missing ones.
     decimal : str
         ``.`` or ``,``.
 
@@ -152,6 +152,6 @@ def as_numbers(values: pd.Series, decimal: str) -> tuple[pd.Series, str, list[st
 
 
 def no_numbers(values: Any, numbers: pd.Series) -> Any:
-    """Cells that hold something, and no number."""
+    """Cells that are not empty and not numbers."""
     text = values.str.strip()
     return numbers.isna() & text.notna() & (text != "") & ~text.str.lower().isin({*_MISSING, "nan"})

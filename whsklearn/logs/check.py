@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 __all__ = ["check_log", "jitter", "lattice"]
 
-ALLOWED_JITTER = 0.01  # of the period; a derivative of the position is wrong by as much
+ALLOWED_JITTER = 0.01  # as a share of the period; derivatives of the position are wrong by the same share
 GAP = 1.5  # periods; a longer step has lost a sample, a shorter one is jitter
 
 
@@ -36,7 +36,7 @@ def check_log(
     extra : tuple of Finding
         What the reader of the file already found.
     rows : ndarray of int, shape (n,), optional
-        The rows' numbers in the file, where some were left out.
+        Row numbers in the file, if some were left out.
 
     Returns
     -------
@@ -69,7 +69,7 @@ def check_log(
     else:
         quantum = lattice(position)
         if quantum is not None:
-            text = f"Values are multiples of {quantum:.4g}: its variance q^2/12 is the least noise a fit can reach."
+            text = f"Values are multiples of {quantum:.4g}: its variance q^2/12 is the lowest noise a fit can reach."
             found.append(Finding("LOG007", "info", text, value=quantum))
     found.sort(key=lambda f: -SEVERITIES.index(f.severity))
     return LogReport(tuple(found), skipped, jitter(time), quantum)
@@ -84,13 +84,13 @@ def jitter(time: Array) -> float:
 
 
 def _stamps(time: Array, rows: NDArray[np.intp]) -> list[Finding]:
-    """Irregular, missing, repeated and backward stamps."""
+    """Find irregular, missing, repeated and decreasing time stamps."""
     step = np.diff(time)
     period = float(np.median(step))
     out = []
     back = np.flatnonzero(step < 0)
     same = np.flatnonzero(step == 0)
-    scale = period if period > 0 else np.inf  # most stamps do not increase: nothing to measure holes against
+    scale = period if period > 0 else np.inf  # most stamps do not increase, so there is no period to compare holes with
     holes = np.flatnonzero(step > GAP * scale)
     uneven = np.flatnonzero((step > 0) & (step <= GAP * scale) & (np.abs(step / scale - 1) > ALLOWED_JITTER))
     uneven = uneven if period > 0 else uneven[:0]
@@ -144,7 +144,7 @@ def _stamps(time: Array, rows: NDArray[np.intp]) -> list[Finding]:
 
 
 def _clipping(name: str, x: Array) -> list[Finding]:
-    """Flat tops entered and left at speed: a limit, not a turning point or a rest."""
+    """Find flat tops that are entered and left at speed: a limit, not a turning point or a rest."""
     moves = np.abs(np.diff(x))
     if not moves.any():
         return []
@@ -157,7 +157,7 @@ def _clipping(name: str, x: Array) -> list[Finding]:
                 flat += stop - start
                 first.append(int(start))
                 jumps += [abs(x[i] - extreme) for i in (start - 1, stop) if 0 <= i < x.size]
-    step = lattice(x) or 0.0  # on a lattice every turning point is flat, and left by single steps
+    step = lattice(x) or 0.0  # in a quantized signal every turning point is flat, and is left by single steps
     if flat < 5 or flat > 0.6 * x.size or not jumps or np.median(jumps) < max(0.5 * usual, 1.5 * step):
         return []
     text = f"{name} stays at its extreme values in {flat} samples, first at row {min(first)}; "
@@ -166,7 +166,7 @@ def _clipping(name: str, x: Array) -> list[Finding]:
 
 
 def _repeats(signals: dict[str, Array]) -> list[Finding]:
-    """Rows equal to the row before in every signal while the axis moves: a logger that fell behind."""
+    """Find rows equal to the row before in every signal while the axis moves: the logger polls too fast."""
     table = np.column_stack(list(signals.values()))
     same = np.r_[False, (table[1:] == table[:-1]).all(axis=1)]
     same &= ~((table == table.max(axis=0)) | (table == table.min(axis=0))).any(axis=1)  # a limit, a turning point
@@ -184,7 +184,7 @@ def _repeats(signals: dict[str, Array]) -> list[Finding]:
 
 
 def lattice(x: Array) -> float | None:
-    """Step of the lattice on which the values lie, or None where they lie on none.
+    """Quantization step of the values, or None if they are not quantized.
 
     Examples
     --------

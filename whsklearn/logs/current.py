@@ -1,4 +1,4 @@
-"""A current is not a torque: the torque constant is asked for, and its uncertainty is carried along."""
+"""A current is not a torque: the torque constant is required, and its uncertainty is propagated."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _FORM = re.compile(r"\s*([0-9.]+(?:e[+-]?\d+)?)\s*(?:(?:\+-|\+/-|±)\s*([0-9.]+(
 
 
 class TorqueConstant(NamedTuple):
-    """Nm (or N) for each ampere, and its standard deviation.
+    """Torque constant in Nm (or N) per ampere, with its standard deviation.
 
     Examples
     --------
@@ -51,19 +51,19 @@ class TorqueConstant(NamedTuple):
             numbers = ()
         if not 1 <= len(numbers) <= 2 or not all(map(math.isfinite, numbers)) or numbers[0] <= 0 or numbers[-1] < 0:
             raise ValueError(
-                f"The torque constant is {given!r}; expected Nm for each ampere and its standard deviation, such as "
+                f"The torque constant is {given!r}; expected Nm per ampere and its standard deviation, such as "
                 "0.12+-0.01."
             )
         return cls(*numbers)
 
 
 def factor_to_torque(constant: TorqueConstant, unit: str, column: str) -> float:
-    """What turns the drive into Nm (or N); a drive without a known unit is taken for amperes.
+    """The factor that converts the drive to Nm (or N); a drive without a known unit is taken to be in amperes.
 
     Raises
     ------
     ColumnError
-        If the drive is no current.
+        If the drive is not a current.
 
     Examples
     --------
@@ -92,7 +92,7 @@ def is_current(column: str, unit: str) -> bool:
 
 
 def doubt(column: str, unit: str) -> str:
-    """The question to ask before a column that nobody named becomes the drive; empty for a torque or a voltage.
+    """The question to ask before a recognised column is used as the drive; empty for a torque or a voltage.
 
     Examples
     --------

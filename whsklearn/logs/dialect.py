@@ -1,4 +1,4 @@
-"""How a text file is laid out: encoding, comments, separator, decimal sign, header and units, from its first lines."""
+"""The layout of a text file from its first lines: encoding, comments, separator, decimal sign, header and units."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from whsklearn.logs.heads import COMMENTS, Head, commented, headings
 
 SEPARATORS = (",", ";", "\t", "|", r"\s+")
 _DATE = re.compile(r"\d{1,4}[-/.:]\d{1,2}[-/.:]\d{1,4}")
-_BODY = 50  # rows that tell what a column holds
-_HEAD_BESIDE = 20  # rows of a head beside the data, at most
-_FEW = 4  # rows; a table of fewer, above another one with names, is no log
+_BODY = 50  # rows from which the type of a column is determined
+_HEAD_BESIDE = 20  # maximum number of header rows beside the data
+_FEW = 4  # rows; a shorter table above another one with names is not a log
 
 
 class Dialect(NamedTuple):
@@ -26,12 +26,12 @@ class Dialect(NamedTuple):
     width: int
     comment: str | None
     sample: list[str]  # the first row's cells
-    clocks: list[int] | None  # for each column the place of its time column, where there are several
-    header: list[str] | None  # the cells above the data that do not fit it
+    clocks: list[int] | None  # for each column the index of its time column, if there are several
+    header: list[str] | None  # cells above the data that do not belong to the table
 
 
 def dialect_of(lines: list[str]) -> Dialect | None:
-    """The layout that makes the most of the first lines a table of numbers; None if none does.
+    """The layout under which most of the first lines form a table of numbers; None if there is none.
 
     Examples
     --------
@@ -52,24 +52,26 @@ def dialect_of(lines: list[str]) -> Dialect | None:
 
 
 def split(line: str, separator: str) -> list[str]:
-    """Cells of a line, without quotes and blanks around them."""
+    """Cells of a line, without surrounding quotes and blanks."""
     text = line.strip("\r\n")
     if separator == r"\s+":
         cells = text.split()
     elif '"' in text:
         cells = re.split(re.escape(separator) + r'(?=(?:[^"]*"[^"]*")*[^"]*$)', text)
-    else:  # the look-ahead above takes the square of a line's length
+    else:  # the look-ahead above takes quadratic time in the length of a line
         cells = text.split(separator)
     return [plain(c) for c in cells]
 
 
 def _says(line: str) -> bool:
-    """Whether a line holds anything but blanks, or the rule that is drawn below the names of a table."""
+    """Whether a line contains anything but blanks or the rule below the header of a table."""
     return re.fullmatch(r"[\s|+=-]*", line) is None
 
 
 def _is_data(cells: list[str], decimal: str) -> bool:
-    """Numbers or dates in most of its cells, or in half of four or more of which the first is one; not all blank."""
+    """Whether most cells are numbers or dates, or half of four or more cells including the first, and not all are
+    blank.
+    """
     good = [is_number(c, decimal) or bool(_DATE.match(c)) for c in cells]
     half = len(cells) >= 4 and cells[0] != "" and good[0]  # time, name, value, unit
     return any(c and g for c, g in zip(cells, good, strict=True)) and 2 * sum(good) + half > len(cells)
@@ -78,7 +80,7 @@ def _is_data(cells: list[str], decimal: str) -> bool:
 def _read_as(
     lines: list[str], live: list[tuple[int, str]], separator: str, decimal: str
 ) -> tuple[float, Dialect] | None:
-    """The layout under one separator and decimal sign, and how well it fits the first rows."""
+    """The layout for one separator and decimal sign, and how well it fits the first rows."""
     rows = [(i, split(t, separator)) for i, t in live]
     widths = [len(c) for _, c in rows]
     start = _first_row(rows, widths, decimal)
@@ -92,25 +94,25 @@ def _read_as(
     numeric = sum(is_number(x, decimal) and x != "" for c in body for x in c) / len(body)
     first, cells = rows[start]
     above = [c for k, (_, c) in enumerate(rows[:start]) if not _is_data(c, decimal) or _label(rows, k, decimal)]
-    if all(not c[-1] for c in body):  # every row ends in a separator, the head may do without
+    if all(not c[-1] for c in body):  # every row ends in a separator, which the header may lack
         above = [[*c, ""] if len(c) == width - 1 else c for c in above]
-    else:  # or the head alone does, as that of the Silverbox
+    else:  # or only the header does, as in the Silverbox files
         above = [c[:-1] if len(c) == width + 1 and not c[-1] else c for c in above]
-    if start == 0 and width > 1 and _counts_up(cells) and len(rows) > 1:  # pandas heads nameless columns 0, 1, 2
+    if start == 0 and width > 1 and _counts_up(cells) and len(rows) > 1:  # pandas names unnamed columns 0, 1, 2
         head, (first, cells) = Head([n or "index" for n in cells], None), rows[1]
     else:
         head = headings(above, width, apart=all(not c[0] for c in body)) or Head(commented(lines[:first], width), None)
     header = above[-1] if above and head.names is None and not head.units else None
     comment = next((t.lstrip()[0] for t in lines if t.lstrip().startswith(("#", "%"))), "#")
-    # A comma that parts the cells beats one inside them only if every cell is then a number, which `fits` tells;
-    # a point as decimal sign is the rule where both read the same.
+    # A comma as separator is preferred to a decimal comma only if every cell is then a number (see `fits`); a decimal
+    # point is assumed if both readings agree.
     good = sum(is_number(x, decimal) or bool(_DATE.match(x)) for c in body for x in c) / sum(map(len, body))
     score = 10.0 * fits * good + min(numeric, 8.0) / 8.0 + 0.01 * (decimal == ".") + 0.5 * (width > 1)
     return score, Dialect(separator, decimal, first, head.names, head.units, width, comment, cells, head.clocks, header)
 
 
 def _first_row(rows: list[tuple[int, list[str]]], widths: list[int], decimal: str, above: int = 0) -> int | None:
-    """The first row of data at `above` or below it; a few numbers above another head are no log, but gains or so."""
+    """The first row of data at or below `above`; a few numbers above another header are not a log but parameters."""
     start = next(
         (
             k
@@ -132,16 +134,16 @@ def _first_row(rows: list[tuple[int, list[str]]], widths: list[int], decimal: st
 
 
 def _goes_on(rows: list[tuple[int, list[str]]], widths: list[int], k: int, decimal: str) -> bool:
-    """Whether the row after or the one before has as many cells, or there is none after; one cell alone needs more."""
+    """Whether an adjacent row has as many cells, or no row follows; a single cell needs more evidence."""
     if k + 1 >= len(widths):
         return True
-    if widths[k] == 1:  # a date in a head
+    if widths[k] == 1:  # a date in a header
         return widths[k + 1] == 1 and _is_data(rows[k + 1][1], decimal)
     return widths[k] in (widths[k + 1], widths[k - 1] if k else 0)
 
 
 def _beside(rows: list[tuple[int, list[str]]], start: int, decimal: str) -> bool:
-    """Whether all rows above the first of data are data too, beside a head in columns that soon are blank.
+    """Whether all rows above the first data row are data too, next to header columns that are soon blank.
 
     An oscilloscope of Tektronix writes ``Record Length,2500,,-0.00125,0.04`` in its first rows.
     """
@@ -155,7 +157,7 @@ def _beside(rows: list[tuple[int, list[str]]], start: int, decimal: str) -> bool
 
 
 def _label(rows: list[tuple[int, list[str]]], k: int, decimal: str) -> bool:
-    """Whether a row begins with a word where the rows below hold numbers: a line ``key; value``, or one of a head."""
+    """Whether a row begins with a word where the rows below have numbers: a ``key; value`` line, or a header."""
     if not is_word(rows[k][1][0]) or bool(_DATE.match(rows[k][1][0])):
         return False
     below = [c[0] for _, c in rows[k + 1 :][-_BODY:]]
@@ -163,6 +165,6 @@ def _label(rows: list[tuple[int, list[str]]], k: int, decimal: str) -> bool:
 
 
 def _counts_up(cells: list[str]) -> bool:
-    """Whether the cells are 0, 1, 2 ... after a blank for an index at most."""
+    """Whether the cells are 0, 1, 2 ..., possibly after a blank cell for an index."""
     kept = cells[1:] if cells[0] == "" else cells
     return len(kept) > 1 and kept == [str(i) for i in range(len(kept))]

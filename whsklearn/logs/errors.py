@@ -40,7 +40,7 @@ class ColumnError(LogError):
 
 
 class LogWarning(UserWarning):
-    """Something in a log was repaired on reading; the message says what.
+    """Something in a log was repaired while reading; the message says what.
 
     Examples
     --------

@@ -1,7 +1,7 @@
-"""Files: their names as UTF-8, and their bytes replaced whole.
+"""Files: names as UTF-8, and atomic replacement.
 
-A file is replaced in one step (written beside, flushed to the disk, renamed): whoever is killed, and when, there is the
-old file or the new one.
+A file is replaced in one step (written next to it, flushed to the disk, renamed): whenever a process is killed, either
+the old file or the new one is there.
 """
 
 from __future__ import annotations
@@ -23,12 +23,11 @@ def utf8(text: str) -> str:
 
 
 def atomic_write(path: str | os.PathLike[str], data: bytes) -> None:
-    """Put ``data`` at ``path`` so that a crash at any instant leaves the old file or the new one.
+    """Write ``data`` to ``path`` so that a crash at any instant leaves the old file or the new one.
 
-    The bytes go to a hidden file in the same folder, are forced to the disk, and take the
-    name in one `os.replace`; then the folder is forced to the disk too.  A file that is replaced
-    keeps its mode, a symbolic link goes on pointing to the file that is replaced, and of several threads or
-    processes that write at once the last one stands.  A device or a pipe is written to as it is.
+    The bytes go to a hidden file in the same folder, are flushed to the disk, and take the name in one `os.replace`;
+    then the folder is flushed too. A replaced file keeps its mode, a symbolic link keeps pointing to the replaced file,
+    and if several threads or processes write at once, the last one wins. Devices and pipes are written to directly.
 
     Parameters
     ----------
@@ -38,7 +37,7 @@ def atomic_write(path: str | os.PathLike[str], data: bytes) -> None:
     Raises
     ------
     OSError
-        If the folder or the disk does not take it; it names ``path``, which is as it was.
+        If the file cannot be written; it names ``path``, which is unchanged.
 
     Examples
     --------
@@ -56,7 +55,7 @@ def atomic_write(path: str | os.PathLike[str], data: bytes) -> None:
         with open(path, "wb") as file:
             file.write(data)
         return
-    # every writer has a file of its own; a long name is cut, as names have at most 255 bytes
+    # every writer has its own file; a long name is cut because names have at most 255 bytes
     aside = target.with_name(f".{target.name[:150]}.{os.getpid()}.{threading.get_ident()}.tmp")
     try:
         with open(aside, "wb") as file:
@@ -77,12 +76,12 @@ def atomic_write(path: str | os.PathLike[str], data: bytes) -> None:
 
 
 def check_writable(path: str | os.PathLike[str]) -> None:
-    """Raise now if `atomic_write` could not put a file at ``path`` later, before hours of work are spent on it.
+    """Raise now if `atomic_write` could not write ``path`` later, before hours of work are spent.
 
     Parameters
     ----------
     path : str or path
-        Of a file that there need not be.
+        Path of the file, which need not exist.
 
     Raises
     ------
@@ -102,7 +101,7 @@ def check_writable(path: str | os.PathLike[str]) -> None:
     if _is_device(path):
         return
     if not target.parent.is_dir():
-        raise ValueError(f"The folder of {path} does not exist; make it, or write somewhere else.")
+        raise ValueError(f"The folder of {path} does not exist; create it, or write somewhere else.")
     aside = target.with_name(f".{target.name[:150]}.{os.getpid()}.{threading.get_ident()}.tmp")
     try:
         with open(aside, "wb") as file:
@@ -114,18 +113,18 @@ def check_writable(path: str | os.PathLike[str]) -> None:
 
 
 def _is_device(path: str | os.PathLike[str]) -> bool:
-    """Whether it is there and neither file nor folder: ``/dev/null``, a pipe."""
+    """Whether it exists and is neither file nor folder: ``/dev/null``, a pipe."""
     return os.path.exists(path) and not os.path.isfile(path) and not os.path.isdir(path)
 
 
 def _remove(file: Path) -> None:
-    """Remove a file that may be gone, in a folder that may be."""
+    """Remove a file; neither it nor its folder need exist."""
     with contextlib.suppress(OSError):
         file.unlink()
 
 
 def _sync_folder(folder: Path) -> None:
-    """Make the rename itself durable, where the system can."""
+    """Make the rename durable if the system supports it."""
     with contextlib.suppress(OSError):  # Windows cannot open a folder
         descriptor = os.open(folder, os.O_RDONLY)
         try:
@@ -135,7 +134,7 @@ def _sync_folder(folder: Path) -> None:
 
 
 def _sweep(target: Path) -> None:
-    """Remove what writers of this file that were killed left beside it, if it is old."""
+    """Remove old temporary files that killed writers of this file left behind."""
     for left in target.parent.glob(f".{glob.escape(target.name[:150])}.*.tmp"):
         with contextlib.suppress(OSError):
             if time.time() - left.stat().st_mtime > _STALE_SECONDS:

@@ -1,6 +1,6 @@
 """Findings in a log, and the report that collects them.
 
-Every finding has a stable code, a title and an explanation that says what to do or what was done.
+Every finding has a stable code, a title, and an explanation of what to do or what was done.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ TITLES = {
     "LOG013": "The clock restarts",
     "LOG014": "A held phase was removed",
     "LOG015": "The time stamps were read as dates or ticks",
-    "LOG016": "A column may not be what it is called",
+    "LOG016": "A column may not be what its name says",
     "LOG017": "How the file was read",
     "LOG018": "The position is the integral of the velocity",
     "LOG019": "A unit is not known",
@@ -42,7 +42,7 @@ SEVERITIES = ("info", "warning", "error")
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing found: code, severity (info, warning, error), explanation, rows and a number.
+    """A finding: code, severity (info, warning, error), explanation, rows and a number.
 
     ``rows`` are positions in the file's data, the first row being 0; at most ten are kept.
 
@@ -56,7 +56,7 @@ class Finding:
     rows : tuple of int
         The first ten rows.
     value : float or None
-        A number that belongs to it.
+        A related number.
 
     References
     ----------
@@ -90,7 +90,7 @@ def finding(
 
 @dataclass(frozen=True)
 class LogReport:
-    """Findings about a log, the worst first, and the checks that did not apply with their reasons.
+    """Findings about a log, the worst first, and the checks that did not apply, with reasons.
 
     Attributes
     ----------
@@ -101,7 +101,7 @@ class LogReport:
     jitter : float
         Largest deviation of a time step from the usual one, as a share of it.
     quantum : float or None
-        Step of the lattice that the position lies on, in its unit.
+        Quantization step of the position, in its unit.
 
     References
     ----------
@@ -126,21 +126,21 @@ class LogReport:
 
     @property
     def ok(self) -> bool:
-        """Whether nothing worse than a remark was found."""
+        """Whether nothing worse than an info was found."""
         return all(f.severity == "info" for f in self.findings)
 
     @property
     def codes(self) -> tuple[str, ...]:
-        """Codes found, the worst first."""
+        """Codes of the findings, the worst first."""
         return tuple(f.code for f in self.findings)
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """A plain sentence or two for each finding."""
+        """One or two plain sentences for each finding."""
         return tuple(f"{f.title}. {f.explanation}" for f in self.findings)
 
     def to_dict(self) -> dict[str, Any]:
-        """Everything as plain numbers and strings, for JSON."""
+        """The report as plain numbers and strings, for JSON."""
         return {
             "ok": self.ok,
             "jitter": self.jitter,

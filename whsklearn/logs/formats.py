@@ -1,4 +1,4 @@
-"""The format of a file, by its first bytes rather than its ending, and the reader for it."""
+"""The format of a file, determined from its first bytes rather than its extension, and its reader."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _ENDINGS: dict[str, Callable[[Path], Source]] = {
     ".mcap": robots.open_mcap, ".bag": robots.open_bag,
 }  # fmt: skip
 _SHEETS = {".xlsx", ".xls", ".ods"}
-_SCOPE = {".svdx", ".tcscopex", ".svbx"}  # no library reads them
+_SCOPE = {".svdx", ".tcscopex", ".svbx"}  # no library can read them
 
 
 def open_source(path: str | os.PathLike[str]) -> Source:
@@ -53,7 +53,7 @@ def open_source(path: str | os.PathLike[str]) -> Source:
     ImportError
         If the format needs a package that is not installed; the message has the line that installs it.
     LogError
-        If the file is empty, damaged or of no known format.
+        If the file is empty, damaged or in an unknown format.
 
     Examples
     --------
@@ -95,12 +95,12 @@ def open_source(path: str | os.PathLike[str]) -> Source:
 
 
 def _of_text(path: Path) -> Source:
-    """JSON, lines of named numbers or a table."""
+    """JSON, lines of labelled numbers, or a table."""
     with packed.opened(path) as stream:
         try:
             head = stream.read(4096)
         except packed.DAMAGE:
-            head = b""  # said by the reader of tables
+            head = b""  # reported by the reader of tables
     if objects.is_json(head):
         return objects.open_json(path)
     if labelled.is_labelled(head):
@@ -109,7 +109,7 @@ def _of_text(path: Path) -> Source:
 
 
 def _unpacked(path: Path, head: bytes) -> Source:
-    """A packed log; NumPy's own archives are ZIP archives of arrays."""
+    """A compressed log; NumPy archives are ZIP archives of arrays."""
     if head.startswith(packed.ZIP) and all(n.endswith(".npy") for n in packed.members(path) or [""]):
         return arrays.open_numpy(path)
     with packed.opened(path) as stream:

@@ -1,4 +1,4 @@
-"""A log on an even grid: estimators and derivatives take one sample a period, whatever the logger did."""
+"""A log on an even grid: estimators and derivatives need one sample per period, whatever the logger did."""
 
 from __future__ import annotations
 
@@ -26,16 +26,15 @@ class Even(NamedTuple):
     segment: NDArray[np.int64]
     period: float
     finding: Finding | None
-    rounded: bool  # the stamps were rounded and gave way, the values are as logged
+    rounded: bool  # the stamps were rounded and have been replaced; the values are as logged
 
 
 def even(time: Array, signals: dict[str, Array], segment: NDArray[np.int64]) -> Even:
-    """Signals at one sample a period within each segment; left as they are where the stamps are even.
+    """Signals with one sample per period in each segment; unchanged if the stamps are even.
 
-    Stamps that keep within one tick of an even line were rounded by the logger, the samples were not: then the
-    stamps give way.  Otherwise motions are interpolated by cubic splines and the rest linearly: a straight line
-    between two samples of a motion is off by h^2 a / 8, at 100 Hz more than an encoder's noise, and its acceleration
-    is a row of pulses.
+    Stamps within one tick of an even line were rounded by the logger while the samples were not; these stamps are
+    replaced. Otherwise motions are interpolated by cubic splines and other signals linearly: linear interpolation of a
+    motion is off by h^2 a / 8, at 100 Hz more than an encoder's noise, and its acceleration is a train of pulses.
 
     Parameters
     ----------
@@ -61,7 +60,7 @@ def even(time: Array, signals: dict[str, Array], segment: NDArray[np.int64]) -> 
         parts = [(line, {k: v[part] for k, v in signals.items()}) for line, part in zip(straight, spans, strict=True)]
     else:
         near = step[inside & (step < GAP * period)]
-        period = float(near.mean())  # the median of 10, 12, 10, 12 ms is neither
+        period = float(near.mean())  # the median of 10, 12, 10, 12 ms is neither of them
         text = f"Onto an even grid of {period:.6g} s in {len(spans)} segment(s): motions by splines, the rest linearly."
         parts = [_resampled(time[part], {k: v[part] for k, v in signals.items()}, period) for part in spans]
     return Even(
@@ -75,18 +74,18 @@ def even(time: Array, signals: dict[str, Array], segment: NDArray[np.int64]) -> 
 
 
 def _resampled(t: Array, signals: dict[str, Array], period: float) -> tuple[Array, dict[str, Array]]:
-    """One segment on its grid."""
+    """Resample one segment to its grid."""
     grid = t[0] + period * np.arange(int((t[-1] - t[0]) / period * (1 + 1e-9)) + 1)
     return grid, {k: _at(grid, t, v, k in MOTIONS) for k, v in signals.items()}
 
 
 def _line(t: Array) -> Array | None:
-    """An even line through stamps rounded to a tick of a tenth of the period or more; None if they were not."""
+    """An even line through stamps that were rounded to a tick of at least a tenth of the period; None otherwise."""
     steps = np.round(np.diff(t), 9)
     short, long = float(steps.min()), float(steps.max())
     tick = long - short
     often = float(np.mean(steps == long))
-    # Rounding makes two lengths of step, a tick apart and whole ticks long, both often; a lost sample is seldom.
+    # Rounding gives two step lengths, both whole ticks and one tick apart, and both frequent; lost samples are rare.
     if tick < 0.1 * steps.mean() or not np.all((steps == short) | (steps == long)) or not 0.02 < often < 0.98:
         return None
     line = t[0] + (t[-1] - t[0]) / (t.size - 1) * np.arange(t.size)
@@ -97,7 +96,7 @@ def _line(t: Array) -> Array | None:
 
 
 def _at(grid: Array, t: Array, values: Array, smooth: bool) -> Array:
-    """Values at new times."""
+    """Interpolate the values at new times."""
     if not smooth:
         return np.interp(grid, t, values)
     from scipy.interpolate import CubicSpline

@@ -1,7 +1,7 @@
-"""The head of a table: names and units in one row or in stacked ones, time columns, and the clock.
+"""The header of a table: names and units in one or several rows, time columns, and the clock.
 
-Controllers write a head of ``key; value`` lines (ctrlX, CODESYS) or a block of labelled rows, one of which holds the
-names (TwinCAT Scope), and give each channel a time column of its own.  Scripts put names and clock into comments.
+Controllers write a header of ``key; value`` lines (ctrlX, CODESYS) or a block of labelled rows, one of which contains
+the names (TwinCAT Scope), and give each channel its own time column. Scripts put names and clock into comments.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _UNITS = {"unit", "units", "einheit", "einheiten", "dimension", "y_unit_label"}
 _UNITS |= {"vunit", "vert_units", "vertical unit", "vertical units"}  # of oscilloscopes and recorders
 _TIME = {"time", "timestamp", "timestamps", "zeit", "zeitstempel", "t"}
 _TICKS = {"tick", "ticks"}
-_ODRIVE = 8000.0  # Hz; the loop of an ODrive v3, whose scripts log its ticks
+_ODRIVE = 8000.0  # Hz; control rate of an ODrive v3, whose scripts log its ticks
 _SECONDS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _HERTZ = {"hz": 1.0, "khz": 1e3, "mhz": 1e6, "1/s": 1.0, "s/s": 1.0, "sps": 1.0}
 _RATE = re.compile(r"(\d+(?:[.,]\d+)?)\s*([kM]?)Hz\b", re.IGNORECASE)
@@ -37,7 +37,7 @@ _VALUE = re.compile(r"\"?(\d+(?:[.,]\d+)?(?:e[+-]?\d+)?)\s*([a-z1µμ/]+)?\"?", 
 
 
 class Head(NamedTuple):
-    """Names and units of the columns, and for each column the place of its time column where there are several."""
+    """Names and units of the columns, and for each column the index of its time column if there are several."""
 
     names: list[str] | None
     units: list[str] | None
@@ -45,7 +45,7 @@ class Head(NamedTuple):
 
 
 def headings(above: list[list[str]], width: int, apart: bool = False) -> Head | None:
-    """The head that rows of words above a table of `width` columns make; None if they make none.
+    """The header formed by the rows of words above a table of `width` columns; None if they form none.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def headings(above: list[list[str]], width: int, apart: bool = False) -> Head | 
     width : int
         Columns of the table.
     apart : bool
-        Whether the first column holds the labels of the head and no data.
+        Whether the first column contains the labels of the header and no data.
 
     Examples
     --------
@@ -78,18 +78,19 @@ def headings(above: list[list[str]], width: int, apart: bool = False) -> Head | 
         ms = "ms" if any(_label(c).startswith(("sampletime[ms]", "symbolbased")) for c in rows) else ""
         names = ["time" if i in times else n for i, n in enumerate(names)]
         told = [ms if i in times else u for i, u in enumerate(told)]
-        drop = len(names) - width  # labels above a table without a column of time
+        drop = len(names) - width  # labels above a table without a time column
         return Head(unique(names[drop:]), told[drop:], None if drop else _clocks(times, width))
     channels = [c for c in above if _label(c) in _UNITS and len(c) == width + 1]
-    if channels:  # nameless channels below a head of labelled rows
+    if channels:  # unnamed channels below a header of labelled rows
         return Head(None, [_unit(u) for u in channels[-1][1:]])
     if not rows:
         return _extended(above, width)
     last = max((i for i, c in enumerate(rows) if _all_units(c)), default=0)
-    if _label(rows[last]) in _UNITS and last < len(rows) - 1:  # a head of labelled rows, and the names below it
+    if _label(rows[last]) in _UNITS and last < len(rows) - 1:  # a header of labelled rows, with the names below it
         names, units = rows[-1], rows[last]
     elif last:
-        # Types may stand between names and units, MATLAB's above all; a row that says one thing twice names nothing.
+        # Types may stand between names and units, as in MATLAB exports; a row with repeated entries does not hold
+        # names.
         k = next((k for k in reversed(range(last)) if _is_distinct(rows[k])), last - 1)
         names, units = _stacked(rows[: k + 1]), rows[last]
     else:
@@ -98,18 +99,18 @@ def headings(above: list[list[str]], width: int, apart: bool = False) -> Head | 
 
 
 def _is_distinct(cells: list[str]) -> bool:
-    """Whether no two cells say the same thing."""
+    """Whether all cells differ."""
     said = [c for c in cells if c]
     return len(set(said)) == len(said) > 0
 
 
 def _stacked(rows: list[list[str]]) -> list[str]:
-    """The last row, its blanks filled with what the rows above it say."""
+    """The last row, with blanks filled from the rows above."""
     return [next((c for c in reversed(column) if c), "") for column in zip(*rows, strict=True)]
 
 
 def _extended(above: list[list[str]], width: int) -> Head | None:
-    """The head of a table whose names go on over numbers in the next row: ``X,CH1,Start,Increment`` of a Rigol."""
+    """The header of a table whose last names refer to numbers in the next row: ``X,CH1,Start,Increment`` of a Rigol."""
     if len(above) < 2 or len(above[-2]) <= width or increment_in(above) is None:
         return None
     names = [n if not is_number(v) else "" for n, v in zip(above[-2], above[-1], strict=False)]
@@ -117,7 +118,7 @@ def _extended(above: list[list[str]], width: int) -> Head | None:
 
 
 def increment_in(above: list[list[str]]) -> float | None:
-    """Seconds from sample to sample, where a row of names says ``Increment`` and the next one how much.
+    """Sample time in s, if a row of names contains ``Increment`` and the next row its value.
 
     Examples
     --------
@@ -132,7 +133,7 @@ def increment_in(above: list[list[str]]) -> float | None:
 
 
 def commented(lines: list[str], width: int) -> list[str] | None:
-    """The names that a comment holds, as ``numpy.savetxt`` and scripts for MATLAB write them."""
+    """The names in a comment, as written by ``numpy.savetxt`` and MATLAB scripts."""
     for line in reversed(lines):
         if line.lstrip().startswith(COMMENTS):
             text = line.strip().lstrip("#%/! ").rstrip(";, ")
@@ -144,7 +145,7 @@ def commented(lines: list[str], width: int) -> list[str] | None:
 
 
 def period_in(lines: list[str]) -> float | None:
-    """Seconds from sample to sample, where a line above the table says so with its unit.
+    """Sample time in s, if a line above the table states it with its unit.
 
     Examples
     --------
@@ -176,7 +177,7 @@ def period_in(lines: list[str]) -> float | None:
 
 
 def ticks_in(lines: list[str], names: list[str]) -> tuple[int, float | None] | None:
-    """Which column counts ticks, and how many make a second, None where nothing says so; None without such a column.
+    """The column that counts ticks and the ticks per second (None if not stated); None without such a column.
 
     Examples
     --------
@@ -200,7 +201,7 @@ def ticks_in(lines: list[str], names: list[str]) -> tuple[int, float | None] | N
 
 
 def unique(names: list[str]) -> list[str]:
-    """Names without blanks or doubles."""
+    """Names without blanks or duplicates."""
     out: list[str] = []
     for i, name in enumerate(names):
         name = name or f"column {i}"
@@ -221,21 +222,23 @@ def _unit(text: str) -> str:
 
 
 def _all_units(cells: list[str]) -> bool:
-    """Whether every cell is a unit or blank, and most are units; the first may say that they are."""
+    """Whether every cell is a unit or blank, and most are units; the first may be a label."""
     known = [symbol_of(c.strip("[]() ")) is not None or c.lower() in _UNITS for c in cells]
     said = sum(c != "" for c in cells)
     return sum(known) * 2 > said and all(k or len(c) <= 6 for k, c in zip(known, cells, strict=True))
 
 
 def _times(names: list[str]) -> list[int]:
-    """The columns of time, where there is one for each column or group: one name again and again, or every other."""
+    """The time columns if each column or group has its own: one repeated name, or every other column."""
     times = [i for i, n in enumerate(names) if _TIME & set(_words(n))]
     again = len({names[i] for i in times}) == 1 < len(times)
     return times if again or (len(times) > 1 and times == list(range(0, len(names), 2))) else []
 
 
 def _clocks(times: list[int], width: int) -> list[int] | None:
-    """For each column its time column, the next one to the left; None unless the first column begins several."""
+    """The time column of each column, the nearest one to its left; None unless there are several, beginning with the
+    first column.
+    """
     if len(times) < 2 or times[0] != 0:
         return None
     return [max(t for t in times if t <= i) for i in range(width)]

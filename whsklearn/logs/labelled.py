@@ -1,4 +1,4 @@
-"""Logs in which every line labels its numbers, as Arduino sketches print them: ``Time: 5001 Position: 595``."""
+"""Logs in which every line labels its numbers, as printed by Arduino sketches: ``Time: 5001 Position: 595``."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ _PAIR = (
 _UNIT = r"(?:\s?([a-zA-Z%\u00b0\u00b5\u03bc]{1,5}(?:/s)?)(?=[,;\s|]|$)(?!\s*[:=]))?"  # a word before a colon is a name
 _PAIRS = re.compile(_PAIR + _UNIT)
 _LINE = re.compile(rf"(?:{_PAIR}{_UNIT}\s*[,;|]?\s*)+")
-# The time of day that the serial monitor writes before each line, or levels and stamps in brackets as loggers do.
+# The time of day that the serial monitor prints before each line, or log levels and stamps in brackets.
 _MONITOR = re.compile(r"^\s*(?:[\d:.]+\s*->\s*|(?:\[[^\]]*\]:?\s*)+)")
-_MOST = 0.8  # share of the first lines that name their numbers; the others are greetings of the sketch
+_MOST = 0.8  # share of the first lines that label their numbers; the others are start-up messages of the sketch
 _FEWEST = 3
 
 
@@ -43,7 +43,7 @@ def is_labelled(head: bytes) -> bool:
 
 
 def open_labelled(path: Path) -> Source:
-    """A text of labelled numbers as a source of columns; lines with other labels are left out.
+    """A text of labelled numbers as a source of columns; lines with other labels are ignored.
 
     Raises
     ------

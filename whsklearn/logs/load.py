@@ -31,14 +31,14 @@ _STAMPS = {"LOG001", "LOG002", "LOG003", "LOG004", "LOG010"}
 
 
 class Log(Bunch):
-    """A log as it was read; the same numbers in the two orders in which models take them.
+    """A log as it was read, with drive and position in both orders that models take.
 
     Attributes
     ----------
     X, y : ndarray of shape (n, 1), (n,)
-        Drive and position: a model that simulates, as `WienerHammersteinLags`.
+        Drive and position, for models that simulate, such as `WienerHammersteinLags`.
     position, drive : ndarray of shape (n, 1), (n,)
-        The same the other way round: what inverse dynamics takes, as in
+        The same in reverse order, for inverse dynamics, as in
         ``RLSRegressor(InverseDynamicsLags(sample_rate=log.sample_rate)).fit(log.position, log.drive)``.
 
     Examples
@@ -56,7 +56,7 @@ class Log(Bunch):
 
     @property
     def drive(self) -> Array:
-        """The input as one row of numbers."""
+        """The input as a vector."""
         return np.asarray(self.X)[:, 0]
 
 
@@ -87,45 +87,45 @@ def load_log(
         MCAP, a ROS bag or a LeRobot folder. All but text, JSON, MATLAB (before 7.3) and NumPy need an extra, which the
         error names.
     time : str or int, optional
-        Column of the time stamps: numbers, ticks since 1970, or dates. Columns are named or counted from 0. Left out,
+        Column of the time stamps: numbers, ticks since 1970, or dates. Columns are named or counted from 0. If omitted,
         rows are samples at `sample_rate`.
     input, drive : str or int
-        Column of what drives the axis: torque, force, current, voltage, or u. Two names for one thing.
+        Column of the drive: torque, force, current, voltage, or u. Two names for the same argument.
     output, position : str or int
-        Column of what the axis does: its position, or y. Two names for one thing.
+        Column of the response: position, or y. Two names for the same argument.
     reference : str or int, optional
         Column of the reference.
     command : str or int, optional
-        Column of a position servo's command, in the place of a drive that is not logged.
+        Column of a position servo's command, if no drive is logged.
     velocity : str or int, optional
-        Column of the velocity, where no position is logged; it is summed up to one.
+        Column of the velocity, if no position is logged; it is integrated.
     units : dict of str to str, optional
-        Units by role where the columns' names do not end in one (``time_s``, ``torque_nm``, ``position_rad``,
-        ``angle [deg]``). Stated, not converted, but for time. ``counts/4096`` says what a turn is.
+        Units by role, if the names of the columns do not end in one (``time_s``, ``torque_nm``, ``position_rad``,
+        ``angle [deg]``). Signals other than time are not converted. ``counts/4096`` gives the counts per turn.
     sample_rate : float, optional
-        In Hz, where there is no time column. Neither: time counts samples.
+        In Hz, if there is no time column. With neither, time counts samples.
     torque_constant : float, pair of float or str, optional
-        Nm (or N) for each ampere, where the drive is a current: ``0.12``, or ``"0.12+-0.01"`` with its standard
-        deviation, which ``drive_error`` hands on.
+        Nm (or N) per ampere, if the drive is a current: ``0.12``, or ``"0.12+-0.01"`` with its standard deviation,
+        which is passed on in ``drive_error``.
     resample : bool, default=True
-        Mend rows without a number and stamps that are uneven, repeated or out of order, and cut the log into segments
-        at long holes; False refuses such a log and names the row.
+        Repair rows without a number and stamps that are uneven, repeated or out of order, and split the log into
+        segments at long holes; False refuses such a log and names the row.
     return_X_y : bool, default=False
-        Only the drive as X (n, 1) and the position as y (n,); refused if the log falls into segments.
+        Return only the drive as X (n, 1) and the position as y (n,); refused if the log has several segments.
 
     Returns
     -------
     Log
-        ``X`` (n, 1), ``y`` (n,), the drive and the position; ``position`` (n, 1) and ``drive`` (n,), the same as
-        inverse dynamics takes them; ``time`` (n,) in s from 0, ``reference`` and ``command`` (n,) or None, ``groups``
+        ``X`` (n, 1), ``y`` (n,), the drive and the position; ``position`` (n, 1) and ``drive`` (n,), the same in the
+        order of inverse dynamics; ``time`` (n,) in s from 0, ``reference`` and ``command`` (n,) or None, ``groups``
         (n,) int, the segment of each row, ``sample_rate`` in Hz, ``units`` and ``columns`` by role, ``frame`` (the
-        signals by role), ``drive_error`` (standard deviation of the
-        torque constant as a share of it), ``report`` (`LogReport`), ``notes`` (its sentences), ``name``.
+        signals by role), ``drive_error`` (standard deviation of the torque constant as a share of it), ``report``
+        (`LogReport`), ``notes`` (its sentences), ``name``.
 
     Raises
     ------
     LogError
-        A `ValueError`: the file is empty, damaged or no table; a column is missing or not numeric; the sampling is
+        A `ValueError`: the file is empty, damaged or not a table; a column is missing or not numeric; the sampling is
         irregular beyond 1 % (the row is named) and ``resample`` is False.
     ImportError
         If the format needs a package that is not installed.
@@ -135,7 +135,7 @@ def load_log(
     Warns
     -----
     LogWarning
-        One message with a sentence or two for each repair.
+        One message with a sentence or two per repair.
 
     Examples
     --------
@@ -160,7 +160,7 @@ def load_log(
     columns = {r: source.resolve(c, r) for r, c in asked.items() if c is not None}
     if "drive" in columns and columns["drive"] == columns.get("position"):
         raise ColumnError(
-            f"Column {columns['drive']!r} of {source.name} was given for both drive and position; name two columns."
+            f"Column {columns['drive']!r} of {source.name} was given for both drive and position; give two columns."
         )
     table = read_columns(source, columns, given, sample_rate)
     constant = None if torque_constant is None else TorqueConstant.of(torque_constant)
@@ -182,7 +182,7 @@ def load_log(
 
 
 def _as_torque(table: _Table, constant: TorqueConstant | None) -> None:
-    """Convert a current to a torque; report a drive that remains a current."""
+    """Convert a current to a torque, and report a drive that remains a current."""
     if "drive" not in table.signals:
         return
     column, unit = table.columns["drive"], table.units["drive"]
@@ -208,7 +208,7 @@ def _warn(name: str, report: LogReport) -> None:
 
 
 class _Table(Bunch):
-    """Signals as they were logged, by role: ``time``, ``signals``, ``columns``, ``units``, ``findings``."""
+    """Signals as logged, by role: ``time``, ``signals``, ``columns``, ``units``, ``findings``."""
 
 
 def read_columns(
@@ -253,7 +253,7 @@ def read_columns(
 def _one_clock(
     columns: Mapping[str, str], read: dict[str, Column], values: dict[str, Any], found: list[Finding]
 ) -> tuple[dict[str, Any], Array | None]:
-    """Signals that bring stamps of their own, brought to the stamps of the position."""
+    """Interpolate signals with their own stamps at the stamps of the position."""
     lead = columns.get("position", columns.get("velocity"))
     if lead is None or read[lead].stamps is None:
         return values, None
@@ -268,16 +268,16 @@ def _one_clock(
             continue
         if own.size < 3 or base.size < 3:
             raise LogError(
-                f"Column {column!r} for {role} has no samples in the time of {lead!r}; choose signals of one run."
+                f"Column {column!r} for {role} has no samples in the time span of {lead!r}; choose signals of one run."
             )
         order = np.argsort(own, kind="stable")
         out[role] = np.interp(base, own[order], values[role][order])
-        found.append(Finding("LOG011", "info", f"{column!r} was interpolated at the stamps of {lead!r}, linearly."))
+        found.append(Finding("LOG011", "info", f"{column!r} was interpolated linearly at the stamps of {lead!r}."))
     return out, base
 
 
 def _one_name(first: str, a: Any, second: str, b: Any, instead: Any = None) -> Any:
-    """One of two names for the same argument, or neither if something else is given in its place."""
+    """One of two names of the same argument, or neither if an alternative is given."""
     if (a is None) == (b is None):
         if a is None and instead is not None:
             return None
@@ -287,7 +287,7 @@ def _one_name(first: str, a: Any, second: str, b: Any, instead: Any = None) -> A
 
 
 def _unit(role: str, column: str, read: Column, source: Source, given: Mapping[str, str]) -> str:
-    """The unit stated on the call, in the file, or at the end of the column's name."""
+    """The unit from the call, the file, or the end of the column's name."""
     if role in given:
         return given[role]
     inside = symbol_of(source.units.get(column, "") or read.unit or "") or unit_of(column, UNKNOWN)
@@ -295,16 +295,16 @@ def _unit(role: str, column: str, read: Column, source: Source, given: Mapping[s
 
 
 def _rate_of_ticks(column: str, unit: str, name: str) -> None:
-    """Refuse ticks of which nothing says how many make a second."""
+    """Refuse ticks whose rate is not stated anywhere."""
     if unit == "counts":
         raise ColumnError(
-            f"Column {column!r} of {name} counts ticks, and nothing says how many make a second; add --unit "
+            f"Column {column!r} of {name} counts ticks of unknown rate; add --unit "
             "time=ticks/8000 for ticks of 8 kHz (an ODrive's), or leave --time out and give --rate."
         )
 
 
 def _floats(values: NDArray[Any], column: str, name: str) -> Array:
-    """A column as floats; a refusal with row and value for text."""
+    """A column as floats; text is refused with its row and value."""
     import pandas as pd
 
     if values.dtype.kind in "fiub":
@@ -321,14 +321,14 @@ def _floats(values: NDArray[Any], column: str, name: str) -> Array:
 
 
 def _refuse(name: str, table: _Table) -> None:
-    """Refuse a log that would need repairs."""
+    """Refuse a log that needs repairs."""
     _, hole = mend.missing_rows({"time": table.time, **table.signals}, table.columns)
     if hole is not None:
         raise LogError(f"{name}: {hole.explanation.partition(');')[0]}); fill or drop them, or pass resample=True.")
     report = check_log(table.time, table.signals)
     worst = next((f for f in report.findings if f.code in _STAMPS), None)
     if worst is not None:
-        raise LogError(f"{name}: {worst.title.lower()}. {worst.explanation} (resample=True does it on reading.)")
+        raise LogError(f"{name}: {worst.title.lower()}. {worst.explanation} (resample=True does this while reading.)")
 
 
 def _mended(name: str, table: _Table) -> Bunch:
@@ -368,9 +368,9 @@ def _mended(name: str, table: _Table) -> Bunch:
     done = even(clock, signals, segment)
     if done.finding is not None:
         found.append(done.finding)
-    if done.finding is None or not done.rounded:  # stamps that were merely rounded lost no sample
+    if done.finding is None or not done.rounded:  # if stamps were merely rounded, no sample is lost
         for f in raw.findings:
-            if f.code in _STAMPS:  # what is wrong, without the remedy, which was applied
+            if f.code in _STAMPS:  # the problem without the remedy, which was applied
                 text = f.explanation.partition(";")[0].rstrip(".") + "."
                 found.append(Finding(f.code, "warning", text, f.rows, f.value))
         if done.segment[-1] > 0:
@@ -379,7 +379,7 @@ def _mended(name: str, table: _Table) -> Bunch:
 
 
 def _motions(signals: dict[str, Array], units: Mapping[str, str]) -> tuple[dict[str, Array], list[Finding]]:
-    """Wrapped angles unwrapped, a drive logged without its sign signed."""
+    """Unwrap wrapped angles, and restore the sign of a drive logged as unsigned."""
     found, out = [], dict(signals)
     if "drive" in signals:
         out["drive"], told = mend.signed("drive", signals["drive"])
@@ -392,7 +392,7 @@ def _motions(signals: dict[str, Array], units: Mapping[str, str]) -> tuple[dict[
 
 
 def _summed(time: Array, velocity: Array, segment: NDArray[np.int64]) -> tuple[Array, Finding]:
-    """The position that a velocity sums up to, by the trapezoidal rule, from 0 in each segment."""
+    """Integrate a velocity by the trapezoidal rule, from 0 in each segment."""
     step = np.where(np.diff(segment) == 0, np.diff(time) * 0.5 * (velocity[1:] + velocity[:-1]), 0.0)
     text = "Only the velocity is logged; its integral is taken as the position, whose origin and drift are unknown."
     return np.r_[0.0, np.cumsum(step)], Finding("LOG018", "warning", text)

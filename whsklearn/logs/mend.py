@@ -16,13 +16,13 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-HUGE = 1e100  # no sensor reads more; squares of it overflow
-TINY = 1e-100  # a signal that never exceeds it is zero but for a slip of the unit
-NONE = (999.0, 9999.0, 99999.0, 999999.0)  # what loggers write for no value
-APART = 0.1  # of such a value: all others lie below
-HELD_SECONDS, HELD_ROWS = 1.0, 100  # drive and position without a single change of a digit for so long: not controlled
+HUGE = 1e100  # no sensor gives larger values, and their squares overflow
+TINY = 1e-100  # a signal that never exceeds this is zero or in a wrong unit
+NONE = (999.0, 9999.0, 99999.0, 999999.0)  # what loggers write for a missing value
+APART = 0.1  # as a share of such a value; all others are below it
+HELD_SECONDS, HELD_ROWS = 1.0, 100  # time for which drive and position do not change in any digit: not controlled
 LIVELY = 0.5  # share of rows in which the drive changes while the loop is closed
-BRAKED = 0.5  # s; an axis that stops sooner after its drive fell was braked, later it coasted
+BRAKED = 0.5  # s; an axis that stops sooner after its drive fell was braked, one that stops later coasted
 
 
 def missing_rows(signals: dict[str, Array], columns: dict[str, str]) -> tuple[NDArray[np.bool_], Finding | None]:
@@ -31,7 +31,7 @@ def missing_rows(signals: dict[str, Array], columns: dict[str, str]) -> tuple[ND
     Raises
     ------
     LogError
-        If fewer than three rows are left, or a signal is beyond all measure throughout.
+        If fewer than three rows are left, or if all values of a signal are implausibly large.
     """
     bad = np.zeros(len(next(iter(signals.values()))), dtype=bool)
     for values in signals.values():
@@ -52,7 +52,7 @@ def missing_rows(signals: dict[str, Array], columns: dict[str, str]) -> tuple[ND
 
 
 def no_value(values: Array) -> NDArray[np.bool_]:
-    """Samples of 999, -9999 and the like far from all others: a sensor's code for a missing value.
+    """Samples such as 999 or -9999 that are far from all others: a sensor's code for a missing value.
 
     Examples
     --------
@@ -69,7 +69,7 @@ def no_value(values: Array) -> NDArray[np.bool_]:
 
 
 def too_small(role: str, column: str, values: Array) -> None:
-    """Refuse a signal that is all but zero.
+    """Refuse a signal that is almost zero throughout.
 
     Raises
     ------
@@ -86,7 +86,7 @@ def too_small(role: str, column: str, values: Array) -> None:
 def turn_in(values: Array, unit: str) -> float | None:
     """The turn at which an angle is wrapped, in its own unit; None if it is not wrapped.
 
-    A wrapped angle never leaves one turn, and where it leaps it leaps by nearly the whole turn.
+    A wrapped angle stays within one turn, and its jumps are nearly a whole turn.
 
     Examples
     --------
@@ -108,14 +108,14 @@ def turn_in(values: Array, unit: str) -> float | None:
         wraps = leaps > 0.5 * turn
         if inside and wraps.any() and span > 0.9 * turn:
             rest = float(np.quantile(leaps[~wraps], 0.999)) if (~wraps).any() else 0.0
-            short = turn - leaps[wraps]  # what the axis really moved in that sample
+            short = turn - leaps[wraps]  # true motion of the axis in that sample
             if np.median(short) <= 4.0 * rest and np.median(short) < 0.25 * turn:
                 return turn
     return None
 
 
 def unwrap(role: str, values: Array, turn: float) -> tuple[Array, Finding]:
-    """The angle without its leaps, from where it began."""
+    """The angle without its jumps, continued from the first value."""
     out = np.unwrap(values, period=turn)
     leaps = np.flatnonzero(np.abs(np.diff(values)) > 0.5 * turn) + 1
     text = (
@@ -127,7 +127,7 @@ def unwrap(role: str, values: Array, turn: float) -> tuple[Array, Finding]:
 def signed(role: str, values: Array) -> tuple[Array, Finding | None]:
     """Restore the sign of integers of 8, 16 or 32 bits whose negative values were logged as large positive ones.
 
-    Two's complement leaves its mark: the values fill both ends of the range and leave the middle half empty.
+    Two's complement is recognised by values at both ends of the range and none in its middle half.
 
     Examples
     --------
@@ -143,7 +143,7 @@ def signed(role: str, values: Array) -> tuple[Array, Finding | None]:
             middle = (values > 0.25 * whole) & (values < 0.75 * whole)
             if middle.any() or negative.all():
                 return values, None
-            text = f"The {role} has {bits}-bit numbers above {whole / 2:.0f}; they are negative, less {whole:.0f}."
+            text = f"The {role} has {bits}-bit numbers above {whole / 2:.0f}; {whole:.0f} was subtracted from them."
             return np.where(negative, values - whole, values), finding(
                 "LOG021", "info", np.flatnonzero(negative), text, whole
             )
@@ -151,12 +151,12 @@ def signed(role: str, values: Array) -> tuple[Array, Finding | None]:
 
 
 def held(time: Array, drive: Array, position: Array) -> tuple[NDArray[np.bool_], Finding | None]:
-    """Rows in which nothing was controlled: an emergency stop, a brake, a disabled drive.
+    """Rows in which the axis was not controlled: an emergency stop, a brake, a disabled drive.
 
-    There drive and position keep their last digit for a second and more, in a log whose drive otherwise
-    changes from row to row.  A stop of less than half a second before it was the brake's and goes too; a longer
-    one is a coast that shows friction, and stays.  A drive that is at its limit while its axis is stalled is
-    controlled, and stays too.
+    There drive and position do not change in any digit for a second or more, in a log whose drive otherwise changes
+    from row to row. A deceleration of less than half a second before such a phase was caused by the brake and is
+    removed too; a longer one is a coast that shows friction, and is kept. A drive at its limit with a stalled axis is
+    controlled, and is kept too.
     """
     n = drive.size
     limit = (drive != 0) & ((drive == drive.max()) | (drive == drive.min()))

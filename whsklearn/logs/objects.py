@@ -1,4 +1,4 @@
-"""Logs in JSON: a line an object, a list of records, or an object of vectors; nested names are joined by points."""
+"""Logs in JSON: one object per line, a list of records, or an object of vectors; nested names are joined by points."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ FEWEST = 3  # rows, or elements of a vector
 
 
 def is_json(head: bytes) -> bool:
-    """Whether a text begins as JSON does.
+    """Whether a text begins like JSON.
 
     Examples
     --------
@@ -35,7 +35,7 @@ def open_json(path: Path) -> Source:
     Raises
     ------
     LogError
-        If it is cut or damaged, or holds no vectors.
+        If it is truncated or damaged, or contains no vectors.
     """
     try:
         with opened(path) as file:
@@ -59,7 +59,7 @@ def open_json(path: Path) -> Source:
 
 
 def _lines(text: str, name: str, notes: list[str]) -> list[Any]:
-    """An object a line; a last line that was cut is left out."""
+    """One object per line; a truncated last line is left out."""
     lines = [(i, t) for i, t in enumerate(text.splitlines(), 1) if t.strip()]
     out = []
     for i, line in lines:
@@ -76,7 +76,7 @@ def _lines(text: str, name: str, notes: list[str]) -> list[Any]:
 
 
 def _vectors(data: Any, prefix: str = "") -> Iterator[tuple[str, list[Any]]]:
-    """Vectors by their joined names."""
+    """Vectors by joined names."""
     if isinstance(data, dict):
         for key, value in data.items():
             yield from _vectors(value, f"{prefix}{key}.")
@@ -105,7 +105,7 @@ def _flat(row: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def _of_one_kind(values: list[Any]) -> list[Any]:
-    """Numbers with NaN for null; else text."""
+    """Numbers with NaN for null; otherwise text."""
     if all(v is None or isinstance(v, int | float) for v in values):
         return [np.nan if v is None else v for v in values] if None in values else values
     return ["" if v is None else str(v) for v in values]

@@ -11,17 +11,18 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-# Samples in a row in which every signal agrees.  Two runs of one reference differ by their noise: where nine samples in
-# ten of a coarse encoder agree by chance, one window in 40,000 does, and the drive has to agree beside it.
+# Samples in a row in which every signal agrees.  Two runs with the same reference differ by their noise: if nine
+# samples in ten of a coarse encoder agree by chance, one window in 40,000 does, and the drive has to agree as well.
 RUN = 100
-NEAR = 1e-3  # of the deviation of a signal's steps: what other units, other digits and rounding leave
-DISTINCT = 0.5  # of the samples of a run must differ: an axis at rest is the same in every record
+NEAR = 1e-3  # as a share of the deviation of a signal's steps: differences due to units, digits and rounding
+DISTINCT = 0.5  # share of the samples of a run that must differ: an axis at rest looks the same in every record
 
 
 def shared_run(first: ArrayLike, second: ArrayLike) -> tuple[int, int, int] | None:
-    """(start in the first, start in the second, length) of a run of samples that both records hold; None without one.
+    """(start in the first, start in the second, length) of a run of samples that both records contain; None if there is
+    none.
 
-    Contents are compared, not names: a copy, a part of the other record, or a record that begins before its end.
+    Contents are compared, not names: a copy, a part of the other record, or an overlapping record.
 
     Parameters
     ----------
@@ -60,14 +61,14 @@ def shared_run(first: ArrayLike, second: ArrayLike) -> tuple[int, int, int] | No
 
 
 def _near(x: Array, y: Array) -> float:
-    """How far two readings of one sample may lie apart."""
+    """Tolerance between two readings of the same sample."""
     steps = [np.diff(np.unique(s)) for s in (x, y)]
-    finest = [float(s.min()) if s.size else 0.0 for s in steps]  # of a lattice its step
+    finest = [float(s.min()) if s.size else 0.0 for s in steps]  # for quantized signals, the step
     return max(0.51 * max(finest), NEAR * float(np.std(np.diff(y))), 1e-9 * float(np.ptp(y)), 1e-300)
 
 
 def _whole(a: Array, b: Array, i: int, j: int, near: Array) -> tuple[int, int, int]:
-    """A run from its first to its last sample."""
+    """Extend a match to its first and last sample."""
     back = min(i, j)
     same = np.all(np.abs(a[i - back : i] - b[j - back : j]) <= near, axis=1)
     back = int(np.argmin(same[::-1])) if not same.all() else back

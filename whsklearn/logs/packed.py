@@ -1,4 +1,4 @@
-"""Packed logs: gzip, bzip2, xz by their first bytes, and a ZIP archive with one log in it."""
+"""Compressed logs: gzip, bzip2, xz by their first bytes, and a ZIP archive with one log in it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ ZIP = b"PK\x03\x04"
 
 
 def opened(path: Path) -> IO[bytes]:
-    """The bytes of a log, unpacked."""
+    """The decompressed bytes of a log."""
     with path.open("rb") as file:
         head = file.read(8)
     for magic, opener in _OPENERS.items():
@@ -30,12 +30,12 @@ def opened(path: Path) -> IO[bytes]:
 
 
 def is_packed(head: bytes) -> bool:
-    """Whether a file's first bytes are those of a packed one."""
+    """Whether a file is compressed, by its first bytes."""
     return head.startswith((*_OPENERS, ZIP))
 
 
 def members(path: Path) -> list[str]:
-    """The files in a ZIP archive, without what file managers leave there.
+    """The files in a ZIP archive, without the metadata of file managers.
 
     Raises
     ------

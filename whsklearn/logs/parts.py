@@ -1,4 +1,4 @@
-"""Signals spread over files, one for each, or over rows, with motors or signals distinguished by a column."""
+"""Signals in separate files, or in separate rows with a column that distinguishes motors or signals."""
 
 from __future__ import annotations
 
@@ -26,7 +26,8 @@ _FEWEST_ROWS = 3
 
 
 def by_motor(source: Source) -> Source:
-    """The columns of each motor, ``position.2``, where a column identifies each row's motor; else the source itself.
+    """The columns of each motor, such as ``position.2``, if a column identifies the motor of each row; otherwise the
+    source itself.
 
     Examples
     --------
@@ -65,9 +66,10 @@ def by_motor(source: Source) -> Source:
 
 
 def by_signal(source: Source) -> Source:
-    """The signals of a long table, which has a row for each reading with its time and its name; else the source itself.
+    """The signals of a long table, which has one row per reading with its time and its name; otherwise the source
+    itself.
 
-    So write InfluxDB (``_time``, ``_field``, ``_value``), historians and many scripts.
+    InfluxDB (``_time``, ``_field``, ``_value``), historians and many scripts write such tables.
 
     Examples
     --------
@@ -85,28 +87,55 @@ def by_signal(source: Source) -> Source:
     time = next((n for n in source.names if guess(Source("", [n], source.fetch, units=source.units), "time")), None)
     if column is None or value is None or time is None:
         return source
-    who = source.fetch([column])[column].values
-    who = who.astype(str) if who.dtype.kind in "OUS" else np.empty(0, dtype=str)
-    names, counts = np.unique(who[(who != "nan") & (who != "")], return_counts=True)
+    told = called(_UNIT.__contains__)
+    read = source.fetch([column, value, time, *([told] if told else [])])  # together: all lose the same rows
+    signal = read[column].values
+    signal = signal.astype(str) if signal.dtype.kind in "OUS" else np.empty(0, dtype=str)
+    names, counts = np.unique(signal[(signal != "nan") & (signal != "")], return_counts=True)
     if not 2 <= names.size <= _MOST_MOTORS or counts.min() < _FEWEST_ROWS:
         return source
-    told = called(_UNIT.__contains__)
-    said = source.fetch([told])[told].values.astype(str) if told else None
-    units = {n: str(said[np.argmax(who == n)]) if said is not None else unit_of(n, "") for n in names.tolist()}
+    who, notes = signal, [*source.notes, f"The rows of {names.size} signals are distinguished by column {column!r}."]
+    if _repeats(who, read[time].values):  # the same signal of several axes, as the tags of InfluxDB tell them apart
+        others = [n for n in source.names if n not in read]
+        more = source.fetch([*read, *others])
+        texts = [n for n in others if more[n].values.dtype.kind in "OUS"]
+        for tag in [*texts, *(n for n in others if n not in texts)]:
+            apart = np.char.add(np.char.add(more[column].values.astype(str), "."), more[tag].values.astype(str))
+            if not _repeats(apart, more[time].values):
+                read, signal, who = more, more[column].values.astype(str), apart
+                notes.append(f"Signals of the same name are distinguished by column {tag!r}.")
+                break
+    names = np.unique(who[(signal != "nan") & (signal != "")])
+    base = {n: str(signal[np.argmax(who == n)]) for n in names.tolist()}
+    units = {n: str(read[told].values[np.argmax(who == n)]) if told else unit_of(b, "") for n, b in base.items()}
 
     def fetch(wanted: Sequence[str]) -> dict[str, Column]:
-        read = source.fetch([time, value])
         rows = [who == w for w in wanted]
         stamps = on_one_clock([read[time].values[r] for r in rows], source.units.get(time) or unit_of(time, ""), time)
-        return {w: Column(read[value].values[r], t) for w, r, t in zip(wanted, rows, stamps, strict=True)}
+        return {w: Column(_numbers(read[value].values[r]), t) for w, r, t in zip(wanted, rows, stamps, strict=True)}
 
-    notes = [*source.notes, f"The rows of {names.size} signals are distinguished by column {column!r}."]
     kept = {n: u for n, u in units.items() if u}
     return Source(source.name, names.tolist(), fetch, units=kept, notes=notes, clocked=True)
 
 
+def _repeats(who: Any, stamps: Any) -> bool:
+    """Whether a signal has several readings at one time."""
+    pairs = np.char.add(np.char.add(who.astype(str), " "), stamps.astype(str))
+    return bool(np.unique(pairs).size < pairs.size)
+
+
+def _numbers(values: Any) -> Any:
+    """Numbers where all are; beside signals of words the column is read as text."""
+    import pandas as pd
+
+    if values.dtype.kind not in "OUS":
+        return values
+    numbers = pd.to_numeric(pd.Series(values), errors="coerce").to_numpy(dtype=float)
+    return numbers if np.isfinite(numbers).all() else values
+
+
 def _ids(values: Any) -> Any:
-    """The motor of each row, as text; None if the column holds measurements."""
+    """The motor of each row, as text; None if the column contains measurements."""
     if values.dtype.kind in "fiu":
         whole = np.isfinite(values) & (values == np.round(values))
         return np.array([f"{v:.0f}" for v in values]) if whole.all() else None
@@ -160,7 +189,7 @@ def open_folder(path: Path, opener: Callable[[Path], Source]) -> Source:
 
 
 def _time_of(source: Source) -> str | None:
-    """The column of time: by its name, or the first of two without names."""
+    """The time column: by its name, or the first of two unnamed columns."""
     if source.header:
         return guess(source, "time")
     return source.names[0] if len(source.names) == 2 else None

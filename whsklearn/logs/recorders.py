@@ -14,7 +14,7 @@ from whsklearn.logs.source import Column, Source
 
 
 def open_tdms(path: Path) -> Source:
-    """A TDMS file: channels are ``group/channel``, or ``channel`` where one group holds it."""
+    """A TDMS file: channels are ``group/channel``, or ``channel`` if the name is unique."""
     try:
         from nptdms import TdmsFile
     except ImportError:
@@ -37,7 +37,7 @@ def open_tdms(path: Path) -> Source:
             for name in wanted:
                 channel = file[where[name][0]][where[name][1]]
                 values = channel[:]
-                # Without a waveform's increment the stamps are a channel of their own.
+                # Without a waveform increment, the stamps are a separate channel.
                 stamps = channel.time_track() if steps[name] and len(values) else None
                 out[name] = Column(np.asarray(values), stamps)
             return out
@@ -53,7 +53,7 @@ def open_mdf(path: Path) -> Source:
         raise missing(path, "asammdf", "logs") from None
     with path.open("rb") as raw:
         head = raw.read(68)
-    if b"HD" not in head[64:68]:  # asammdf would leave a half-made object behind, which complains when it goes
+    if b"HD" not in head[64:68]:  # asammdf would leave behind a partly built object, which raises when it is deleted
         raise _damaged(path, "MDF", ValueError("no header block"))
     try:
         with MDF(path) as file:
@@ -69,7 +69,7 @@ def open_mdf(path: Path) -> Source:
                     unit = getattr(channel, "unit", "") or getattr(getattr(channel, "conversion", None), "unit", "")
                     if unit:
                         units[name] = str(unit)
-    except Exception as error:  # asammdf raises whatever its parser meets, bare struct.error among it
+    except Exception as error:  # asammdf raises any error of its parser, such as a bare struct.error
         raise _damaged(path, "MDF", error) from None
     if not where:
         raise LogError(f"{path.name} has no channels; record the log again.")

@@ -1,8 +1,8 @@
 """Logs of robots: MCAP, ROS bags, LeRobot data sets.
 
-A column is a number in a message, by its topic and path: ``/joint_states.position.elbow`` where the message
-names its joints, ``/joint_states.position.0`` where it does not.  Its stamps are the message's own
-(``header.stamp``) if there are such, else those of the recorder.
+A column is a number in a message, by its topic and path: ``/joint_states.position.elbow`` if the message names its
+joints, ``/joint_states.position.0`` otherwise. Its stamps are those of the message (``header.stamp``) if it has any,
+otherwise those of the recorder.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from whsklearn.logs.arrays import _damaged, missing, open_parquet
 from whsklearn.logs.errors import LogError
 from whsklearn.logs.source import Column, Source
 
-_PEEK = 20  # messages of a topic that tell its columns
+_PEEK = 20  # messages of a topic from which its columns are determined
 _DEEPEST = 6
 
 Message = tuple[str, int, Any]  # topic, recorder's stamp in ns, decoded message
@@ -46,7 +46,7 @@ def open_mcap(path: Path) -> Source:
 
 
 def _decoders() -> list[Any]:
-    """What turns ROS 2 messages into objects, if it is installed."""
+    """The decoder of ROS 2 messages, if it is installed."""
     try:
         from mcap_ros2.decoder import DecoderFactory
     except ImportError:
@@ -55,7 +55,7 @@ def _decoders() -> list[Any]:
 
 
 def _decoded(path: Path, schema: Any, channel: Any, message: Any, reader: Any) -> Any:
-    """The content of a message; None for an encoding that is not read."""
+    """The content of a message; None for an unsupported encoding."""
     if channel.message_encoding == "json":
         try:
             return json.loads(message.data)
@@ -91,7 +91,7 @@ def open_bag(path: Path) -> Source:
 def _of_messages(
     path: Path, messages: Callable[[], Iterable[Message]], failures: tuple[type[BaseException], ...]
 ) -> Source:
-    """A source of the numbers in messages; the file is read once for the names and once for the values."""
+    """A source of the numbers in messages; the file is read once for names and once for values."""
     names: dict[str, None] = {}
     seen: dict[str, int] = {}
     try:
@@ -119,7 +119,7 @@ def _of_messages(
                 if key != w and key in flat:
                     values[w].append(flat[key])
                     stamps[w].append(at)
-        first = min((s[0] for s in stamps.values() if s), default=0)  # ns since 1970 as a double are 256 ns coarse
+        first = min((s[0] for s in stamps.values() if s), default=0)  # a double resolves ns since 1970 to 256 ns
         return {
             w: Column(
                 np.array(values[w]), np.float64(1e-9) * (np.array(stamps[w], dtype=np.int64) - first).astype(np.float64)
@@ -131,7 +131,7 @@ def _of_messages(
 
 
 def _stamp_of(message: Any) -> int | None:
-    """The stamp in a message's header in ns; None if it has none, or a header that was left at zero."""
+    """The stamp in a message's header in ns; None if there is none, or if the header was left at zero."""
     header = (_fields(message) or {}).get("header")
     stamp = _fields((_fields(header) or {}).get("stamp")) if header is not None else None
     parts = _seconds(stamp) if stamp else None
@@ -198,8 +198,8 @@ def _collect(out: dict[str, float], prefix: str, value: Any, depth: int) -> None
 def open_lerobot(path: Path) -> Source:
     """A LeRobot data set: the folder with ``meta/info.json`` and the episodes in ``data/``.
 
-    Columns are ``action.NAME`` and ``observation.state.NAME`` with the names of the motors; an episode after
-    another restarts the clock, which the reader takes for a new experiment.
+    Columns are ``action.NAME`` and ``observation.state.NAME`` with the names of the motors; each episode restarts the
+    clock, which the reader treats as a new experiment.
     """
     try:
         info = json.loads((path / "meta" / "info.json").read_text(encoding="utf-8"))
@@ -225,7 +225,7 @@ def open_lerobot(path: Path) -> Source:
 
 
 def _motor_names(feature: dict[str, Any]) -> list[str]:
-    """The names of a feature's elements, in the two ways in which LeRobot writes them."""
+    """The names of a feature's elements, in either of the two forms that LeRobot writes."""
     names = feature.get("names") or []
     if isinstance(names, dict):
         names = next(iter(names.values()), [])

@@ -1,4 +1,4 @@
-"""Which column is which: by given names, by number, or by the usual names of time, drive and position."""
+"""The roles of columns: by given names, by number, or by the usual names of time, drive and position."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from whsklearn.logs.errors import ColumnError
 from whsklearn.logs.source import Source
 from whsklearn.logs.units import factor_of, symbol_of, unit_of
 
-# In the order in which a name is believed; one word of the column's name must equal one of these.
+# In order of preference; one word of the column's name must equal one of these.
 WORDS: dict[str, tuple[str, ...]] = {
     "time": (
         "time", "t", "timestamp", "stamp", "timestamps", "zeit", "uhrzeit", "clock", "ts", "seconds", "millis",
@@ -25,7 +25,7 @@ WORDS: dict[str, tuple[str, ...]] = {
 }  # fmt: skip
 _NOT_MEASURED = {*WORDS["reference"], "command", "cmd", "error", *WORDS["velocity"], "acceleration", "acc"}
 
-# What a unit says where no word does. It also outweighs a word of one letter: "i_q [A]" is no position.
+# Roles by unit, if no word decides. A unit also outweighs a word of one letter: "i_q [A]" is not a position.
 _ROLE_OF_UNIT = {
     **dict.fromkeys(("Nm", "N", "V", "A"), "drive"),
     **dict.fromkeys(("rad", "m", "counts"), "position"),
@@ -40,7 +40,7 @@ def guess(source: Source, role: str) -> str | None:
     Raises
     ------
     ColumnError
-        If several columns say so equally.
+        If several columns match equally well.
 
     Examples
     --------
@@ -63,7 +63,7 @@ def guess(source: Source, role: str) -> str | None:
 
 
 def words_of(column: str) -> list[str]:
-    """The words in a column's name, its unit among them; i_q, the current that makes torque, is one word."""
+    """The words in a column's name, including its unit; i_q, the torque-producing current, is one word."""
     spelled = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", column).lower()
     spelled = re.sub(r"(?<![a-z0-9])(i_?q|x_value)(?![a-z0-9])", lambda m: m[1].replace("_", ""), spelled)
     words = re.split(r"[^a-z0-9]+", spelled)
@@ -71,13 +71,13 @@ def words_of(column: str) -> list[str]:
 
 
 def _role_of_unit(source: Source, column: str) -> str | None:
-    """The role of which a column's unit speaks, in the file or at the end of its name."""
+    """The role that a column's unit implies; the unit is from the file or the end of the name."""
     unit = symbol_of(source.units.get(column, "")) or unit_of(column)
     return _ROLE_OF_UNIT.get(factor_of(unit)[1])
 
 
 def _other(role: str, column: str) -> bool:
-    """Whether a word in the name says that it is something else: a set position is not the measured one."""
+    """Whether a word in the name excludes the role: a set position is not the measured one."""
     return role in ("position", "drive") and bool(_NOT_MEASURED & set(words_of(column)))
 
 

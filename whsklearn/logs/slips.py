@@ -1,7 +1,7 @@
-"""Mistakes that a log reveals: an inverted drive, a velocity in place of a position, degrees for radians, ms for s.
+"""Likely mistakes in a log: an inverted drive, a velocity in place of a position, degrees for radians, ms for s.
 
-Pure functions of signals: the gap workflow and ``identify`` ask them when a log is read and when a result is no
-physics.  Each answer is a sentence and the option that corrects it; nothing is changed without being asked.
+Pure functions of signals, which the gap workflow and ``identify`` use when a log is read and when a result is not
+physical. Each result is a sentence and the option that corrects the mistake; nothing is changed without being asked.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-MOST_ROWS = 50_000  # a slip is in every row; more only cost time
-SLOW = 0.2  # s; no axis is logged five times a second, but ms read as s look like that
-FAST = 2e-6  # s; no logger is faster, but s read as ms look like that
-SURE = 0.15  # correlation of drive and velocity below minus this: an axis takes power, friction gives none
-EXPLAINED = 0.3  # share of the drive's rest that the sign of the column explains if it is a velocity
+MOST_ROWS = 50_000  # a mistake is in every row; more rows only take time
+SLOW = 0.2  # s; no axis is logged at five times a second, but ms taken as s look like that
+FAST = 2e-6  # s; no logger is faster, but s taken as ms look like that
+SURE = 0.15  # correlation of drive and velocity; below minus this the axis would deliver power
+EXPLAINED = 0.3  # share of the drive's residual that the sign of the column explains if it is a velocity
 
 
 _VELOCITY = "--velocity COLUMN in place of --position"
@@ -55,12 +55,12 @@ def slips_in(log: Any) -> list[Slip]:
     Parameters
     ----------
     log : Bunch
-        As `load_log` gives it, with ``position``.
+        As `load_log` returns it, with ``position``.
 
     Returns
     -------
     list of Slip
-        Empty where nothing looks wrong.
+        Empty if nothing looks wrong.
 
     Examples
     --------
@@ -77,7 +77,7 @@ def slips_in(log: Any) -> list[Slip]:
     found = time_slips(log.time, log.units.get("time", "s"))
     n = min(log.y.size, MOST_ROWS)
     unit = log.units.get("position", "")
-    if "velocity" not in log.get("columns", ()):  # the sum of a velocity turns for as long as the axis does
+    if "velocity" not in log.get("columns", ()):  # an integrated velocity grows for as long as the axis turns
         found += unit_slips(log.y[:n], unit)
     if log.get("command") is None and n > 200 and not found:
         found += drive_slips(log.X[:n, 0], log.y[:n])
@@ -85,7 +85,7 @@ def slips_in(log: Any) -> list[Slip]:
 
 
 def time_slips(time: Array, unit: str) -> list[Slip]:
-    """Milliseconds taken for seconds, or the other way round."""
+    """Milliseconds taken for seconds, or vice versa."""
     period = float(np.median(np.diff(time[:MOST_ROWS])))
     if unit == "samples":
         return []
@@ -103,7 +103,7 @@ def time_slips(time: Array, unit: str) -> list[Slip]:
 
 
 def unit_slips(position: Array, unit: str) -> list[Slip]:
-    """A velocity by its unit; degrees in a column of radians that swings over many turns."""
+    """A velocity, by its unit; degrees in a column of radians, by a range of many turns."""
     if unit.endswith("/s") or unit == "rpm":
         return [
             Slip(f"The position has the unit {unit}: it is a velocity.", "--velocity COLUMN in place of --position")
@@ -122,7 +122,7 @@ def unit_slips(position: Array, unit: str) -> list[Slip]:
 
 
 def drive_slips(drive: Array, position: Array) -> list[Slip]:
-    """An inverted drive, by power and inertia; a velocity for a position, by where friction changes its sign."""
+    """An inverted drive, by power and inertia; a velocity taken for a position, by where friction changes its sign."""
     p = position - position.mean()
     v, a = _derivatives(p)
     if not (np.ptp(drive) > 0 and np.ptp(v) > 0 and np.ptp(a) > 0):
@@ -146,13 +146,15 @@ def drive_slips(drive: Array, position: Array) -> list[Slip]:
 
 
 def _rest(y: Array, columns: list[Array]) -> float:
-    """Sum of squares that the columns leave of y."""
+    """Residual sum of squares of y on the columns."""
     table = np.column_stack(columns)
     return float(np.sum((y - table @ np.linalg.lstsq(table, y, rcond=None)[0]) ** 2)) + 1e-300
 
 
 def _derivatives(p: Array) -> tuple[Array, Array]:
-    """First and second differences a sample, smoothed over a fifteenth of the usual time between two crossings."""
+    """First and second differences per sample, smoothed over a fifteenth of the typical time between two zero
+    crossings.
+    """
     from scipy.signal import savgol_filter
 
     crossings = max(2, int(np.sum(np.diff(np.sign(p)) != 0)))

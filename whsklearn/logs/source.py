@@ -1,4 +1,4 @@
-"""A file of signals, whatever its format: names first, and the few columns that are asked for then."""
+"""A file of signals in any format: names are read first, and then the few columns that are needed."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Column(NamedTuple):
     stamps : ndarray of shape (n,), optional
         Times of its own (s), where the format has them.
     unit : str
-        As the file says it; empty where it does not.
+        As stated in the file; empty if it is not.
 
     References
     ----------
@@ -53,7 +53,7 @@ class Source:
     name : str
         Of the file.
     names : list of str
-        Of the columns; a number counts the columns from 0 and is taken for a name too.
+        Of the columns; a number from 0 is accepted as a name too.
     fetch : callable
         Reads several columns at once, by their names.
     header : bool
@@ -61,11 +61,11 @@ class Source:
     notes : list of str
         How the file was read.
     nameless : str
-        Why the columns have no names; empty where they have.
+        Why the columns have no names; empty if they have names.
     clocked : bool
-        Whether the columns bring stamps of their own, so that no column of time is needed.
+        Whether the columns have their own time stamps, so that no time column is needed.
     sample_rate : float, optional
-        In Hz, where the file says it and has no column of time.
+        In Hz, if the file states it and has no time column.
 
     References
     ----------
@@ -101,7 +101,7 @@ class Source:
         wanted : str or int
             Name, or number from 0.
         role : str
-            What it is wanted for, such as ``drive``; for the message.
+            The role it is needed for, such as ``drive``; for the message.
 
         Raises
         ------
@@ -129,7 +129,8 @@ class Source:
             raise ColumnError(
                 f"{self.name} has several columns {text!r} for {role}: {', '.join(parts[:8])}; name one of them."
             )
-        raise ColumnError(f"{self.name} has no column {text!r} for {role}; it has: {there}.")
+        own = " Each of them has its own time stamps; leave --time out." if role == "time" and self.clocked else ""
+        raise ColumnError(f"{self.name} has no column {text!r} for {role}; it has: {there}.{own}")
 
 
 def _folded(name: str) -> str:
@@ -137,5 +138,5 @@ def _folded(name: str) -> str:
 
 
 def _letters(name: str) -> str:
-    """A name without the marks of a list before it: ``- joint_effort``."""
+    """A name without a leading list marker: ``- joint_effort``."""
     return _folded(name).lstrip("-*+#> ").rstrip(": ")

@@ -20,9 +20,9 @@ from whsklearn.logs.source import Column, Source
 from whsklearn.logs.timebase import on_one_clock
 from whsklearn.logs.units import is_time, unit_of
 
-HEAD = 1 << 16  # bytes that tell the dialect
-MOST_HEAD = 1 << 26  # bytes in which rows of data are looked for: blank lines or names of a great many columns
-FEW_ROWS = 50  # lines of data that tell what a column holds
+HEAD = 1 << 16  # bytes from which the dialect is determined
+MOST_HEAD = 1 << 26  # bytes in which rows of data are sought, past blank lines or the names of a great many columns
+FEW_ROWS = 50  # lines of data from which the type of a column is determined
 _NOTHING = b"\0 \t\r\n\xef\xbb\xbf"
 _BLOCK = 1 << 20
 _CALLED = {
@@ -31,7 +31,7 @@ _CALLED = {
     "gb18030": "Chinese text (GB 18030)",
 }
 _ROWS = 200_000  # of a chunk
-_FOOTER = 50  # rows at the end that may hold words and not data: the statistics and signatures of recorders
+_FOOTER = 50  # rows at the end that may contain words instead of data: statistics and signatures of recorders
 _DATE = r".*\d[-/:.T]\d.*"
 
 
@@ -41,7 +41,7 @@ def open_text(path: Path) -> Source:
     Raises
     ------
     LogError
-        If it is empty, damaged, binary, or no table of numbers.
+        If it is empty, damaged, binary, or not a table of numbers.
     """
     head, encoding, clean, layout = _begin(path)
     if layout is None:
@@ -92,7 +92,7 @@ def open_text(path: Path) -> Source:
 
 
 def _begin(path: Path) -> tuple[bytes, str, list[str], Dialect | None]:
-    """The first bytes, as many as it takes to see rows of data, their encoding, lines and layout."""
+    """The first bytes, enough to contain rows of data, with their encoding, lines and layout."""
     size = HEAD
     while True:
         try:
@@ -127,7 +127,7 @@ def _why_nameless(layout: Dialect) -> str:
 
 
 def _is_cut(last: str, lines: list[str], layout: Dialect) -> bool:
-    """Whether a last line without a line end stops amid a row: cells are missing, or the last number is too short."""
+    """Whether a last line without a line end is truncated: cells are missing, or the last number is too short."""
     if not last.strip() or (layout.comment and last.lstrip().startswith(layout.comment)):
         return False
     cells = split(last, layout.separator)
@@ -140,7 +140,7 @@ def _is_cut(last: str, lines: list[str], layout: Dialect) -> bool:
 
 
 def _logical(lines: list[str]) -> list[str]:
-    """Lines, one for a name in quotes that goes over several, as spreadsheets write them."""
+    """Lines, with a quoted name that spans several lines, as in spreadsheets, joined into one."""
     out: list[str] = []
     for line in lines:
         if out and out[-1].count('"') % 2 and len(out) < 20:
@@ -151,7 +151,7 @@ def _logical(lines: list[str]) -> list[str]:
 
 
 def _encoding(head: bytes, name: str) -> str:
-    """The encoding of a text; a refusal for what is no text."""
+    """The encoding of a text; a binary file is refused."""
     if head.startswith((b"\xff\xfe", b"\xfe\xff")):
         return "utf-16"
     even, odd = head[:4096:2].count(0), head[1:4096:2].count(0)
@@ -173,7 +173,8 @@ def _encoding(head: bytes, name: str) -> str:
 
 
 def legacy_encoding(head: bytes) -> str:
-    """The encoding of a text that is not Unicode: Japanese has kana, Chinese pairs of bytes in GB 2312's common rows.
+    """The encoding of a text that is not Unicode: kana indicate Japanese, byte pairs in the common rows of GB 2312
+    Chinese.
 
     Examples
     --------
@@ -215,8 +216,8 @@ def _why_none(lines: list[str], name: str, more: bool) -> str:
 
 
 def _whole_rows(path: Path, encoding: str, layout: Dialect) -> tuple[int | None, bytes, list[str]]:
-    """How many rows may be read: all (None), or those above a tail of zero bytes that a power loss left; a last line
-    without a line end.
+    """The number of rows to read (None for all; fewer above a tail of zero bytes that a power loss left), and a last
+    line without a line end.
     """
     if encoding.startswith("utf-16"):
         return None, b"", []
@@ -229,7 +230,7 @@ def _whole_rows(path: Path, encoding: str, layout: Dialect) -> tuple[int | None,
                 block = block[at:]
             if first is not None and block.strip(b"\0\r\n \t"):
                 raise LogError(
-                    f"{path.name}: line {first + 1} has zero bytes amid the data; the file is damaged. Copy or "
+                    f"{path.name}: line {first + 1} has zero bytes within the data; the file is damaged. Copy or "
                     "export it again, or cut that line."
                 )
             lines += block.count(b"\n") if first is None else 0
@@ -240,7 +241,7 @@ def _whole_rows(path: Path, encoding: str, layout: Dialect) -> tuple[int | None,
 
 
 def with_clocks(read: dict[str, Column], clocks: dict[str, str], units: dict[str, str]) -> dict[str, Column]:
-    """Columns with the stamps of their time columns, without the rows that a slower or shorter channel leaves blank."""
+    """Columns with the stamps of their time columns, without the rows left blank by slower or shorter channels."""
     names = list(dict.fromkeys(clocks.values()))
     stamps = dict(
         zip(names, on_one_clock([read[c].values for c in names], units.get(names[0], ""), names[0]), strict=True)
@@ -257,10 +258,10 @@ def with_clocks(read: dict[str, Column], clocks: dict[str, str], units: dict[str
 def _read(
     path: Path, encoding: str, layout: Dialect, columns: dict[str, int], whole: int | None, notes: list[str], cut: bool
 ) -> dict[str, Column]:
-    """Columns by their places, as floats where they are numbers, else as text; what was done is added to `notes`.
+    """Columns by index, as floats if they are numbers, otherwise as text; conversions are added to `notes`.
 
     The file is read in chunks with all its columns, of which only the wanted ones are kept: with ``usecols`` pandas
-    would drop in silence what a row has too much, a decimal comma amid comma-separated cells above all.
+    would silently drop surplus cells of a row, such as those of a decimal comma among comma-separated cells.
     """
     import pandas as pd
 
@@ -283,7 +284,7 @@ def _read(
         ragged = re.search(r"Expected (\d+) fields in line (\d+), saw (\d+)", str(error))
         if ragged is not None:
             raise LogError(
-                f"{path.name}: line {ragged[2]} has {ragged[3]} cells where {ragged[1]} are usual; look for a "
+                f"{path.name}: line {ragged[2]} has {ragged[3]} cells where {ragged[1]} were expected; look for a "
                 "separator inside a cell, or cut that line."
             ) from None
         reason = str(error).strip().rstrip(".")
@@ -293,7 +294,9 @@ def _read(
 
 
 def _typed(cells: dict[str, Any], decimal: str, notes: list[str]) -> dict[str, Column]:
-    """Floats where all cells of a column are numbers, else the text; words below the data and headers amid it go."""
+    """Floats if all cells of a column are numbers, otherwise the text; words below the data and repeated headers are
+    removed.
+    """
     import pandas as pd
 
     text = {n: pd.Series(v, dtype="string") for n, v in cells.items() if not pd.api.types.is_numeric_dtype(v)}
@@ -307,14 +310,14 @@ def _typed(cells: dict[str, Any], decimal: str, notes: list[str]) -> dict[str, C
         if 2 * odd.sum() > rows:
             odd = ~_true(values.str.fullmatch(_DATE)) & ~_true(values.isna())
             dates += [name]
-        if 2 * odd.sum() > rows:  # neither numbers nor dates: a column of words says nothing about its rows
+        if 2 * odd.sum() > rows:  # neither numbers nor dates: a column of words does not qualify its rows
             del words[name]
         else:
             words[name] = odd
-    # A line of a footer begins with a word, as "Mean;0.3;0.1" does; a word further on is a reading that failed.
+    # A footer line begins with a word, such as "Mean;0.3;0.1"; a word in a later cell is a failed reading.
     footer = next(iter(words.values()), np.zeros(rows, dtype=bool)).copy()
     footer[: max(rows - int(np.argmin(footer[::-1])), rows - _FOOTER)] = False
-    # A row that says something at a date and holds no number is an event: "STOP TRG" of a trace, a comment.
+    # A row with a date, words and no number is an event or a comment, such as "STOP TRG" of a trace.
     values = [n for n in cells if n not in dates]
     silent = [
         words[n] | _true(text[n].isna() | (text[n].str.strip() == "")) for n in values if n in text and n in words
@@ -342,12 +345,12 @@ def _typed(cells: dict[str, Any], decimal: str, notes: list[str]) -> dict[str, C
 
 
 def _true(flags: Any) -> Any:
-    """Flags as booleans, False where there was no cell."""
+    """Flags as booleans, False for missing cells."""
     return flags.fillna(False).to_numpy(dtype=bool)
 
 
 def _chunks(path: Path, numbers: list[int], options: dict[str, Any]) -> dict[int, Any]:
-    """The wanted columns, joined."""
+    """The wanted columns, concatenated."""
     import pandas as pd
 
     parts: dict[int, list[Any]] = {i: [] for i in numbers}
@@ -359,7 +362,7 @@ def _chunks(path: Path, numbers: list[int], options: dict[str, Any]) -> dict[int
 
 
 def _type(cell: str, decimal: str) -> type:
-    """What a column is read as, going by its first cell: long whole numbers keep their last digits."""
+    """The type as which a column is read, by its first cell, so that long integers keep their last digits."""
     if len(cell.lstrip("+-")) > 15 and cell.lstrip("+-").isdigit():
         return np.int64
     return float if is_plain(cell, decimal) else str

@@ -15,22 +15,22 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-LONG_GAP = 5.0  # periods; four lost samples can be drawn across, over more an axis may have turned round
+LONG_GAP = 5.0  # periods; four lost samples can be interpolated, within more an axis may have reversed
 TURNED = 0.9  # share of steps backwards above which a log is written newest first
-ROUNDED = 1.05  # ticks; rounding scatters stamps by less than one about their line, which is fitted to 5 % of it
-RESTART = 20.0  # periods back; less is rows out of order, as two threads write them
-_SINCE_1970 = (  # stamps between 2001 and 2100, by what they count
+ROUNDED = 1.05  # ticks; rounding scatters stamps by less than one about their line, which is fitted to 5 % of one
+RESTART = 20.0  # periods backwards; shorter steps are rows out of order, as written by two threads
+_SINCE_1970 = (  # stamps between 2001 and 2100, by the unit that they count
     ("s", 1e9, 4.2e9, 1.0), ("ms", 1e12, 4.2e12, 1e-3), ("us", 1e15, 4.2e15, 1e-6), ("ns", 1e18, 4.2e18, 1e-9),
 )  # fmt: skip
-_DAYS = (2e4, 8e4)  # days since 1900 between 1954 and 2119, as spreadsheets count
-_FASTEST = 2e-6  # s; what steps less is counted in a longer unit
+_DAYS = (2e4, 8e4)  # days since 1900, as in spreadsheets, between 1954 and 2119
+_FASTEST = 2e-6  # s; smaller steps are counted in a longer unit
 _COUNTERS = (2.0**16, 2.0**24, 2.0**32)  # ticks at which a counter overflows
 _FILETIME = (1e17, 2e17, 1e-7)  # 100 ns since 1601, between 1917 and 2234: stamps of Windows and TwinCAT
-_SLOWEST = 0.05  # s; no axis is logged less often, so whole numbers that step more than this count ms or us
+_SLOWEST = 0.05  # s; no axis is logged more slowly, so integers with larger steps count ms or us
 
 
 class Stamps(NamedTuple):
-    """Rows kept, in the order of time, with their stamps in s and the number of their segment."""
+    """Kept rows, sorted by time, with their stamps in s and their segment numbers."""
 
     rows: NDArray[np.intp]
     time: Array
@@ -44,7 +44,7 @@ def to_seconds(values: NDArray[Any], unit: str, column: str) -> tuple[Array, tup
     Raises
     ------
     LogError
-        If a stamp is neither; the row is named.
+        If a stamp is none of these; the row is named.
 
     Examples
     --------
@@ -66,7 +66,7 @@ def to_seconds(values: NDArray[Any], unit: str, column: str) -> tuple[Array, tup
             start = next(v for v in values if np.isfinite(v))
             since = name if "since" in name else f"{name} since 1970"
             note = f"Column {column!r} holds {since}; time begins at 0 with the first row."
-            # Differences before the factor: 1.7e18 ns as a double is 256 ns coarse.
+            # Subtract before scaling: 1.7e18 ns as a double has a resolution of 256 ns.
             return (values - start).astype(float) * factor, (Finding("LOG015", "info", note),)
     values = values.astype(float)
     if _DAYS[0] <= first < _DAYS[1] and 0.0 < np.nanmedian(np.abs(np.diff(values))) < _FASTEST:
@@ -94,9 +94,9 @@ def on_one_clock(stamps: list[NDArray[Any]], unit: str, column: str) -> list[Arr
 
 
 def _whole_numbers(values: Array, column: str) -> tuple[str, tuple[Finding, ...]]:
-    """The unit of time stamps whose column states none: seconds, unless they are whole numbers with too large a step.
+    """The unit of time stamps without a stated unit: seconds, unless they are integers with too large a step.
 
-    Steps of 1 throughout may as well count samples, and are left for the slips to ask about.
+    Steps of 1 throughout may count samples; `whsklearn.logs.slips` asks about them.
     """
     step = np.diff(values[np.isfinite(values)])
     usual = float(np.median(step)) if step.size else 0.0
@@ -104,14 +104,14 @@ def _whole_numbers(values: Array, column: str) -> tuple[str, tuple[Finding, ...]
         return "s", ()
     unit = "ms" if usual * 1e-3 <= _SLOWEST else "us"
     text = (
-        f"Column {column!r} has whole numbers {usual:g} apart and no unit; they were taken as {unit}. If they are not, "
+        f"Column {column!r} has integers {usual:g} apart and no unit; they were taken as {unit}. If they are not, "
         "add --unit time=UNIT."
     )
     return unit, (Finding("LOG015", "info", text),)
 
 
 def _unwound(values: Array, column: str) -> tuple[Array, tuple[Finding, ...]]:
-    """Ticks of a counter of 16, 24 or 32 bits that overflowed, counted on."""
+    """Unwrap the ticks of a counter of 16, 24 or 32 bits that overflowed."""
     step = np.diff(values)
     falls = np.flatnonzero(step < 0)
     if not falls.size or not np.all(np.isfinite(values)):
@@ -134,7 +134,7 @@ def _from_first(stamps: NDArray[Any]) -> Array:
 
 
 def _dates(values: NDArray[Any], column: str) -> tuple[Array, tuple[Finding, ...]]:
-    """Dates as ISO 8601 has them or with the day first, or times of the day."""
+    """Dates in ISO 8601 or with the day first, or times of day."""
     import pandas as pd
 
     if len(values) and hasattr(values[0], "isoformat"):
@@ -170,7 +170,7 @@ def _read_as_dates(column: str) -> Finding:
 
 
 def in_order(time: Array, same_rows: NDArray[np.bool_], rows: NDArray[np.intp]) -> Stamps:
-    """The rows in the order of time, without doubles and stray stamps, in segments without long holes.
+    """The rows sorted by time, without duplicates and stray stamps, in segments without long holes.
 
     Parameters
     ----------
@@ -179,12 +179,12 @@ def in_order(time: Array, same_rows: NDArray[np.bool_], rows: NDArray[np.intp]) 
     same_rows : ndarray of bool, shape (n,)
         Rows that equal the row before in every signal.
     rows : ndarray of int, shape (n,)
-        Their numbers in the file.
+        Row numbers in the file.
 
     Returns
     -------
     Stamps
-        A clock that restarts begins a segment, stamped on from the one before.
+        A clock that restarts begins a new segment, whose stamps continue from the one before.
 
     Raises
     ------
@@ -234,8 +234,8 @@ def _period(time: Array) -> float:
 
 
 def _spread(time: Array, same_rows: NDArray[np.bool_], period: float) -> tuple[Array, list[Finding]]:
-    """Stamps coarser than the sampling, 0 0 1 1 2 2: an even line if all of them are one rounded, else spread evenly
-    between their changes.
+    """Refine stamps coarser than the sampling, such as 0 0 1 1 2 2: an even line if all are consistent with a rounded
+    one, otherwise evenly spaced between changes.
     """
     double = np.r_[False, np.diff(time) == 0]
     if double.sum() < 0.2 * time.size or (double & same_rows).sum() > 0.5 * double.sum() or period == 0.0:
@@ -246,7 +246,7 @@ def _spread(time: Array, same_rows: NDArray[np.bool_], period: float) -> tuple[A
     slope, start = np.polyfit(place, time, 1)
     line = start + slope * place
     if np.ptp(time - line) <= ROUNDED * period:
-        out, how = line, f"every {slope:.6g} s, as all stamps allow"
+        out, how = line, f"evenly every {slope:.6g} s"
     else:
         last = time[first[-1]] + period
         out, how = np.interp(place, np.r_[first, time.size], np.r_[time[first], last]), "evenly"
@@ -257,7 +257,7 @@ def _spread(time: Array, same_rows: NDArray[np.bool_], period: float) -> tuple[A
 def _without_strays(
     time: Array, rows: NDArray[np.intp], period: float
 ) -> tuple[Array, NDArray[np.intp], list[Finding]]:
-    """Without single stamps that leave the line which the stamps beside them keep to."""
+    """Drop single stamps that deviate from the line through their neighbours."""
     if time.size < 5 or period == 0.0:
         return time, rows, []
     around = time[2:] - time[:-2]
@@ -265,7 +265,7 @@ def _without_strays(
     stray = np.r_[False, outside & (around > 0) & (around <= 4 * period), False]
     stray[0] = time[0] > time[1] and abs(time[2] - time[1]) <= 4 * period and time[2] > time[1]
     stray[-1] = time[-1] - time[-2] > 1e3 * period
-    # Of two neighbours that both look wrong, 0 9 1 2, it is the first; without it the second is in line.
+    # If two neighbours both look wrong, as in 0 9 1 2, the first one is; without it the second fits.
     stray[1:] &= ~stray[:-1]
     if not stray.any():
         return time, rows, []
@@ -278,7 +278,7 @@ def _without_strays(
 
 
 def _sorted(time: Array, rows: NDArray[np.intp], period: float) -> tuple[Array, NDArray[np.intp], list[Finding]]:
-    """Rows that were written a little out of order, sorted; a restart of the clock is left as it is."""
+    """Sort rows that were written slightly out of order; a restart of the clock is left unchanged."""
     step = np.diff(time)
     back = step < 0
     if not back.any() or step.min() < -RESTART * period:

@@ -1,7 +1,7 @@
 """Units: read from column names and headers, converted to SI, and converted back in reports.
 
-Everything inside is SI: s, rad and Nm, or m and N.  A drive in amperes stays in amperes: they cannot be turned into
-newton metres without the torque constant, so friction comes in amperes then, and says so.
+Internally everything is in SI: s, rad and Nm, or m and N. A drive in amperes stays in amperes, because it cannot be
+converted to newton metres without the torque constant; friction is then reported in amperes.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from collections.abc import Mapping
 UNKNOWN = "as logged"
 UNSTATED = frozenset({"", UNKNOWN})  # a unit that is not stated
 
-# Symbol -> factor to SI, SI symbol, other spellings. Radians count as SI. Signs between letters and case do not matter:
+# Symbol -> factor to SI, SI symbol, other spellings. Radians count as SI. Separators and case do not matter:
 # N·m, N m and nm are one spelling. The pound's, ounce's and kilogram's forces are those of ISO 80000-4.
 _KNOWN: dict[str, tuple[float, str, tuple[str, ...]]] = {
     "s": (1.0, "s", ("sec", "secs", "second", "seconds")),
@@ -43,19 +43,19 @@ _KNOWN: dict[str, tuple[float, str, tuple[str, ...]]] = {
     "m/s": (1.0, "m/s", ()), "mm/s": (1e-3, "m/s", ()),
     "%": (1.0, "%", ("percent",)),
 }  # fmt: skip
-_NANOMETRE = (1e-9, "m")  # "nm" of a position; of a drive it is how columns spell Nm
+_NANOMETRE = (1e-9, "m")  # "nm" for a position; for a drive, "nm" in column names means Nm
 _TIMES = {"s", "ms", "us", "ns", "min", "h"}
 _ONLY_MARKED = {
     "min",
     "h",
     "grad",
     "amp",
-}  # at the end of a name units only after one of _MARKS: torque_min is a minimum
+}  # at the end of a name, units only after one of _MARKS: torque_min is a minimum
 _MARKS = {"in", "time", "t", "zeit"}
 
 
 def _plain(spelling: str) -> str:
-    """A spelling in small letters, without the signs between them."""
+    """A spelling in lower case without separators."""
     return re.sub(r"[\s·⋅*.^-]", "", spelling.strip().lower().replace("µ", "u").replace("μ", "u"))
 
 
@@ -88,7 +88,7 @@ def unit_of(column: str, default: str = UNKNOWN) -> str:
 
 
 def written_unit(column: str) -> str:
-    """The text in brackets at the end of a column's name, whether a unit or not; empty if there is none.
+    """The text in brackets at the end of a column's name, whether or not it is a unit; empty if there is none.
 
     Examples
     --------
@@ -102,7 +102,7 @@ def written_unit(column: str) -> str:
 def symbol_of(text: str) -> str | None:
     """The symbol of a unit in any usual spelling; None for an unknown unit.
 
-    ``counts/4096`` and ``ticks/16384`` say how many counts make a turn; of a time, how many ticks make a second.
+    ``counts/4096`` and ``ticks/16384`` give the counts per turn; for a time, the ticks per second.
 
     Examples
     --------
@@ -116,7 +116,7 @@ def symbol_of(text: str) -> str | None:
 
 
 def unit_for(role: str, symbol: str) -> str:
-    """The unit of a signal: ``Nm`` of a position is a nanometre, spelled as columns spell newton metres.
+    """The unit of a signal: ``Nm`` of a position is a nanometre, although columns also spell newton metres that way.
 
     Examples
     --------
@@ -127,7 +127,7 @@ def unit_for(role: str, symbol: str) -> str:
 
 
 def factor_of(symbol: str) -> tuple[float, str]:
-    """Factor and SI symbol of a unit; 1 and the unit itself where it is not known.
+    """Factor and SI symbol of a unit; 1 and the unit itself if it is not known.
 
     Examples
     --------
@@ -147,7 +147,7 @@ def factor_of(symbol: str) -> tuple[float, str]:
 def factor_between(source: str, target: str) -> float:
     """The factor that converts a number from the unit ``source`` to ``target``.
 
-    A unit that is not known is taken for SI.
+    An unknown unit is taken to be SI.
 
     Raises
     ------
@@ -168,14 +168,14 @@ def factor_between(source: str, target: str) -> float:
 
 
 def respelled(unit: str, own: Mapping[str, str]) -> tuple[float, str]:
-    """(factor to SI, spelling) of a compound SI unit where some symbols are to be others.
+    """(factor to SI, spelling) of a compound SI unit in which some symbols are replaced.
 
     Parameters
     ----------
     unit : str
         Such as ``Nm s2/rad2``.
     own : mapping of str to str
-        SI symbol -> the symbol in its place, such as ``{"Nm": "mNm", "rad": "deg"}``.
+        SI symbol -> its replacement, such as ``{"Nm": "mNm", "rad": "deg"}``.
 
     Examples
     --------
@@ -223,7 +223,7 @@ def readable(symbol: str, default: str = "") -> str:
 
 
 def own_units(si: tuple[str, str], logged: tuple[str, str]) -> dict[str, str]:
-    """SI symbols of drive and motion -> the units used in a report, where these differ.
+    """SI symbols of drive and motion -> the units used in a report, if they differ.
 
     Examples
     --------
@@ -241,12 +241,12 @@ def turn_of(symbol: str) -> float | None:
 
 
 def is_time(symbol: str) -> bool:
-    """Whether a unit is one of time, ticks among them."""
+    """Whether a unit is one of time, including ticks."""
     return symbol in _TIMES or symbol.startswith("ticks/")
 
 
 def time_unit_of(column: str, symbol: str) -> str:
-    """The unit of a time column: at the end of its name, or elsewhere in it, as in ``ms_today``.
+    """The unit of a time column: at the end of its name, or within it, as in ``ms_today``.
 
     Examples
     --------
@@ -260,7 +260,7 @@ def time_unit_of(column: str, symbol: str) -> str:
 
 
 def seconds_of(symbol: str) -> float:
-    """Seconds in a unit of time; ``ticks/8000`` counts 8,000 a second.
+    """Seconds per unit of time; ``ticks/8000`` counts 8,000 per second.
 
     Examples
     --------
@@ -271,7 +271,7 @@ def seconds_of(symbol: str) -> float:
 
 
 def stated(units: dict[str, str] | None) -> dict[str, str]:
-    """Units given by role, with roles and symbols as the library spells them.
+    """Units by role, with roles and symbols in the spelling of the library.
 
     Raises
     ------

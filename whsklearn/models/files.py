@@ -39,7 +39,7 @@ from whsklearn.models.axis import AxisModel
 from whsklearn.models.base import IdentifiedModel
 from whsklearn.models.chain import ChainModel
 from whsklearn.models.linear import LinearModel
-from whsklearn.state.encoding import TAG, decode
+from whsklearn.state.encoding import TAG, NotImported, decode
 from whsklearn.systems.arm import Arm
 
 __all__ = ["FORMAT", "VERSION", "as_arm", "load_model", "model_document", "model_from", "save_model"]
@@ -225,8 +225,8 @@ def _effect(coded: dict[str, Any]) -> Effect:
         return get_effect(name)(**coded["fields"])
     try:
         return decode({TAG: "effect", "class": coded["class"], "fields": coded["fields"]}, [])  # type: ignore[no-any-return]
-    except ValueError as error:
-        if not name or name in own or "no Effect" not in str(error):
+    except NotImported:
+        if not name or name in own:
             raise
         raise ValueError(
             f"its effect {str(name)[:40]!r} is not in the library; import the module that defines it, "

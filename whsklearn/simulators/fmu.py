@@ -171,7 +171,7 @@ class FMUSimulator:
         Raises
         ------
         NotImplementedError
-            If the effect is no torque along a motion.
+            If the effect is not a torque along a motion.
         """
         if effect.port == "output" or effect.column_kind == "none":
             raise NotImplementedError(f"{effect.name} cannot be put on the drive of an FMU")

@@ -23,6 +23,10 @@ TAG = "$"  # a dict with this key is a coded value, not a dict of the user's
 _ARRAY_KINDS = "biufcU"
 
 
+class NotImported(ValueError):
+    """A file names a class that is not imported here."""
+
+
 def encode(value: Any, arrays: list[NDArray[Any]], where: str = "value") -> Any:
     """A JSON-able form of ``value``; its arrays are appended to ``arrays``.
 
@@ -115,7 +119,7 @@ def _find(base: type, name: str) -> Callable[..., Any]:
         if _name(cls) == name:
             found = cls
     if found is None:
-        raise ValueError(f"{str(name)[:80]!r} is no {base.__name__} that is imported here; import its module first.")
+        raise NotImported(f"No {base.__name__} called {str(name)[:80]!r} is imported here; import its module first.")
     return found
 
 

@@ -90,7 +90,7 @@ def read_state(path: str | os.PathLike[str], kind: str | None = None) -> tuple[d
     Raises
     ------
     ValueError
-        If the file is no state file, was cut or edited, is of a newer format or another kind.
+        If the file is not a state file, was cut or edited, is of a newer format or another kind.
     OSError
         If it cannot be opened.
 
@@ -205,7 +205,7 @@ def _header(data: bytes) -> tuple[dict[str, Any], bytes]:
     first, _, rest = data.partition(b"\n")
     number = first[len(_MAGIC) :]
     if not first.startswith(_MAGIC) or not number.isdigit() or len(number) > 9:
-        raise ValueError("this is no whsklearn state file; give one that save() or a checkpoint wrote.")
+        raise ValueError("this is not a whsklearn state file; give one that save() or a checkpoint wrote.")
     version = int(number)
     if version > FORMAT_VERSION:
         raise ValueError(

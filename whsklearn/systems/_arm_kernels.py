@@ -2,8 +2,8 @@
 
 Frame k turns (or slides) with joint k.  In it the link behind the joint moves with angular velocity o, angular
 acceleration b and, at the frame's origin, acceleration c, from which gravity is taken off.  Joint j, which carries
-link k, moves that origin by l and turns it by w a unit of its rate: column j of the link's Jacobian.  The drive of
-joint j pays for the link (Atkeson, An and Hollerbach 1986; Siciliano et al. 2009, sec. 7.3)
+link k, moves that origin by l and turns it by w per unit of its rate: column j of the link's Jacobian. The link
+contributes to the drive of joint j (Atkeson, An and Hollerbach 1986; Siciliano et al. 2009, sec. 7.3)
 
     l . (m c + b x h + o x (o x h)) + w . (h x c + I b + o x I o),      h = m r, I about the origin,
 
@@ -25,7 +25,7 @@ N_MOTION = 9  # of a frame: angular velocity, angular acceleration, acceleration
 
 
 class Links(NamedTuple):
-    """The geometry of an arm of n joints.
+    """The geometry of an arm with n joints.
 
     ``parent`` (n,): the joint before, -1 for the base; ``slides`` (n,): whether it is prismatic; ``turn`` (n, 3, 3, 3):
     rotation from frame k to the frame before as turn[0] + sin(q) turn[1] + cos(q) turn[2]; ``place`` (n, 3): its
@@ -58,7 +58,7 @@ def room(n):
 
 @part
 def back(r, x, y, z):
-    """A vector of the frame before in this one: the transposed rotation."""
+    """Express a vector of the previous frame in this one, by the transposed rotation."""
     return (
         r[0, 0] * x + r[1, 0] * y + r[2, 0] * z,
         r[0, 1] * x + r[1, 1] * y + r[2, 1] * z,
@@ -125,7 +125,9 @@ def move(links, q, v, a, work):
 
 @part
 def link_row(row, w, m):
-    """Ten factors of a link's numbers in the drive of a joint: w (6,) its Jacobian column, m (9,) the link's motion."""
+    """The ten coefficients of a link's parameters in the drive of a joint: w (6,) is its Jacobian column, m (9,) the
+    motion.
+    """
     wx, wy, wz, lx, ly, lz = w[0], w[1], w[2], w[3], w[4], w[5]
     ox, oy, oz, bx, by, bz, cx, cy, cz = m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7], m[8]
     along, square = lx * ox + ly * oy + lz * oz, ox * ox + oy * oy + oz * oz
@@ -146,7 +148,7 @@ def link_row(row, w, m):
 
 @njit(nogil=True, error_model="numpy")
 def fill_regressor(out, links, q, v, a):
-    """``out`` (n_samples, n, 10 n), zeros before: factors of all links' numbers; q, v, a (n_samples, n)."""
+    """Fill ``out`` (n_samples, n, 10 n), initially zero, with the coefficients of all link parameters along q, v, a."""
     _regressor(out, links, q, v, a, room(links.parent.size))
 
 
@@ -164,7 +166,7 @@ def _regressor(out, links, q, v, a, work):
 
 @part
 def pay(links, inertial, work, total):
-    """Add to ``total`` (n,) the drives needed for the motion in ``work``; ``inertial`` (n, 10)."""
+    """Add the drives needed for the motion in ``work`` to ``total`` (n,); ``inertial`` is (n, 10)."""
     for k in range(links.parent.size):
         j = k
         while j >= 0:
@@ -176,7 +178,7 @@ def pay(links, inertial, work, total):
 
 @part
 def weigh(links, inertial, work, mass):
-    """Fill ``mass`` (n, n) from the Jacobians in ``work``: the drive of i for a unit of acceleration of j."""
+    """Fill ``mass`` (n, n) from the Jacobians in ``work``: the drive of i per unit acceleration of j."""
     mass[:] = 0.0
     only = np.zeros(N_MOTION)
     for k in range(links.parent.size):
@@ -195,7 +197,7 @@ def weigh(links, inertial, work, mass):
 
 @njit(nogil=True, error_model="numpy")
 def fill_torque(out, links, inertial, q, v, a):
-    """``out`` (n_samples, n), zeros before: drives that the links need along q, v, a (n_samples, n)."""
+    """Fill ``out`` (n_samples, n), initially zero, with the drives that the links need along q, v, a (n_samples, n)."""
     _torque(out, links, inertial, q, v, a, room(links.parent.size))
 
 
@@ -209,7 +211,7 @@ def _torque(out, links, inertial, q, v, a, work):
 
 @njit(nogil=True, error_model="numpy")
 def fill_mass(out, links, inertial, q):
-    """``out`` (n_samples, n, n): mass matrices at q (n_samples, n)."""
+    """Fill ``out`` (n_samples, n, n) with the mass matrices at q (n_samples, n)."""
     n = links.parent.size
     _mass(out, links, inertial, q, np.zeros(n), room(n))
 

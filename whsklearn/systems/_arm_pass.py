@@ -1,8 +1,8 @@
 """The one pass along a record of an arm: encoders, controllers or logged drives, and fine steps of all joints.
 
 Half a drift, a kick, half a drift, as for an axis (`whsklearn.systems._servo_step`); the kick solves for all joints at
-once, linearly implicit in each joint's friction.  sign(v) is tanh(v / smoothing), and what it carries is divided by v
-rather than differentiated: a step can then bring a joint to rest but not throw it backwards.
+once, linearly implicit in each joint's friction.  sign(v) is tanh(v / smoothing), and the torque that it multiplies is
+divided by v rather than differentiated: a step can then bring a joint to rest but not throw it backwards.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ DRIVE, MEASURED, POSITION, VELOCITY = range(N_SIGNALS)  # rows of a simulated re
 
 
 class Axes(NamedTuple):
-    """What acts along the axes, which are the n joints and sums of them: rows of axis k from ``first[k]`` on.
+    """The effects along the axes, which are the n joints and sums of joints: rows of axis k from ``first[k]`` on.
 
     Up to ``first[k + 1]``, as in a servo's `Plant`.
     """
@@ -48,9 +48,9 @@ class Axes(NamedTuple):
 
 
 class Course(NamedTuple):
-    """What a pass is given: sample time, fine steps a sample, whether the controllers write the drive, samples between
+    """The input of a pass: sample time, fine steps per sample, whether the controllers write the drive, samples between
     returns to ``measured`` (2, n, n_samples; 0: none); ``reference`` (3, n, n_samples), ``feed`` (n, n_samples) added
-    to what the controllers ask for, ``noise`` (n, n_samples) of the encoders, ``controllers`` (n, 8).
+    to the output of the controllers, ``noise`` (n, n_samples) of the encoders, ``controllers`` (n, 8).
     """
 
     sample_time: float
@@ -66,7 +66,9 @@ class Course(NamedTuple):
 
 @part
 def solve(mass, right):
-    """The symmetric positive system in place, by Cholesky's factors; ``right`` (n,) becomes the answer."""
+    """Solve the symmetric positive definite system in place by Cholesky factorisation; ``right`` (n,) becomes the
+    solution.
+    """
     n = right.size
     for i in range(n):
         for j in range(i + 1):
@@ -85,13 +87,15 @@ def solve(mass, right):
 
 @part
 def torque_at(codes, p, own, e, z, t, q, v, s, ds, u):
-    """Torque of a joint's effects with this sign of its velocity, and its slope: called twice, compiled once."""
+    """Torque of a joint's effects for this sign of its velocity, and its slope; one function, so it is compiled
+    once.
+    """
     return motor_sum(codes, p, own, e, z, t, q, v, s, ds, u)
 
 
 @part
 def ends_of(ends, j):
-    """Joint j's row of ends as the sums over effects take it."""
+    """Row j of ``ends`` in the form that the sums over effects take."""
     return Ends(ends[j, 0], ends[j, 1], ends[j, 2], ends[j, 3], ends[j, 4], ends[j, 5])
 
 

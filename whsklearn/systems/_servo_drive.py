@@ -14,7 +14,7 @@ from whsklearn.systems._servo_torques import DELAY, LAG, LIMIT
 
 
 class DriveStage(NamedTuple):
-    """What lies before the motor: delay (s), two lags (s), width of the dead zone, limit."""
+    """The path from the drive to the motor: delay (s), two lags (s), width of the dead zone, limit."""
 
     delay: Any
     lag: Any
@@ -25,7 +25,7 @@ class DriveStage(NamedTuple):
 
 @part
 def chain_of(plant):
-    """Drive and effects of the drive: delays, lags and dead zones add up, of limits the lowest counts."""
+    """The drive with its effects: delays, lags and dead zones add up, and the lowest limit applies."""
     delay, limit = plant.parts[DELAY], plant.parts[LIMIT]
     second, width = 0.0, 0.0
     for i in range(plant.codes.size):
@@ -43,9 +43,10 @@ def chain_of(plant):
 
 @part
 def hold_weights(delay, substeps, linear):
-    """For every fine step of a sample: the sample (from now) that acts, and its weight beside the one after it.
+    """For each fine step of a sample: the sample that acts, counted from the current one, and its weight against the
+    next.
 
-    The mean over the fine step of the drive ``delay`` samples ago, held between samples or interpolated.
+    Together they give the mean of the drive ``delay`` samples ago over the fine step, held or interpolated.
     """
     first = np.zeros(substeps, dtype=np.int64)
     weight = np.ones(substeps)
@@ -65,7 +66,9 @@ def hold_weights(delay, substeps, linear):
 
 @njit(cache=False, forceinline=True, error_model="numpy")
 def held(u, i, weight, before):
-    """The drive between the samples i and i + 1; ``before`` stands before the record, the last value behind it."""
+    """The drive between samples i and i + 1; ``before`` is its value before the record, and the last value holds after
+    it.
+    """
     last = u.size - 1
     a = before if i < 0 else u[min(i, last)]
     if weight == 1.0:

@@ -2,14 +2,14 @@
 
 ``run`` serves the closed loop (the controller writes the drive), the replay of a logged drive, and the observer:
 a replay that is corrected after every sample by the innovation e = y - y_hat, position by ``gains[0]`` e and
-velocity by ``gains[1]`` e (Luenberger 1971, IEEE Trans. Autom. Control 16(6), 596-602).  Held near the measurement
-like that, no controller need be known, and what the model is missing appears in e.  With l1 = gains[0] / dt and
-l2 = gains[1] / dt,
+velocity by ``gains[1]`` e (Luenberger 1971, IEEE Trans. Autom. Control 16(6), 596-602).  The replay stays near the
+measurement, so the controller need not be known, and what the model lacks appears in e.  With l1 = gains[0] / dt and l2
+= gains[1] / dt,
 
     missing torque = J (p^2 + l1 p + l2) e + F(q, v) - F(q^, v^),
 
 F being the torque of the effects on the measured motion and on the observer's, see `torque_along`.  All arguments
-are flat arrays in named tuples: a batch costs no more than a loop, and the interpreter is let go, so threads help.
+are flat arrays in named tuples: a batch costs no more than a loop, and the kernel releases the GIL, so threads help.
 """
 
 from __future__ import annotations
@@ -41,11 +41,11 @@ _FOLDED = 0.5  # share of the sign lost above which the encoder falls where the 
 
 
 class PassInputs(NamedTuple):
-    """What a pass is given: arrays of n samples.
+    """The input of a pass: arrays of n samples.
 
     ``reference`` (3, n): commanded position and its two derivatives; ``noise`` on the encoder and ``disturbance``
     torque, (n,) or (0,); ``measured`` (2, n) or (4, n): position and velocity on the encoder's side and, if there,
-    the twist of the coupling and its rate, to return to or to observe.
+    the twist of the coupling and its rate, which the pass returns to or observes.
     """
 
     reference: Any
@@ -55,9 +55,9 @@ class PassInputs(NamedTuple):
 
 
 class How(NamedTuple):
-    """How a pass runs: sample time (s), fine steps a sample, closed loop, samples between returns to the measurement
-    (0: none), the observer's two gains (0: none), whether the drive is interpolated between samples, time of the first
-    sample (s).
+    """The settings of a pass: sample time (s), fine steps per sample, closed loop, samples between returns to the
+    measurement (0: none), the observer's two gains (0: none), whether the drive is interpolated between samples, time
+    of the first sample (s).
     """
 
     sample_time: float
@@ -89,7 +89,7 @@ def control(c, memory, reference, k, y, sample_time):
 
 @part
 def returned(state, measured, k, on_load, side):
-    """The state with the encoder's side at the measurement; the twist as given, or as it was."""
+    """The state with the encoder side set to the measurement; the twist is set if it is given, and kept otherwise."""
     x, v, q, w = state
     twist, slip = x - q, v - w
     if measured.shape[0] > 2:
@@ -101,7 +101,7 @@ def returned(state, measured, k, on_load, side):
 
 @part
 def lattice_of(plant):
-    """Step of the encoder's lattice, the coarsest counts; and whether the encoder has lost the sign."""
+    """Step of the encoder (the coarsest applies), and whether the encoder loses the sign."""
     step, folded = plant.parts[RESOLUTION], False
     for i in range(plant.codes.size):
         if plant.codes[i] == codes.QUANTIZATION:
@@ -178,8 +178,8 @@ def _pass(out, plant, effects, p, ends, z, chain, weights, controller, signals, 
 def torque_along(plant, time, position, velocity, drive):
     """Drive torque for all memoryless effects along a motion (Nm), shape (n,): F(q, v) of the module's formula.
 
-    Effects with a memory of the path and those of the sensor are omitted: on a noisy path the first would be
-    shaken by the noise, the second are no torque.
+    Effects with a memory of the path are omitted because noise on the path would excite them, and effects of the sensor
+    because they are not torques.
     """
     effects, p, all_ends = arranged(plant.codes, plant.p)
     ends = Ends(all_ends.plain, all_ends.own, all_ends.own, all_ends.load, all_ends.sensor, all_ends.inertia)

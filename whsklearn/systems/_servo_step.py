@@ -2,11 +2,10 @@
 
 Half a drift, a kick, half a drift (second order).  The kick is a linearly implicit
 midpoint step, so that a steep friction curve stays stable, and dry friction is resolved
-as the set-valued law it is: when velocity would change sign within the step, the instant
-is located, what the effects ask for just off rest in either direction is compared with
-what pulls, and the rest of the step is either standstill or motion.  No threshold velocity
-is needed, standstill is exactly zero velocity, and the step cannot chatter.  One evaluation
-of the torques a step, where an explicit midpoint rule takes two.
+as the set-valued law it is: when the velocity would change sign within the step, the instant is located, the resisting
+torque just off rest in either direction is compared with the driving torque, and the remainder of the step is either
+standstill or motion.  No threshold velocity is needed, standstill is exactly zero velocity, and the step cannot
+chatter.  It evaluates the torques once per step, where an explicit midpoint rule takes two.
 """
 
 from __future__ import annotations
@@ -74,7 +73,7 @@ def body_of(plant):
 
 @njit(cache=False, forceinline=True, error_model="numpy")
 def implicit_gain(slope, inertia, h):
-    """Divisor of the linearly implicit step: midpoint where it resolves the slope, Euler where it does not."""
+    """Divisor of the linearly implicit step: the midpoint rule if the step resolves the slope, otherwise Euler."""
     stiffness = h * slope / inertia
     if stiffness < 0.5:
         return max(1.0 + 0.5 * stiffness, 0.5)
@@ -85,8 +84,8 @@ def implicit_gain(slope, inertia, h):
 def from_rest(up, down, slope, inertia, h):
     """Velocity and path after h from rest: zero while friction can hold.
 
-    ``up`` and ``down`` are the net pull just off rest forwards and backwards; friction holds unless it
-    pushes forwards in the first or backwards in the second.
+    ``up`` and ``down`` are the net pull just off rest forwards and backwards; friction holds unless the first points
+    forwards or the second backwards.
     """
     if up > 0.0 and up > -down:
         excess = up

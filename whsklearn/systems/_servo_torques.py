@@ -1,7 +1,7 @@
-"""What acts on a servo axis at one instant: sums of the effects' equations over the rows of an axis.
+"""The torques on a servo axis at one instant: sums of the effects' equations over the rows of an axis.
 
-The equations are those of `whsklearn.effects`; nothing here knows one.  An axis is a `Plant` of flat arrays,
-so a fit moves its numbers without making an object.
+The equations are those of `whsklearn.effects`; this module contains none of them.  An axis is a `Plant` of flat arrays,
+so a fit can change its numbers without creating objects.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from whsklearn.effects.equations import AHEAD, advance_hysteresis, hysteresis_to
 from whsklearn.effects.own import WHICH, address_of
 from whsklearn.effects.rows import has_memory, load_torque, motor_torque, on_load, reading
 
-# into the pass, or its arrays are counted in and out at every call
+# inlined into the pass; otherwise its arrays are reference-counted at every call
 _inlined = njit(cache=False, forceinline=True, error_model="numpy")
 
 N_PARTS = 12
@@ -33,7 +33,7 @@ class Plant(NamedTuple):
     ``codes`` (n,) and ``p`` (n, 8) are the effects as `Effect.code` and `Effect.row`, the law's terms among them;
     ``parts`` (12,) holds inertia, kappa (inf: true stiction), drive gain, limit, delay and lag in s, the load's share
     of the inertia (0: rigid), stiffness (0: none given), damping ratio and gap of the transmission, the encoder's
-    resolution, and 1 if the encoder is on the load.  ``own`` calls the effects of one's own.
+    resolution, and 1 if the encoder is on the load.  ``own`` calls the user-defined effects.
     """
 
     codes: Any
@@ -43,10 +43,11 @@ class Plant(NamedTuple):
 
 
 class Ends(NamedTuple):
-    """Where each kind of row ends in an arranged axis: plain torques on the motor's side, those of one's own, those
-    with a memory, torques on the load's side, additions to the reading, changes of the inertia.
+    """Where each kind of row ends in an arranged axis: plain torques on the motor's side, user-defined ones, those with
+    a memory, torques on the load's side, additions to the reading, changes of the inertia.
 
-    Indices, and not arrays of indices: an array inside a tuple is counted in and out at every use in a fine step.
+    Plain indices rather than arrays of indices: an array inside a tuple is reference-counted at every use in a fine
+    step.
     """
 
     plain: Any
@@ -59,7 +60,7 @@ class Ends(NamedTuple):
 
 @part
 def kind_of(code):
-    """Which of `Ends` a code belongs to; 6 where it is no torque and no reading."""
+    """The field of `Ends` that a code belongs to; 6 if it is neither a torque nor an effect on the reading."""
     if code == codes.CHANGE_INERTIA:
         return 5
     if code == codes.DEAD_ZONE or code == codes.SATURATION:
@@ -125,7 +126,7 @@ def load_sum(effects, p, ends, t, q, v):
 
 @_inlined
 def added_inertia(p, ends, t):
-    """What changes of the inertia have added by the time t."""
+    """The sum of all changes of the inertia up to the time t."""
     total = 0.0
     for i in range(ends.sensor, ends.inertia):
         total += parameter_change(p[i, 0], p[i, 1], t, 1.0)
@@ -136,8 +137,8 @@ def added_inertia(p, ends, t):
 def advance_memories(effects, p, ends, z, dx, v):
     """Move every effect with a memory along what the last step left of its path, and along ``dx``.
 
-    They are at the middle of a step, where the torque is evaluated, so one advance a step is enough: from middle to
-    middle, at the velocity ``v`` between them.
+    Their states refer to the middle of a step, where the torque is evaluated, so one advance per step is enough: from
+    middle to middle, at the velocity ``v`` between them.
     """
     dx += z[ends.own, AHEAD]
     for i in range(ends.own, ends.memory):
@@ -146,7 +147,7 @@ def advance_memories(effects, p, ends, z, dx, v):
 
 @_inlined
 def read(effects, p, own, ends, t, x):
-    """The encoder's reading of the position x, before noise and lattice."""
+    """The encoder's reading of the position x, before noise and rounding."""
     y = x
     for i in range(ends.load, ends.sensor):
         if effects[i] == codes.USER_OUTPUT:
@@ -166,7 +167,7 @@ def plant_of(effects: Iterable[Effect], parts: NDArray[np.float64]) -> Plant:
             address_of((type(e),))  # which says what is missing
         if e.evaluate is not None:
             if len(e.row) > WHICH:
-                raise ValueError(f"{type(e).__name__} has {len(e.row)} numbers, expected {WHICH} at most.")
+                raise ValueError(f"{type(e).__name__} has {len(e.row)} numbers, expected at most {WHICH}.")
             row[WHICH] = own.index(type(e))
         row[: len(e.row)] = e.row
     return Plant(np.array([e.code for e in effects], dtype=np.int64), p, parts, address_of(tuple(own)))

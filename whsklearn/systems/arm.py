@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 NUMBERS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 
-SMOOTHING = 1e-3  # rad/s (m/s) over which sign(v) turns: a joint that friction holds creeps by less
+SMOOTHING = 1e-3  # rad/s (m/s) over which sign(v) changes: a joint held by friction creeps at less than this
 
 UNITS = {"m": "kg", "mx": "kg m", "my": "kg m", "mz": "kg m", "armature": "kg m²"}
 
@@ -119,7 +119,7 @@ class Arm:
         joints = tuple(str(j) for j in self.joints)
         n = len(joints)
         if not n or len(set(joints)) < n:
-            raise ValueError(f"joints is {joints}, expected at least one name, none of them twice.")
+            raise ValueError(f"joints is {joints}, expected at least one name and no name twice.")
         shapes = {
             "slides": (n,), "rotations": (n, 3, 3), "places": (n, 3), "axes": (n, 3), "inertial": (n, N_BODY),
             "gravity": (3,), "armature": (n,),
@@ -133,7 +133,7 @@ class Arm:
                 raise ValueError(f"{name} has shape {value.shape}, expected {shape} finite numbers for {n} joints.")
             object.__setattr__(self, name, value)
         if self.parents.shape != (n,) or (self.parents >= np.arange(n)).any() or (self.parents < -1).any():
-            raise ValueError("parents holds a joint that comes later, expected one before each or -1; sort the joints.")
+            raise ValueError("parents names a joint that comes later, expected an earlier one or -1; sort the joints.")
         rows, beside = self._by_axis(self.effects)
         motors = {str(name): float(x) for name, x in dict(self.sum_armature).items()}
         sums: dict[str, tuple[Effect, ...]] = dict.fromkeys(motors, ())
@@ -283,7 +283,7 @@ class Arm:
         return out
 
     def inverse_dynamics(self, q: ArrayLike, v: ArrayLike, a: ArrayLike, *, effects: bool = True) -> Array:
-        """Drives that a motion needs, shape (n_samples, n_joints), in Nm (N if a joint slides).
+        """Drives required for a motion, shape (n_samples, n_joints), in Nm (N if a joint slides).
 
         Parameters
         ----------
@@ -318,7 +318,7 @@ class Arm:
         return np.asarray(out + np.diag(self.armature) + motors)
 
     def forward_dynamics(self, q: ArrayLike, v: ArrayLike, torque: ArrayLike) -> Array:
-        """Accelerations under the drives, shape (n_samples, n_joints); sign(v) of friction is taken as it is.
+        """Accelerations under the drives, shape (n_samples, n_joints); the sign(v) of friction is not smoothed.
 
         Parameters
         ----------
@@ -361,7 +361,7 @@ class Arm:
         return base_parameters(columns, self.number_names, [N_BODY] * self.n_joints)
 
     def drawn_motion(self, n_samples: int, random_state: Any = 0) -> tuple[Array, Array, Array]:
-        """Random q, v, a, (n_samples, n_joints) each: a motion that excites everything that can be excited.
+        """Random q, v, a, (n_samples, n_joints) each: a motion that excites all identifiable parameters.
 
         Parameters
         ----------
@@ -386,9 +386,10 @@ class Arm:
 
         Notes
         -----
-        Of all sets that agree with the values, the one nearest to the present set (that of the file) is taken.  A motor
-        that the file does not name is sought near its measured number, or, where the record does not tell it, near the
-        inertia of the joint that it turns, as a gear is chosen so (inertia matching).
+        Among all parameter sets that agree with the values, the one nearest to the present set (that of the file) is
+        used.  The inertia of a motor that the file does not give is sought near its measured value or, if the record
+        does not determine it, near the inertia of the joint that it turns, because gears are usually chosen that way
+        (inertia matching).
 
         References
         ----------
@@ -400,7 +401,7 @@ class Arm:
         error = (
             np.zeros(value.size) if covariance is None else np.sqrt(np.maximum(np.diag(np.asarray(covariance)), 0.0))
         )
-        # told from nothing at 95 %: in a record without the motion for it a motor's number may be anything
+        # different from zero at 95 %: in a record without suitable motion the inertia of a motor may take any value
         told = {n: v for n, v, e in zip(base.names, value, error, strict=False) if v > 1.96 * e}
         joint = np.diagonal(dataclasses.replace(self, armature=None).mass_matrix(np.zeros((1, self.n_joints)))[0])
         motor = np.array([told.get(f"{j}.armature", 0.0) for j in self.joints])
@@ -411,7 +412,7 @@ class Arm:
     # -- inside -------------------------------------------------------------------------
 
     def _directions(self) -> dict[str, Array]:
-        """Every sum of joints as a vector over them."""
+        """Every sum of joints as a vector over the joints."""
         return {name: direction_of(self.joints, name) for name in self.sums}
 
     def _every_direction(self) -> Array:
@@ -428,7 +429,7 @@ class Arm:
             effects = [effects.get(j, ()) for j in self.joints]
         rows = [self._checked(e) for e in effects] or [()] * len(self.joints)
         if len(rows) != len(self.joints):
-            raise ValueError(f"effects has {len(rows)} entries, expected {len(self.joints)}, one a joint.")
+            raise ValueError(f"effects has {len(rows)} entries, expected {len(self.joints)}, one per joint.")
         return tuple(rows), {name: self._checked(e) for name, e in beside.items()}
 
     @staticmethod
@@ -437,7 +438,7 @@ class Arm:
         row = (effects,) if isinstance(effects, Effect) else tuple(effects)
         for e in row:
             if not isinstance(e, Effect):
-                raise ValueError(f"{e!r} is no effect; expected instances such as Coulomb(0.3).")
+                raise ValueError(f"{e!r} is not an effect; expected instances such as Coulomb(0.3).")
             if e.port == "block":
                 raise ValueError(f"{e.name} splits a joint in two, which an arm model cannot do; remove it.")
         return row
@@ -448,20 +449,20 @@ class Arm:
         for k, (r, e) in enumerate(zip(self.rotations, self.axes, strict=True)):
             length = float(np.linalg.norm(e))
             if abs(length - 1.0) > 1e-6 or not np.allclose(r @ r.T, np.eye(3), atol=1e-6):
-                raise ValueError(f"Axis or rotation of {self.joints[k]!r} is of no unit length; normalise it.")
+                raise ValueError(f"Axis or rotation of {self.joints[k]!r} is not of unit length; normalise it.")
             c = across(e)
             turn[k] = (r, np.zeros((3, 3)), np.zeros((3, 3))) if self.slides[k] else (r + r @ c @ c, r @ c, -r @ c @ c)
         travel = np.einsum("kij,kj->ki", self.rotations, self.axes) * self.slides[:, None]
         return Links(self.parents, self.slides, turn, self.places, travel, self.axes, self.gravity)
 
     def _motion(self, *signals: ArrayLike) -> list[Array]:
-        """Signals as finite contiguous arrays of one shape (n_samples, n_joints)."""
+        """Signals as finite contiguous arrays of the same shape (n_samples, n_joints)."""
         arrays = [np.ascontiguousarray(np.asarray(s, dtype=float)) for s in signals]
         for x in arrays:
             if x.ndim != 2 or x.shape[1] != self.n_joints or len(x) != len(arrays[0]):
                 raise ValueError(
                     f"A signal has shape {x.shape}, expected ({len(arrays[0]) if arrays[0].ndim else 'n'}, "
-                    f"{self.n_joints}): a row a sample, a column a joint."
+                    f"{self.n_joints}): one row per sample, one column per joint."
                 )
             if not np.isfinite(x).all():
                 raise ValueError("A signal holds NaN or infinity, expected finite numbers; clean the log.")
@@ -531,7 +532,7 @@ def simulate_arm(
     True
     """
     if (reference is None) == (drive is None):
-        raise ValueError("Give reference, for the closed loop, or drive, to replay one; not both.")
+        raise ValueError("Give either reference (closed loop) or drive (replay), not both.")
     closed = drive is None
     given = arm._motion(reference if drive is None else drive)[0]  # type: ignore[arg-type]
     n_samples, n = given.shape
@@ -592,7 +593,7 @@ def direction_of(joints: Sequence[str], name: str) -> Array:
     """
     known = "|".join(re.escape(j) for j in sorted(joints, key=len, reverse=True))
     if not re.fullmatch(rf"({known})([+-]({known}))+", name):
-        raise ValueError(f"{name!r} is no joint and no sum of joints such as a+b; joints are {', '.join(joints)}.")
+        raise ValueError(f"{name!r} is neither a joint nor a sum of joints such as a+b; expected {', '.join(joints)}.")
     out = np.zeros(len(joints))
     for sign, joint in re.findall(rf"([+-]?)({known})", name):
         out[list(joints).index(joint)] += -1.0 if sign == "-" else 1.0
@@ -600,7 +601,7 @@ def direction_of(joints: Sequence[str], name: str) -> Array:
 
 
 def _controllers(arm: Arm, given: Any) -> Array:
-    """Eight numbers of each joint's controller."""
+    """The eight numbers of each joint's controller."""
     if given is None:
         # A double pole at 12 Hz and a slow integral for the inertia of a joint while the others are free.  While they
         # are held, that of an axis parallel to others is several times larger: the loops would drive each other.

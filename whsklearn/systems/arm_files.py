@@ -63,7 +63,7 @@ def rotation_about(axis: ArrayLike, angle: float) -> Array:
 
 
 def across(axis: ArrayLike) -> Array:
-    """The matrix (3, 3) that makes a x b of b."""
+    """The skew-symmetric matrix (3, 3) that maps b to a x b."""
     x, y, z = np.asarray(axis, dtype=float)
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
@@ -74,7 +74,7 @@ def dh_fields(rows: Iterable[Sequence[Any]], *, modified: bool) -> dict[str, Any
     The link's frame is that of the joint, before the constant part of its own row in the standard convention.
     """
     slides, rotations, places = [], [], []
-    rotation, place = np.eye(3), np.zeros(3)  # of what is constant behind the last joint
+    rotation, place = np.eye(3), np.zeros(3)  # of the constant part after the last joint
     for row in rows:
         a, alpha, d, theta, *kind = row
         slides.append(bool(kind) and str(kind[0]).startswith("p"))
@@ -101,12 +101,12 @@ def file_fields(source: str | os.PathLike[str], joints: Iterable[str] | None) ->
     ImportError
         If MuJoCo is not installed.
     ValueError
-        If the file cannot be read, has no such joint, or is no tree of hinges and slides.
+        If the file cannot be read, has no such joint, or is not a tree of hinges and slides.
     """
     try:
         import mujoco
     except ImportError:
-        raise ImportError("MuJoCo, which reads robot files, is missing; pip install 'whsklearn[mujoco]'.") from None
+        raise ImportError("MuJoCo is needed to read robot files; pip install 'whsklearn[mujoco]'.") from None
     try:
         model, given = _compiled(mujoco, source)
     except (ValueError, ElementTree.ParseError) as error:
@@ -149,7 +149,7 @@ def _compiled(mujoco: Any, source: str | os.PathLike[str]) -> tuple[Any, dict[st
     """MuJoCo's model, and the ten numbers of each body in its own frame where the file is a URDF.
 
     MuJoCo demands masses and inertias above zero; nominal files often lack them.  So a URDF is compiled with bodies of
-    one kilogram, for its kinematics, and its inertias are kept beside.
+    one kilogram, for its kinematics, and its inertias are stored separately.
     """
     text = str(source)
     if not text.lstrip().startswith("<"):
@@ -158,7 +158,7 @@ def _compiled(mujoco: Any, source: str | os.PathLike[str]) -> tuple[Any, dict[st
     if root.tag != "robot":
         spec = mujoco.MjSpec.from_string(text) if text == str(source) else mujoco.MjSpec.from_file(str(source))
         return spec.compile(), {}
-    for link in root.iter("link"):  # meshes are often not there, and say nothing of the dynamics
+    for link in root.iter("link"):  # meshes are often missing and do not affect the dynamics
         for kind in ("visual", "collision"):
             for element in link.findall(kind):
                 link.remove(element)
@@ -183,7 +183,7 @@ def _matrix(mujoco: Any, quaternion: Any) -> Array:
 
 
 def moved_numbers(numbers: Array, rotation: Array, place: Array) -> Array:
-    """Ten numbers of a body in another frame, in which its own has this rotation and origin; shape (10,).
+    """The ten numbers of a body, shape (10,), in a frame in which the body's own frame has this rotation and origin.
 
     Parameters
     ----------
@@ -199,7 +199,7 @@ def moved_numbers(numbers: Array, rotation: Array, place: Array) -> Array:
 
 
 def inertia_matrix(numbers: Array) -> Array:
-    """Inertia (3, 3) about the frame's origin, of ten numbers."""
+    """Inertia (3, 3) about the frame's origin from the ten numbers."""
     xx, xy, yy, xz, yz, zz = numbers[4:]
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
@@ -249,7 +249,7 @@ def _tree(model: Any, names: list[str], wanted: list[str], given: dict[str, Arra
 
 
 def _passive(model: Any, i: int) -> tuple[Effect, ...]:
-    """Damping, dry friction and spring of a joint, as effects; those that are zero are none."""
+    """Damping, dry friction and spring of a joint as effects; those that are zero are left out."""
     dof = model.jnt_dofadr[i]
     found: list[Effect] = []
     if model.dof_damping[dof] > 0:
@@ -262,7 +262,7 @@ def _passive(model: Any, i: int) -> tuple[Effect, ...]:
 
 
 def _refuse_loops(mujoco: Any, model: Any, names: list[str], wanted: list[str], link_of: list[int]) -> None:
-    """Raise where joints that were asked for are bound to each other."""
+    """Raise if joints that were asked for are coupled to each other."""
     kinds = mujoco.mjtEq
     for i in range(model.neq):
         kind, one, other = int(model.eq_type[i]), int(model.eq_obj1id[i]), int(model.eq_obj2id[i])
@@ -270,7 +270,7 @@ def _refuse_loops(mujoco: Any, model: Any, names: list[str], wanted: list[str], 
             bound = [names[k] for k in (one, other) if k >= 0 and names[k] in wanted]
             if bound:
                 raise ValueError(
-                    f"Joint {bound[0]!r} follows another one (mimic), and an arm's joints are independent; name the "
+                    f"Joint {bound[0]!r} follows another joint (mimic), expected independent joints; name the "
                     "others with --joints."
                 )
         elif kind in (int(kinds.mjEQ_CONNECT), int(kinds.mjEQ_WELD)):
@@ -278,6 +278,6 @@ def _refuse_loops(mujoco: Any, model: Any, names: list[str], wanted: list[str], 
                 one, other = (int(model.site_bodyid[k]) if k >= 0 else 0 for k in (one, other))
             if link_of[one] != link_of[max(other, 0)]:
                 raise ValueError(
-                    "The robot has a closed chain (connect or weld), expected a tree of joints; give a file without "
+                    "The robot has a closed loop (connect or weld), expected a tree of joints; give a file without "
                     "the loop, or name the joints outside of it."
                 )

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
-# Of a column's length: what the columns before it leave unexplained is rounding, 1e-13 on drawn motion, or above 1e-5
-# (drawn arms of 2 to 7 joints); the tolerance lies between.
+# As a share of a column's length. The part that earlier columns leave unexplained is either rounding (1e-13 on random
+# motion) or above 1e-5 (random arms of 2 to 7 joints); the tolerance lies between.
 TOLERANCE = 1e-9
 
 
@@ -30,7 +30,7 @@ class BaseParameters:
     merged : dict of str to dict of str to float
         For each name kept, the other parameters that its weight includes, with their factors.
     unseen : tuple of str
-        Parameters that no motion can show.
+        Parameters that no motion can reveal.
 
     References
     ----------
@@ -58,8 +58,8 @@ def base_parameters(
 ) -> BaseParameters:
     """Keep each column that is not a combination of those before it, group by group in the given order.
 
-    Of a group, the column of which most is left comes first: of the inertias of a link that turns about z, its Izz
-    stands for the sum, and not an Ixx that a hundredth of a degree of tilt shows.
+    Within a group, the column with the largest remainder comes first: among the inertias of a link that turns about z,
+    Izz then represents the sum, and not an Ixx that is visible only through a hundredth of a degree of tilt.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ def base_parameters(
     seen = lengths > tolerance * max(float(lengths.max(initial=0.0)), 1e-300)
     scaled: Array = np.asarray(
         np.linalg.qr(y / np.where(seen, lengths, 1.0), mode="r")
-    )  # as long as it is wide, the same dependences
+    )  # as many rows as columns, with the same dependences
     basis = np.zeros((scaled.shape[0], 0))
     kept: list[int] = []
     for group in np.split(np.arange(y.shape[1]), np.cumsum(groups)[:-1] if len(groups) else np.arange(1, y.shape[1])):

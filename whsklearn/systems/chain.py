@@ -1,7 +1,6 @@
 """One pass over a record through a Wiener-Hammerstein chain: free run or one-step prediction, with or without effects.
 
-`WienerHammersteinSystem` simulates with it and the gap workflow predicts with it, so that what is found is what is
-simulated.
+`WienerHammersteinSystem` simulates with it and the gap workflow predicts with it, so both use the same equations.
 """
 
 from __future__ import annotations
@@ -23,11 +22,11 @@ from whsklearn.systems.chain_ports import added, arrived, driven, occupied, sens
 
 Array = NDArray[np.float64]
 
-FAR = 1e30  # to which signals are held, so that an unstable trial ends in large errors and not in NaN
+FAR = 1e30  # at which signals are clipped, so that an unstable trial ends in large errors and not in NaN
 
 
 class PackedChain(NamedTuple):
-    """What a record passes through, but for the parameters theta.
+    """The chain that a record passes through, without the parameters theta.
 
     Attributes
     ----------
@@ -56,7 +55,7 @@ class Ports(NamedTuple):
     codes, rows : ndarray of shape (n_effects,), (n_effects, 8)
         Codes and numbers of the effects.
     own : callable
-        Effects of one's own, see `whsklearn.effects.own.address_of`.
+        User-defined effects, see `whsklearn.effects.own.address_of`.
     """
 
     codes: Any
@@ -93,7 +92,7 @@ def _pass(theta, chain, ports, u, y, noise, free, x, v, y_hat, ue, raw, q, memor
     n = u.size
     if ports is not None:
         codes, rows, memory, own = borrowed(ports.codes), borrowed(ports.rows), borrowed(memory), ports.own
-        # a port without an effect is passed by: its call would cost more than the rest of the sample
+        # a port without an effect is skipped: its call would cost more than the rest of the sample
         drive, between, sensor, law_port = occupied(codes)
     dx_old = ahead = before = 0.0  # x(t) without u_eff(t-1), and x(t-1)
     for t in range(n):

@@ -4,9 +4,9 @@
 
     u -> [drive] -> L1 -> x -> [transmission] -> x_l -> law + friction, position, time -> v -> L2 -> q -> [sensor] -> y
 
-Drive effects change u as on an axis: u_eff = u - the torque of the effect.  Friction, position and time effects, and
-torques of one's own, add to v as functions of x_l and dx = x_l(t) - x_l(t-1); sensor effects act on q.  The equations
-are those of `whsklearn.effects`; an effect is its code and its `Effect.row`.
+Drive effects change u as on an axis: u_eff = u - the torque of the effect.  Friction, position, time and user-defined
+effects add to v as functions of x_l and dx = x_l(t) - x_l(t-1); sensor effects act on q.  The equations are those of
+`whsklearn.effects`; an effect is its code and its `Effect.row`.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def occupied(codes):
 
 @njit(cache=False, error_model="numpy", forceinline=True)
 def arrived(codes, rows, u, t, dt):
-    """The command that arrives at t, behind what delays it."""
+    """The command that arrives at t, after all delays."""
     w = u[t]
     for j in range(codes.size):
         if codes[j] == k.INPUT_DELAY:
@@ -107,11 +107,11 @@ def driven(codes, rows, memory, w, t, x, before, ahead, dt):
 
 @njit(cache=False, error_model="numpy", forceinline=True)
 def held_pull(stiffness, centre, x, before, ahead):
-    """The constant pull over a sample that moves the mass as the spring does, whose pull f changes along with x.
+    """The constant force over a sample that moves the mass as the spring does, whose force f changes with x.
 
     A smooth f moves a mass by f(t) + f''/12 in x(t+1) - 2 x(t) + x(t-1), a held one by the mean of its last two values.
     Both agree if f(t + 1/2) - f''/24 is held, here from the parabola through t-1, t and t+1, where x is first taken to
-    be ``ahead``, without a spring.  With f(t) alone the spring comes half a sample late.
+    be ``ahead``, without a spring.  With f(t) alone the spring would act half a sample late.
     """
     here = hardening_spring(stiffness, centre, x)
     later = hardening_spring(stiffness, centre, ahead - here)
@@ -120,7 +120,7 @@ def held_pull(stiffness, centre, x, before, ahead):
 
 @njit(cache=False, error_model="numpy", forceinline=True)
 def passed(c, rows, memory, j, w, time, x, dt):
-    """The drive behind effect j."""
+    """The drive after effect j."""
     if c == k.ACTUATOR_LAG:
         memory[j, 0] = lagged(w, memory[j, 0], rows[j, 0], dt)[1]
         return memory[j, 0]
@@ -138,7 +138,7 @@ def passed(c, rows, memory, j, w, time, x, dt):
 
 @njit(cache=False, error_model="numpy", forceinline=True)
 def transmitted(codes, rows, memory, x, dt):
-    """x behind the transmission."""
+    """x after the transmission."""
     for j in range(codes.size):
         if codes[j] == k.BACKLASH:
             x = play(rows[j, 0], memory[j, 0], x)
@@ -154,7 +154,7 @@ def transmitted(codes, rows, memory, x, dt):
 
 @njit(cache=False, error_model="numpy")
 def coupled(frequency, ratio, memory, j, x, dt):
-    """x behind a resonance of static gain one; ``memory`` holds its last two values and x."""
+    """x after a resonance with static gain one; ``memory`` holds its last two values and x."""
     a0, a1, b1, b2 = resonance(frequency, ratio, dt)
     out = a0 * x + a1 * memory[j, 2] - b1 * memory[j, 0] - b2 * memory[j, 1]
     memory[j, 1] = memory[j, 0]
@@ -188,7 +188,7 @@ def added(codes, rows, memory, own, u, x, dx, ddx, t, dt, kappa):
 
 @njit(cache=False, error_model="numpy", forceinline=True)
 def sensed(codes, rows, memory, own, q, t, dt):
-    """Reading of the true output q, which a resonance behind L2 passes first."""
+    """Reading of the true output q, after a resonance behind L2 if there is one."""
     for j in range(codes.size):
         if codes[j] == k.RESONANCE_Y:
             q = coupled(rows[j, 0], rows[j, 1], memory, j, q, dt)
@@ -205,7 +205,7 @@ def sensed(codes, rows, memory, own, q, t, dt):
 
 @njit(cache=False, error_model="numpy", forceinline=True)
 def unsensed(codes, rows, own, y, expected, t, dt):
-    """The output q behind a reading y, with the ``expected`` sign where a folded reading is ambiguous."""
+    """The output q that gives a reading y, with the ``expected`` sign if a folded reading is ambiguous."""
     q = y
     for j in range(codes.size - 1, -1, -1):
         c = codes[j]
@@ -217,7 +217,7 @@ def unsensed(codes, rows, own, y, expected, t, dt):
                 q /= math.copysign(max(abs(slope), LEAST_SLOPE), slope)
         else:
             start = q
-            for _ in range(4):  # q + e(q) = y; e is small and smooth, so that this contracts
+            for _ in range(4):  # q + e(q) = y; e is small and smooth, so this iteration contracts
                 here = (
                     own(int(rows[j, WHICH]), rows[j], t * dt, q, 0.0, 0.0)
                     if c == k.USER_OUTPUT

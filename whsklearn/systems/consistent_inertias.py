@@ -1,7 +1,7 @@
 """Physically consistent inertias: every link is a realisable body, by its log-Cholesky parameters.
 
-The pseudo-inertia of a body, J = [[S, h], [h', m]] with S = tr(I)/2 1 - I, is positive definite for every body of
-positive density and for no other numbers (Wensing, Kim and Slotine 2018).  Rucker and Wensing (2022) write it
+The pseudo-inertia of a body, J = [[S, h], [h', m]] with S = tr(I)/2 1 - I, is positive definite if and only if the
+numbers are those of a body of positive density (Wensing, Kim and Slotine 2018).  Rucker and Wensing (2022) write it
 
     J = U U',  U = e^alpha [[e^d1, s12, s13, t1], [0, e^d2, s23, t2], [0, 0, e^d3, t3], [0, 0, 0, 1]],
 
@@ -22,15 +22,15 @@ from whsklearn.systems.base_parameters import BaseParameters
 
 Array = NDArray[np.float64]
 
-LEAST_MASS, LEAST_RADIUS = 1e-3, 1e-2  # kg and m: the body that a link begins as where the file names none
-# Of a standard error, for each unit of a logarithm: the file's masses and sizes count as right within a factor of
-# twenty. That settles what the drives do not tell; a tenth of it took ten times as many steps on the AIRBOT.
+LEAST_MASS, LEAST_RADIUS = 1e-3, 1e-2  # kg and m: the initial body of a link for which the file gives none
+# Standard errors per unit of a logarithm: masses and sizes in the file are taken to be right within a factor of twenty.
+# This determines what the drives do not; a tenth of it took ten times as many steps on the AIRBOT.
 NEARNESS = 0.3
 OFF_DIAGONAL = (0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)
 
 
 def pseudo_inertia(numbers: Array) -> Array:
-    """J (4, 4) of ten numbers.
+    """The pseudo-inertia J (4, 4) of ten numbers.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def pseudo_inertia(numbers: Array) -> Array:
 
 
 def from_log_cholesky(x: Array) -> Array:
-    """Ten numbers of bodies of their log-Cholesky parameters, shape (..., 10) each; see the module's formula."""
+    """The ten numbers of bodies from their log-Cholesky parameters, shape (..., 10) each; see the module's formula."""
     u = np.zeros((*x.shape[:-1], 4, 4), dtype=x.dtype)
     u[..., range(3), range(3)], u[..., 3, 3] = np.exp(x[..., 1:4]), 1.0
     for k, place in enumerate(OFF_DIAGONAL):
@@ -84,7 +84,7 @@ def log_cholesky(numbers: Array) -> Array:
     return np.array([np.log(scale), *np.log(np.diag(u)[:3] / scale), *(u[i, k] / scale for i, k in OFF_DIAGONAL)])
 
 
-@threadpool_limits.wrap(limits=1, user_api="blas")  # two take twice the CPU and sum in another order
+@threadpool_limits.wrap(limits=1, user_api="blas")  # two threads take twice the CPU and sum in another order
 def consistent_numbers(
     inertial: Array, armature: Array, base: BaseParameters, values: ArrayLike, covariance: ArrayLike | None
 ) -> tuple[Array, Array | None]:
@@ -95,7 +95,7 @@ def consistent_numbers(
     Raises
     ------
     ValueError
-        If ``values`` is not one number a base parameter.
+        If ``values`` does not have one number per base parameter.
     """
     from scipy.linalg import block_diag
     from scipy.optimize import least_squares
@@ -103,7 +103,7 @@ def consistent_numbers(
     n = len(inertial)
     theta = np.asarray(values, dtype=float)
     if theta.shape != (len(base.kept),):
-        raise ValueError(f"values has shape {theta.shape}, expected ({len(base.kept)},), one a base parameter.")
+        raise ValueError(f"values has shape {theta.shape}, expected ({len(base.kept)},), one per base parameter.")
     motors = base.mapping.shape[1] >= (N_BODY + 1) * n
     width = (N_BODY + 1) * n if motors else N_BODY * n
     concerned = base.kept < width

@@ -24,7 +24,7 @@ from whsklearn.systems._servo_torques import Plant, plant_of
 from whsklearn.systems.servo_parts import Drive, PIDController, Sensor, Transmission
 from whsklearn.systems.servo_simulation import Conditions, experiment, reading_noise, run
 
-FEWEST_STEPS = 4  # a sample, as the fit of an axis has them; its code then takes under 100 ns a step
+FEWEST_STEPS = 4  # per sample, as in the fit of an axis; its code then takes under 100 ns per step
 PARTS = ("drive", "transmission", "sensor", "controller")
 
 
@@ -40,7 +40,7 @@ class ServoAxis:
     Parameters
     ----------
     inertia : float
-        Inertia of all that moves (kg m2).
+        Total moving inertia (kg m2).
     law : FrictionLaw, str or iterable of StaticEffect
         Friction law; terms given by names such as ``"viscous,coulomb"`` have weight one.
     effects : iterable of Effect
@@ -98,7 +98,7 @@ class ServoAxis:
         object.__setattr__(self, "law", as_law(self.law))
         for e in effects:
             if not isinstance(e, Effect):
-                raise ValueError(f"{e!r} is no effect; expected instances such as Cogging(0.05, order=17).")
+                raise ValueError(f"{e!r} is not an effect; expected instances such as Cogging(0.05, order=17).")
         for name in ("inertia", "smoothing", "sample_rate"):
             value = getattr(self, name)
             if not (isinstance(value, (int, float)) and 0.0 < value < math.inf):
@@ -136,7 +136,7 @@ class ServoAxis:
 
     @property
     def effect_labels(self) -> tuple[str, ...]:
-        """One label an effect: its name, numbered from the second of a name on (the law's terms count)."""
+        """One label per effect: its name, numbered from the second occurrence on (the law's terms count)."""
         seen = Counter(t.name for t in self.law.terms)
         labels = []
         for e in self.effects:
@@ -327,7 +327,7 @@ class ServoAxis:
 
 
 def fine_steps(effects: Iterable[Effect], sample_time: float) -> int:
-    """Fine steps a sample with which a simulation of these effects is accurate: four, or as many as one asks for.
+    """Fine steps per sample for an accurate simulation of these effects: four, or as many as an effect requires.
 
     A coupling rings and an impact is over within a fraction of a slow sample (`Effect.finest`).
     """
@@ -337,7 +337,7 @@ def fine_steps(effects: Iterable[Effect], sample_time: float) -> int:
 
 # --- as compiled passes take it --------------------------------------------------------------------------------------
 def parts_of(axis: ServoAxis) -> NDArray[np.float64]:
-    """The numbers of an axis that belong to no effect, shape (12,), in the order of `Plant.parts`."""
+    """The numbers of an axis that do not belong to an effect, shape (12,), in the order of `Plant.parts`."""
     kappa = 1.0 / axis.smoothing if axis.friction == "tanh" else math.inf
     d, part = axis.drive, axis.transmission
     coupling = (0.0, 0.0, 0.0, 0.0)
@@ -348,7 +348,7 @@ def parts_of(axis: ServoAxis) -> NDArray[np.float64]:
 
 
 def pack(axis: ServoAxis) -> Plant:
-    """The axis as flat arrays; effects of neutral size are not in them, so they change nothing at all.
+    """The axis as flat arrays; effects of neutral size are left out, so they change nothing.
 
     Raises
     ------
@@ -358,12 +358,12 @@ def pack(axis: ServoAxis) -> Plant:
     plant = plant_of([e for e in (*axis.law.terms, *axis.effects) if e.magnitude != e.neutral], parts_of(axis))
     delay = chain_of(plant).delay
     if delay < 0:
-        raise ValueError(f"The drive's delay is {delay} s, expected none below zero; the drive cannot act early.")
+        raise ValueError(f"The drive's delay is {delay} s, expected zero or more; the drive cannot act early.")
     return plant
 
 
 def _changed(effect: Any, label: str, wanted: dict[str, float]) -> Any:
-    """An effect with its own entries of ``wanted`` applied; they are taken out."""
+    """The effect with its entries of ``wanted`` applied; they are removed from ``wanted``."""
     changes = {}
     for key, name in ((label, effect.size), *((f"{label}__{f}", f) for f in (effect.size, *effect.shape))):
         if key in wanted:

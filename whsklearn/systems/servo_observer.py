@@ -1,9 +1,9 @@
 """A servo axis that follows its own log: the compiled pass for fits, on flat arrays instead of objects.
 
 J a = u_eff - F is stepped with the drive as logged and corrected after every sample by the innovation
-e = y - y_hat (Luenberger 1971, IEEE Trans. Autom. Control 16(6), 596-602), or restarted at the measurement every so
-many samples.  The torque that the model lacks is J (p^2 + l1 p + l2) e + F(q, v) - F(q^, v^), with
-l1 = gains[0] / dt and l2 = gains[1] / dt; `effect_torque` gives F on either motion.
+e = y - y_hat (Luenberger 1971, IEEE Trans. Autom. Control 16(6), 596-602), or restarted at the measurement at fixed
+intervals. The torque that the model lacks is J (p^2 + l1 p + l2) e + F(q, v) - F(q^, v^), with l1 = gains[0] / dt and
+l2 = gains[1] / dt; `effect_torque` gives F on either motion.
 """
 
 from __future__ import annotations
@@ -52,14 +52,14 @@ _NOTHING = np.zeros(0)
 
 
 def bare_parts(inertia: float, delay: float = 0.0, *, resolution: float = 0.0, on_load: bool = False) -> Array:
-    """`Plant.parts` of an axis of which only this is known; everything else is in its effects.
+    """`Plant.parts` of an axis with these values; everything else is in its effects.
 
     Parameters
     ----------
     inertia : float
         Inertia (kg m2).
     delay : float
-        Age of the logged drive when it acts (s); below zero it acts early.
+        Delay between the logged drive and its action (s); below zero it acts early.
     resolution : float
         Step of the encoder (rad).
     on_load : bool
@@ -79,8 +79,8 @@ def follow(plant: Plant, drive: Array, measured: Array, how: How, *, start: tupl
     drive : ndarray of shape (n,)
         The drive as logged (Nm).
     measured : ndarray of shape (2, n) or (4, n)
-        Position and velocity on the encoder's side (rad, rad/s), and the twist of the coupling and its rate where
-        a restart is to know them.
+        Position and velocity on the encoder's side (rad, rad/s), and, if a restart needs them, the twist of the
+        coupling and its rate.
     how : How
         Sample time, fine steps, samples between restarts, the observer's gains.
     start : tuple of two floats, optional
@@ -111,8 +111,9 @@ def follow(plant: Plant, drive: Array, measured: Array, how: How, *, start: tupl
 def effect_torque(plant: Plant, time: Array, position: Array, velocity: Array, drive: Array) -> Array:
     """F(q, v): drive torque for all memoryless effects of an axis along a motion (Nm), shape (n,).
 
-    Hysteresis and the sensor's effects are omitted: noise on the path would shake the first, the second are no
-    torque. On the measured motion less on the observer's it is what an observer's innovation does not show.
+    Hysteresis is omitted because noise on the path would excite it, and the sensor's effects because they are not
+    torques. The difference between this torque on the measured motion and on the observer's is what the innovation does
+    not show.
 
     Examples
     --------

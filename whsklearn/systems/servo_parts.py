@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 
 @dataclass(frozen=True)
 class Part:
-    """A part of the axis: its numbers are finite where they must be, and none below its bound."""
+    """A part of the axis; its numbers are checked to be finite where required and not below their bounds."""
 
     def __post_init__(self) -> None:
         for f in fields(self):
@@ -144,7 +144,7 @@ class PIDController(Part):
     velocity_feedforward, acceleration_feedforward : float
         kv and ka, the gains on the reference's derivatives.
     limit : float
-        Bound of the output; the integral is frozen while the output is beyond it.
+        Bound of the output; the integral is frozen while the output exceeds it.
     derivative_on : str
         ``error``, or ``measurement`` to keep steps of the reference out of the drive.
     derivative_filter : float

@@ -1,4 +1,4 @@
-"""An experiment on a servo axis, checked and completed, and its compiled simulation."""
+"""The checked and completed inputs of an experiment on a servo axis, and its compiled simulation."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Experiment(NamedTuple):
 
 
 class Conditions(NamedTuple):
-    """What an experiment is besides its reference or drive; see `simulate_many`."""
+    """Settings of an experiment other than its reference or drive; see `simulate_many`."""
 
     disturbance: ArrayLike | None = None
     reference_velocity: ArrayLike | None = None
@@ -74,7 +74,7 @@ def _signal(values: ArrayLike, name: str, n: int | None = None) -> NDArray[np.fl
     signal = np.asarray(values, dtype=float)
     if signal.ndim != 1 or signal.size == 0 or (n is not None and signal.size != n):
         expected = "a non-empty 1-D array" if n is None else f"{n} samples"
-        raise ValueError(f"{name} has shape {signal.shape}, expected {expected}; give one value a sample.")
+        raise ValueError(f"{name} has shape {signal.shape}, expected {expected}; give one value per sample.")
     if not np.isfinite(signal).all():
         raise ValueError(f"{name} holds NaN or infinity at row {np.flatnonzero(~np.isfinite(signal))[0]}; clean it.")
     return np.ascontiguousarray(signal)
@@ -152,7 +152,7 @@ def _path(
 def _returns(
     rate: float, position: ArrayLike | None, velocity: ArrayLike | None, resync: float | None, n: int
 ) -> tuple[NDArray[np.float64], int]:
-    """Measured position and velocity, and every how many samples to return to them (0: never)."""
+    """Measured position and velocity, and the interval in samples at which to return to them (0: never)."""
     measured = np.zeros((2, n))
     if position is None:
         if resync is not None:

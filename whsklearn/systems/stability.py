@@ -13,7 +13,7 @@ def is_stable(b, radius):
     n = b.size
     first = b[0] / radius if n > 0 else 0.0
     second = b[1] / (radius * radius) if n > 1 else 0.0
-    # the triangle of Jury, without arrays: this is asked at every update
+    # Jury's stability conditions without arrays, because this is checked at every update
     stable = abs(second) < 1.0 and abs(first) < 1.0 + second
     if n > 2:
         stable = _stepped_down(b, radius)

@@ -37,7 +37,7 @@ class WienerHammersteinSystem:
     dt : float, default=1.0
         Sampling time, needed by effects whose parameters are in seconds or Hz.
     direct : int, default=0
-        How many of the two blocks have a direct path, x(t) = u(t) + a_2 u(t-1) ...; u and y do not show which one.
+        Number of blocks with a direct path, x(t) = u(t) + a_2 u(t-1) ...; u and y do not show which block has it.
 
     Raises
     ------
@@ -72,10 +72,8 @@ class WienerHammersteinSystem:
         self.law = as_law(law)
         self.effects, self.dt, self.direct = tuple(effects), float(dt), int(direct)
         if self.direct not in (0, 1, 2):
-            raise ValueError(
-                f"direct is {direct!r}; expected how many of the two blocks have a direct path: 0, 1 or 2."
-            )
-        packed(self.effects)  # refuses what has no place
+            raise ValueError(f"direct is {direct!r}; expected the number of blocks with a direct path: 0, 1 or 2.")
+        packed(self.effects)  # raises for an effect that has no place
         for name, numerator in (("a", self.a), ("c", self.c)):
             if numerator.size == 0 or numerator[0] != 1.0:
                 raise ValueError(
@@ -141,7 +139,7 @@ class WienerHammersteinSystem:
         dims = np.array([self.a.size, self.b.size, self.c.size, self.d.size, len(self.law)], dtype=np.int64)
         chain = PackedChain(dims, self.law.codes, self.law.shapes, np.inf, self.dt)
         theta = np.concatenate([self.a[1:], self.b, self.law.weights, self.c[1:], self.d])
-        later = np.zeros(self.direct)  # the pass has a delay in each block: it runs on, and what comes early is cut off
+        later = np.zeros(self.direct)  # the pass delays each block: it runs longer, and the first samples are cut
         u, noise = np.concatenate([u, later]), np.concatenate([later, noise])
         x, v, y = np.empty_like(u), np.empty_like(u), np.empty_like(u)
         run(theta, chain, packed(self.effects), u, u, noise, True, x, v, y)
@@ -149,7 +147,8 @@ class WienerHammersteinSystem:
 
     @property
     def polynomials(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Numerators and denominators of L1 and L2 in powers of the delay, with leading zeros if no path is direct.
+        """Numerators and denominators of L1 and L2 in powers of the delay, with leading zeros for blocks without a
+        direct path.
 
         A single direct path is given to L1, because u and y do not show which block has it.
         """

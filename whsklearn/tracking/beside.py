@@ -1,7 +1,7 @@
-"""A run that is recorded in the background: learning never waits for a server or a database.
+"""A run that is recorded in the background: identification never waits for a server or a database.
 
-Metrics go into a bounded queue that a thread of its own empties; a full queue, a server that is down or a database
-that is locked loses metrics, never time, and what was lost is counted.
+Metrics go into a bounded queue that is emptied by a separate thread. A full queue, a server that is down or a locked
+database loses metrics but no time, and lost metrics are counted.
 
 Examples
 --------
@@ -24,15 +24,15 @@ from typing import Any
 from whsklearn.tracking.runs import Run, Tracker
 from whsklearn.tracking.store import THREAD, sentence
 
-WAITING = 10_000  # sets of metrics that may wait: some hours of estimates, a few MB
+WAITING = 10_000  # sets of metrics that may be queued: some hours of estimates, a few MB
 POLL_SECONDS = 2.0
 OPEN_SECONDS = 10.0  # the first import of MLflow takes 3 of them
-CLOSE_SECONDS = 10.0  # for what still waits at the end of a job
-HURRIED_SECONDS = 0.5  # the same where somebody waits for the end: SIGTERM is to be honoured within 2 s
+CLOSE_SECONDS = 10.0  # for metrics that are still queued at the end of a job
+HURRIED_SECONDS = 0.5  # the same after SIGTERM, which must end the job within 2 s
 
 
 class BesideRun:
-    """One run, opened, written and ended by a thread.
+    """A run that is opened, written and ended by a thread.
 
     Parameters
     ----------
@@ -43,12 +43,12 @@ class BesideRun:
     params, tags : mapping
         Logged when the run is open.
     say : callable, optional
-        Takes a sentence, once, when something of the record is lost.
+        Called once with a sentence when metrics are lost.
 
     Attributes
     ----------
     id : str
-        Of the run; empty while it is not open.
+        Of the run; empty until it is open.
     lost : int
         Sets of metrics that were not recorded.
 
@@ -104,7 +104,7 @@ class BesideRun:
         Parameters
         ----------
         seconds : float, default=10
-            How long to wait.
+            Longest time to wait.
         """
         self._end.set()
         self._thread.join(seconds)
@@ -129,13 +129,13 @@ class BesideRun:
                 self._opened.set()
                 while self._write(run):
                     self._end.wait(POLL_SECONDS)
-        except Exception as error:  # whatever a driver of a database raises, the stream does not end of it
+        except Exception as error:  # no error of a database driver may end the stream
             self._lose(sentence(error))
         finally:
             self._opened.set()
 
     def _write(self, run: Run) -> bool:
-        """All that waits, in one go; what is not taken is tried again.  Whether more may come."""
+        """Write everything that is queued; what fails is tried again. Return whether more may come."""
         ending, taken = self._end.is_set(), 0
         with contextlib.suppress(queue.Empty):
             while self._held + taken < WAITING:

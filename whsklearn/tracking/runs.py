@@ -1,9 +1,8 @@
-"""A small layer over MLflow: one place that knows where runs are kept and how they look.
+"""A thin layer over MLflow: the only place that knows where runs are stored and how they are shown.
 
 Runs live in a SQLite store beneath ``mlruns/`` unless ``MLFLOW_TRACKING_URI`` names another.
-Nothing here sets a global of MLflow for longer than one call, workers never write: the parent
-process opens the store and records what they return.  MLflow is imported inside functions only,
-so the library works without it.
+No global of MLflow is changed for longer than one call, and workers never write: the parent process opens the store and
+records their results.  MLflow is imported inside functions only, so the library works without it.
 
 Examples
 --------
@@ -42,7 +41,7 @@ BATCH = {"metrics": 800, "params": 100, "tags": 100}  # what one log_batch may h
 VIEW = "comparison"
 VIEW_NAME = "whsklearn"  # in the menu "Views" of MLflow's own run list, from 3.15 on
 _INDICES = tuple(f"metrics.`{m}`" for m in ("nmse", "mu_e", "rmse"))
-# By experiment: the column to order by, whether the least comes first, and the columns beside name and data set.
+# By experiment: the column to order by, whether it is ascending, and the columns besides name and data set.
 _COLUMNS: dict[str, tuple[str, bool, tuple[str, ...]]] = {
     "close_gap": (
         "attributes.start_time",
@@ -120,7 +119,7 @@ def page_of(server: str, experiment_id: str) -> str:
 
 
 def tracking_uri(root: str | os.PathLike[str] = ".") -> str:
-    """Where runs go: ``MLFLOW_TRACKING_URI`` if it is set, else ``mlruns/mlflow.db`` beneath `root`.
+    """Where runs are stored: ``MLFLOW_TRACKING_URI`` if it is set, otherwise ``mlruns/mlflow.db`` beneath `root`.
 
     Parameters
     ----------
@@ -139,7 +138,7 @@ def tracking_uri(root: str | os.PathLike[str] = ".") -> str:
 
 
 def metric_name(name: str) -> str:
-    """`name` with every character that MLflow refuses made an underscore.
+    """`name` with every character that MLflow refuses replaced by an underscore.
 
     Parameters
     ----------
@@ -160,7 +159,7 @@ def open_tracker(
     enabled: bool = True,
     tags: Mapping[str, str] | None = None,
 ) -> Tracker:
-    """Open the store, once, in the process that records; make the experiment if it is new.
+    """Open the store in the process that records, and create the experiment if it is new.
 
     Parameters
     ----------
@@ -171,7 +170,7 @@ def open_tracker(
     enabled : bool
         False gives a tracker that records nothing and needs no MLflow.
     tags : mapping of str to str, optional
-        Put on every run.
+        Set on every run.
 
     Raises
     ------
@@ -193,7 +192,7 @@ def open_tracker(
     patience = store.Patience(uri)
 
     def opened() -> tuple[Any, str]:
-        store.probe(uri)
+        store.probe(uri, patience.most)  # a busy server may answer late
         location = None
         with store.quiet():
             if uri.startswith("sqlite:///"):
@@ -206,10 +205,10 @@ def open_tracker(
         return client, found
 
     try:
-        client, experiment_id = patience.wait(opened, store.OPENING_SECONDS)
+        client, experiment_id = patience.opened(opened)
     except TrackingError:
         raise
-    except Exception as error:  # a store fails with the errors of its own driver
+    except Exception as error:  # each store raises errors of its own driver
         reason = store.sentence(error)
         raise TrackingError(
             f"The record of runs at {store.public(uri)} cannot be opened ({reason}); set MLFLOW_TRACKING_URI to "
@@ -220,14 +219,14 @@ def open_tracker(
 
 
 class Tracker:
-    """An open experiment; ask `open_tracker` for one.
+    """An open experiment, created by `open_tracker`.
 
     Parameters
     ----------
     client : MlflowClient or None
         None where tracking is off.
     experiment, experiment_id : str
-        Its name, and what MLflow calls it.
+        Its name, and its id in MLflow.
     tags : mapping of str to str
         Of every run.
 
@@ -283,7 +282,7 @@ class Tracker:
             with contextlib.suppress(TrackingError):
                 run.log_tags({"reason": "interrupted"})
             raise
-        except TrackingError:  # what failed is the record itself; a locked database makes every further try wait
+        except TrackingError:  # recording itself failed; with a locked database every further attempt waits
             raise
         except BaseException as error:
             with contextlib.suppress(TrackingError):
@@ -309,9 +308,9 @@ class Run:
     Parameters
     ----------
     tracker : Tracker
-        The experiment that it belongs to.
+        The experiment of the run.
     run_id : str
-        Of MLflow; empty where tracking is off.
+        In MLflow; empty if tracking is off.
 
     References
     ----------
@@ -358,7 +357,7 @@ class Run:
             self._buffer["tags"] += [RunTag(k, utf8(str(v))[:5000]) for k, v in tags.items()]
 
     def log_params(self, params: Mapping[str, Any]) -> None:
-        """Buffer parameters; long values are cut.
+        """Buffer parameters; long values are truncated.
 
         Parameters
         ----------
@@ -370,7 +369,7 @@ class Run:
             self._buffer["params"] += [Param(k, utf8(str(v))[:500]) for k, v in params.items()]
 
     def log_metrics(self, metrics: Mapping[str, float], step: int = 0) -> None:
-        """Buffer metrics of one step; names of values that are not finite go into the tag ``not_finite``.
+        """Buffer metrics of one step; names of non-finite values go into the tag ``not_finite``.
 
         Parameters
         ----------
@@ -389,7 +388,7 @@ class Run:
         steps : array-like of shape (n,), optional
             0, 1, ... by default.
         points : int, default=1000
-            At most, a path.
+            Maximum number per path.
         """
         if self._client is None:
             return
@@ -417,7 +416,7 @@ class Run:
                 del v[: BATCH[k]]
 
     def log_input(self, X: ArrayLike, y: ArrayLike, name: str, context: str = "training") -> None:
-        """Record the data set: its name, shape and digest, not the samples.
+        """Record name, shape and digest of the data set, but not the samples.
 
         Parameters
         ----------
@@ -428,7 +427,7 @@ class Run:
         name : str
             Of the data set.
         context : str, default="training"
-            What it is used for.
+            Use of the data set.
         """
         if self._client is not None:
             mlflow = store.import_mlflow()
@@ -496,7 +495,7 @@ class Run:
             return str(info.model_uri)
 
         self.flush()
-        return str(self._client.do(logged, store.OPENING_SECONDS))
+        return str(self._client.do(logged, store.LIBRARIES_SECONDS))
 
     def log_artifact(self, path: str | os.PathLike[str]) -> None:
         """Keep a file as an artifact.
@@ -507,8 +506,8 @@ class Run:
             Of a file.
         """
         if self._client is not None:
-            fair = store.FAIR_SECONDS + Path(path).stat().st_size / store.UPLOAD_BYTES
-            self._client.log_artifact(self.id, os.fspath(path), fair=fair)
+            extra = Path(path).stat().st_size / store.UPLOAD_BYTES
+            self._client.log_artifact(self.id, os.fspath(path), extra=extra)
 
     def log_model(
         self, model: Any, X: ArrayLike, *, registered_name: str = "", alias: str = "", trusted: Sequence[str] = ()
@@ -555,10 +554,10 @@ class Run:
             return str(info.model_uri)
 
         self.flush()
-        return str(self._client.do(logged, store.OPENING_SECONDS))
+        return str(self._client.do(logged, store.LIBRARIES_SECONDS))
 
     def champion(self, name: str, alias: str) -> Any:
-        """The estimator registered as ``models:/name@alias``; None where there is none, or tracking is off.
+        """The estimator registered as ``models:/name@alias``; None if there is none, or if tracking is off.
 
         Parameters
         ----------
@@ -567,7 +566,7 @@ class Run:
         Raises
         ------
         TrackingError
-            If it is there and cannot be read.
+            If it exists and cannot be read.
         """
         if self._client is None:
             return None
@@ -584,7 +583,7 @@ class Run:
                 return mlflow.sklearn.load_model(f"models:/{name}/{version.version}")
 
         try:
-            return self._client.do(loaded, store.OPENING_SECONDS)
+            return self._client.do(loaded, store.LIBRARIES_SECONDS)
         except TrackingError as error:
             reason = store.sentence(error.__cause__ or error)
             raise TrackingError(
@@ -593,7 +592,7 @@ class Run:
 
 
 def input_example(model: Any, rows: ArrayLike) -> Any:
-    """Rows as a frame whose columns have the names that the estimator knows, or ``u``; ``u1``, ``u2``, ... of several.
+    """Rows as a frame with the estimator's feature names, or ``u``, or ``u1``, ``u2``, ... for several columns.
 
     Parameters
     ----------
@@ -621,7 +620,7 @@ def served_signature(n_features: int) -> Any:
     """The signature of a served model: columns of any numeric type in, doubles out.
 
     A typed signature would refuse float32, whole numbers or lists (a tensor), or arrays without names (named columns);
-    the estimator itself checks what it is given, and says what is wrong.
+    the estimator itself checks its input.
     """
     from mlflow.models import ModelSignature
     from mlflow.types import ColSpec, Schema, TensorSpec
@@ -661,7 +660,7 @@ def model_requirements() -> list[str]:
 
 
 def estimator_params(estimator: Any) -> dict[str, Any]:
-    """The parameters of an estimator, nested ones by their path, whole objects by their class.
+    """The parameters of an estimator; nested ones are named by path, objects are given by class.
 
     Parameters
     ----------
@@ -736,7 +735,7 @@ def log_candidates(
 def experiments(root: str | os.PathLike[str] = ".") -> list[tuple[str, str]]:
     """Name and id of every experiment with runs, most recent first.
 
-    Each is given the columns of its page (`view_of`), should it have been made by something else.
+    Experiments made by other programs are given the columns of their page (`view_of`).
 
     Parameters
     ----------
@@ -781,7 +780,7 @@ def _set_view(client: Any, experiment_id: str, name: str) -> None:
 
 
 def _own_types(model: Any) -> list[str]:
-    """Our classes inside a model; anything else is left for skops to refuse."""
+    """Our own classes inside a model; skops may refuse any others."""
     import skops.io
 
     return [t for t in skops.io.get_untrusted_types(data=skops.io.dumps(model)) if t.startswith("whsklearn.")]

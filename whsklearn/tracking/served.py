@@ -1,4 +1,4 @@
-"""A model file as MLflow serves it: ``model.json`` in, and the simulated output for a column of inputs out."""
+"""A model file as served by MLflow: it simulates the output of ``model.json`` for a column of inputs."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Served:
     Parameters
     ----------
     path : str
-        Of the file, as `whsklearn.models.load_model` takes it.
+        Path of a file for `whsklearn.models.load_model`.
 
     References
     ----------
@@ -43,12 +43,12 @@ class Served:
     def predict(self, model_input: Any, params: Any = None) -> NDArray[np.float64]:  # noqa: ARG002 - MLflow passes it
         """Output (n,) of the free run in the model's unit, from one column of numbers of any kind.
 
-        A frame whose column says its unit, as ``torque_mnm`` does, is brought to the unit of the model.
+        A frame whose column name states its unit, such as ``torque_mnm``, is converted to the unit of the model.
 
         Raises
         ------
         ValueError
-            If it is not one column, or one in a unit that cannot be converted to the model's.
+            If it is not one column, or if its unit cannot be converted to that of the model.
         """
         u = np.asarray(model_input, dtype=float)
         if u.size != u.shape[0]:
@@ -56,7 +56,7 @@ class Served:
         return np.asarray(self.model.simulate(u.ravel() * self._factor(model_input)), dtype=float)
 
     def _factor(self, model_input: Any) -> float:
-        """What brings the column to the model's unit; 1 where one of them is not stated."""
+        """Factor from the column's unit to the model's; 1 if one of them is not stated."""
         (column,) = getattr(model_input, "columns", [""])
         given, own = unit_of(str(column)), self.model.units.get("input", UNKNOWN)
         if UNKNOWN in (given, own):
@@ -65,7 +65,7 @@ class Served:
             return factor_between(given, own)
         except ValueError:
             raise ValueError(
-                f"The column {column!r} is in {given}, and the model takes {own}; one cannot be converted to the other."
+                f"The column {column!r} is in {given}, which cannot be converted to {own}, the unit of the model."
             ) from None
 
 

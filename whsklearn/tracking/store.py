@@ -1,13 +1,14 @@
-"""Opening an MLflow store, and keeping MLflow's side effects out of the rest of the library.
+"""Open an MLflow store, and isolate MLflow's side effects from the rest of the library.
 
-All that depends on how MLflow behaves, rather than on what we record, is in this file:
-telemetry, migrations of a new database, a server that is down, global state, chatter.
+Everything that depends on how MLflow behaves, rather than on what we record, is in this file: telemetry, migrations of
+a new database, a server that is down, global state, log output.
 """
 
 from __future__ import annotations
 
 import contextlib
 import functools
+import http.client
 import io
 import logging
 import os
@@ -20,25 +21,28 @@ import time
 import urllib.error
 import urllib.request
 import warnings
+import weakref
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
 _PROBE_SECONDS = 3.0
-# How long a server may keep a job waiting in all, beyond FAIR_SECONDS a call.  The record of `gap`, 18 calls, takes 1 s
-# on a server that is well and is given up after 15 s at the latest; MLflow itself would try for more than 10 minutes.
+# How long a server may keep a job waiting in all, beyond a fair time for each call.  MLflow itself would retry for more
+# than 10 minutes.
 PATIENCE_SECONDS = 6.0
-FAIR_SECONDS = 0.5
+FAIR_SECONDS = 0.5  # of a call; more where the server was slower at the beginning, when it was well
+MOST_FAIR_SECONDS = 3.0
 FORGIVEN = 0.1  # seconds of patience that come back in a second of the job's own work
-OPENING_SECONDS = 5.0  # fair for the first calls and for a model: a server that has slept loads its own libraries first
-UPLOAD_BYTES = 1e6  # a second, fair for a file
-THREAD = "record of "  # names of threads that wait for a server begin so; see `whsklearn.__main__`
+LIBRARIES_SECONDS = 5.0  # also fair for the first calls and for a model: a server that has slept loads its libraries
+UPLOAD_BYTES = 1e6  # a second, also fair for a file
+LISTEN_SECONDS = 2.0  # between two questions whether the server is well, while the job works
+THREAD = "record of "  # prefix of the names of threads that wait for a server; see `whsklearn.__main__`
 _DATABASE_PORTS = {"postgresql": 5432, "mysql": 3306, "mssql": 1433}
 
 
 class TrackingError(RuntimeError):
-    """The record cannot be kept; the message says why in one sentence.
+    """Runs cannot be recorded; the message gives the reason in one sentence.
 
     References
     ----------
@@ -68,7 +72,7 @@ def import_mlflow() -> Any:
 
 
 def experiment_id(client: Any, name: str, location: str | None) -> str:
-    """Find or make an experiment; another process may make it at the same time."""
+    """Find or create an experiment; another process may create it at the same time."""
     from mlflow.exceptions import MlflowException
 
     found = client.get_experiment_by_name(name)
@@ -85,7 +89,7 @@ def experiment_id(client: Any, name: str, location: str | None) -> str:
 
 
 def initialise(database: Path) -> None:
-    """Migrate a new database under another name, so that two first users cannot meet in the middle."""
+    """Migrate a new database under another name, so that two first users do not interfere."""
     if database.exists():
         return
     database.parent.mkdir(parents=True, exist_ok=True)
@@ -98,19 +102,19 @@ def initialise(database: Path) -> None:
         fresh.unlink(missing_ok=True)
 
 
-def probe(uri: str) -> None:
-    """Fail at once if the server is down; MLflow itself would retry for minutes."""
+def probe(uri: str, seconds: float = _PROBE_SECONDS) -> None:
+    """Fail at once if the server is down, or after some seconds without an answer; MLflow would retry for minutes."""
     parts = urlsplit(uri)
     try:
         if parts.scheme in ("http", "https"):
-            urllib.request.urlopen(f"{uri.rstrip('/')}/health", timeout=_PROBE_SECONDS).close()
+            urllib.request.urlopen(f"{uri.rstrip('/')}/health", timeout=seconds).close()
         elif parts.hostname:
             port = parts.port or _DATABASE_PORTS.get(parts.scheme.split("+")[0])
             if port:
-                socket.create_connection((parts.hostname, port), timeout=_PROBE_SECONDS).close()
+                socket.create_connection((parts.hostname, port), timeout=seconds).close()
     except urllib.error.HTTPError:
-        return  # it answers, whatever it thinks of the question
-    except OSError as error:
+        return  # any response shows that the server is up
+    except (OSError, http.client.HTTPException) as error:
         raise TrackingError(
             f"The tracking server at {public(uri)} does not answer ({sentence(error)}); start it, "
             "unset MLFLOW_TRACKING_URI to record locally, or use --no-track."
@@ -120,8 +124,10 @@ def probe(uri: str) -> None:
 class Patience:
     """Waits for a server, but only for a limited time: it may be killed, stopped or slow at any moment.
 
-    Each call runs in a thread of its own, so that whoever waits can be interrupted; what takes longer than is fair uses
-    up the patience, and when that has gone every further call fails at once.  A store in a file has no server.
+    Each call runs in a thread of its own, so that whoever waits can be interrupted. What takes longer than is fair uses
+    up the patience, and when it is used up every further call fails at once. A server that falls silent while the job
+    works uses it up too (`listen`), so the job does not have to wait at its end for a server that died long before.
+    A store in a file has no server.
 
     Parameters
     ----------
@@ -132,18 +138,36 @@ class Patience:
     def __init__(self, uri: str):
         timeout = os.environ.get("MLFLOW_HTTP_REQUEST_TIMEOUT", "")
         self.most = float(timeout) if timeout.replace(".", "", 1).isdigit() else PATIENCE_SECONDS
-        self.left, self.spent, self.lost = self.most, 0.0, ""
+        self.left, self.lost = self.most, ""
+        self.fair = FAIR_SECONDS
+        self.silent = 0.0  # seconds over which every question in a row was left without an answer
         self.server = urlsplit(uri).scheme.split("+")[0] not in ("sqlite", "file", "")
+        self._uri = uri
         self._last = time.monotonic()
 
-    def wait(self, function: Callable[[], Any], fair: float = FAIR_SECONDS) -> Any:
-        """What the function returns or raises; TimeoutError where patience ends before."""
+    def opened(self, function: Callable[[], Any]) -> Any:
+        """What the first calls return; they show how fast this server is on this machine while it is well."""
+        began = time.monotonic()
+        result = self.wait(function, LIBRARIES_SECONDS)
+        self.fair = min(max(FAIR_SECONDS, time.monotonic() - began), MOST_FAIR_SECONDS)
+        self.listen()
+        return result
+
+    def listen(self) -> None:
+        """Ask a server every two seconds whether it is well, for as long as this object lives."""
+        if urlsplit(self._uri).scheme in ("http", "https"):
+            mine = weakref.ref(self)
+            threading.Thread(target=_listen, args=(mine, self._uri), name="is the server well", daemon=True).start()
+
+    def wait(self, function: Callable[[], Any], extra: float = 0.0) -> Any:
+        """What the function returns or raises; TimeoutError where patience ends before. `extra` s are fair too."""
         if not self.server:
             return function()
         if self.lost:
             raise TimeoutError(self.lost)
         began = time.monotonic()
         self.left = min(self.most, self.left + FORGIVEN * (began - self._last))
+        fair = self.fair + extra
         ended: list[tuple[bool, Any]] = []
 
         def work() -> None:
@@ -154,16 +178,37 @@ class Patience:
 
         thread = threading.Thread(target=work, name=f"{THREAD}a call", daemon=True)
         thread.start()
-        thread.join(fair + self.left)
+        thread.join(self.fair)
+        while thread.is_alive() and self.silent < self.most and time.monotonic() - began < fair + self.left:
+            thread.join(0.1)
         self._last = time.monotonic()
         self.left -= max(0.0, self._last - began - fair)
         if not ended:
-            self.lost = f"no answer within {self._last - began:.0f} s"
+            self.lost = f"no answer within {max(self._last - began, self.silent):.0f} s"
             raise TimeoutError(self.lost)
         good, result = ended[0]
         if not good:
             raise result
         return result
+
+
+def _listen(patience: weakref.ref[Patience], uri: str) -> None:
+    """The work of `Patience.listen`."""
+    began = None  # of the first question that was left without an answer
+    while True:
+        time.sleep(LISTEN_SECONDS)
+        asked = time.monotonic()
+        try:
+            probe(uri)
+        except TrackingError:
+            began = asked if began is None else began
+        else:
+            began = None
+        whose = patience()
+        if whose is None or whose.lost:
+            return
+        whose.silent = 0.0 if began is None else time.monotonic() - began
+        del whose  # or it would live through the next sleep
 
 
 class InSentences:
@@ -186,25 +231,25 @@ class InSentences:
             return value
 
         @functools.wraps(value)
-        def call(*args: Any, fair: float = FAIR_SECONDS, **kwargs: Any) -> Any:
-            return self.do(lambda: value(*args, **kwargs), fair)
+        def call(*args: Any, extra: float = 0.0, **kwargs: Any) -> Any:
+            return self.do(lambda: value(*args, **kwargs), extra)
 
         return call
 
-    def do(self, function: Callable[[], Any], fair: float = FAIR_SECONDS) -> Any:
-        """Call a function that writes to the record; ``fair`` s are not held against the server."""
+    def do(self, function: Callable[[], Any], extra: float = 0.0) -> Any:
+        """Call a function that writes to the record; ``extra`` s more than usual are not held against the server."""
 
         def quietly() -> Any:
-            with quiet(logging.CRITICAL):  # what fails is said below, in a sentence and not in a traceback
+            with quiet(logging.CRITICAL):  # failures are reported below, in a sentence and not in a traceback
                 try:
                     return function()
                 except Exception as error:
                     if not _was_there_meanwhile(error):
                         raise
-                    return function()  # it finds what it was about to write
+                    return function()  # it finds the row that it was about to write
 
         try:
-            return self._patience.wait(quietly, fair)
+            return self._patience.wait(quietly, extra)
         except Exception as error:
             raise TrackingError(
                 f"The record at {public(self._client.tracking_uri)} cannot be written ({sentence(error)}); the "
@@ -218,7 +263,7 @@ def public(uri: str) -> str:
 
 
 def _was_there_meanwhile(error: Exception) -> bool:
-    """Whether another process wrote the same row between a look and a write; MLflow leaves that to the caller."""
+    """Whether another process wrote the same row between a read and a write; MLflow does not handle this."""
     return any(word in str(error).lower() for word in ("unique constraint", "duplicate"))  # SQLite, PostgreSQL; MySQL
 
 
@@ -232,14 +277,14 @@ def active(mlflow: Any, client: Any, run_id: str) -> Iterator[None]:
     """Make a run the active one of MLflow's fluent calls, and put its globals back after."""
     keys = ("MLFLOW_TRACKING_URI", "MLFLOW_RUN_ID", "MLFLOW_EXPERIMENT_ID")
     before = {k: os.environ.get(k) for k in keys}
-    os.environ.pop("MLFLOW_TRACKING_URI", None)  # or an address of the environment would pass for one that was set
+    os.environ.pop("MLFLOW_TRACKING_URI", None)  # or an address from the environment would count as one that was set
     was_set = mlflow.get_tracking_uri() if mlflow.is_tracking_uri_set() else None
     try:
         mlflow.set_tracking_uri(client.tracking_uri)
         with mlflow.start_run(run_id=run_id, nested=True):
             yield
     finally:
-        client.update_run(run_id, "RUNNING")  # the block above has ended it, our own has not
+        client.update_run(run_id, "RUNNING")  # the block above has ended the run, which is still open for us
         mlflow.set_tracking_uri(was_set)
         for k, value in before.items():
             os.environ.pop(k, None)
@@ -249,10 +294,10 @@ def active(mlflow: Any, client: Any, run_id: str) -> Iterator[None]:
 
 @contextlib.contextmanager
 def interruptions_wait() -> Iterator[None]:
-    """Ctrl-C and SIGTERM act when the block has ended: an interrupted call would leave a run open for ever.
+    """Delay Ctrl-C and SIGTERM until the block has ended, because an interrupted call would leave a run open for ever.
 
-    A second one acts at once: a server that does not answer holds nobody up.  Outside the main thread, where signals
-    never act, nothing is done.
+    A second signal acts at once, in case the server does not answer. Outside the main thread, where signals never act,
+    this does nothing.
     """
     handlers = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)}
     if threading.current_thread() is not threading.main_thread() or None in handlers.values():
@@ -280,28 +325,28 @@ def interruptions_wait() -> Iterator[None]:
 
 
 class _OfThisThread(io.TextIOBase):
-    """Takes what this thread writes, and passes on what others do: theirs is no chatter."""
+    """Discards what this thread writes, and passes on what other threads write."""
 
     def __init__(self) -> None:
         self._thread, self._behind = threading.get_ident(), sys.stderr
 
     def write(self, text: str) -> int:
-        """Swallow or pass on."""
+        """Discard or pass on."""
         return len(text) if threading.get_ident() == self._thread else self._behind.write(text)
 
     def flush(self) -> None:
-        """What was passed on."""
+        """Flush what was passed on."""
         self._behind.flush()
 
 
 @contextlib.contextmanager
 def quiet(least: int = logging.ERROR) -> Iterator[None]:
-    """Keep MLflow's chatter about itself from the terminal: migrations, versions, its own type hints."""
+    """Suppress MLflow's messages about itself: migrations, versions, its own type hints."""
     loggers = [logging.getLogger(n) for n in ("mlflow", "alembic")]
     levels = [logger.level for logger in loggers]
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=".*Any type hint is inferred as AnyType", category=UserWarning)
-        warnings.filterwarnings("ignore", category=DeprecationWarning)  # of pandas, for what MLflow does
+        warnings.filterwarnings("ignore", category=DeprecationWarning)  # of pandas, caused by MLflow
         try:
             for logger in loggers:
                 logger.setLevel(least)
