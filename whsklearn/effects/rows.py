@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from whsklearn._numba import njit, part
+from whsklearn._numba import borrowed, njit, part
 from whsklearn.effects import codes, equations
 from whsklearn.effects.terms import directed_term
 
@@ -115,7 +115,15 @@ def values_along(code, p, time, position, velocity, acceleration, drive, kappa):
     ``p`` has shape (1, 8); every signal has shape (n,).  sign(v) has the sharpness ``kappa``.
     """
     out = np.empty(position.size)
-    z = np.zeros((1, equations.N_STATES))
+    _fill(out, np.zeros((1, equations.N_STATES)), code, p, time, position, velocity, acceleration, drive, kappa)
+    return out
+
+
+@part
+def _fill(out, z, code, p, time, position, velocity, acceleration, drive, kappa):
+    """``values_along``, on borrowed arrays whose owners live there."""
+    out, z, p, time, position, velocity = borrowed((out, z, p, time, position, velocity))
+    acceleration, drive = borrowed((acceleration, drive))
     for k in range(position.size):
         t, q, v, u = time[k], position[k], velocity[k], drive[k]
         if has_memory(code):
@@ -135,4 +143,3 @@ def values_along(code, p, time, position, velocity, acceleration, drive, kappa):
         else:
             s, ds = equations.smooth_sign(v, kappa)
             out[k] = motor_torque(code, p, 0, t, q, v, s, ds, u)[0]
-    return out
