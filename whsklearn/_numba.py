@@ -493,7 +493,7 @@ def _unowned(_context: Any, arrays: Any) -> Any:
             view.meminfo = numba.core.cgutils.get_null_value(view.meminfo.type)
             return view._getvalue()
         if isinstance(kind, numba.types.BaseTuple):
-            for i, inner in enumerate(kind):
+            for i, inner in enumerate(kind):  # type: ignore[arg-type,var-annotated]
                 item = bare(context, builder, inner, builder.extract_value(value, i))
                 value = builder.insert_value(value, item, i)
         return value

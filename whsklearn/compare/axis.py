@@ -163,7 +163,7 @@ def looks_of(view: InverseView, model: AxisModel, rng: np.random.Generator) -> d
     _, x, target, sizes, _ = view.solved(model)
     left = (target - x @ sizes)[view.at]
     power = smoothed_power(left)
-    null = np.array([coloured(power, left.size, rng) for _ in range(N_NULL)])
+    null = coloured(power, (N_NULL, left.size), rng)
     time = view.time[:: view.every][view.at]
     slow, _ = drifting(np.ones((time.size, 1)), ("input_offset",), time, slowest_of(path_of(view), time))
     tangent = Tangent(left, null, np.column_stack([x[view.at], slow]), n_effective(null[0], view.n_effective))

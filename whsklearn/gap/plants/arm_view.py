@@ -393,7 +393,7 @@ class ArmView:
         for j in range(self.n_joints):
             share = max(float(self.keep[:, j].mean()), 1e-9)
             null[:, :, j] = null_rows(rest[:, j], apart[:, :, j], N_NULL, rng, share)
-            spread = coloured(smoothed_power(rest[:, j]), self.n_rows, np.random.default_rng(0))
+            spread = coloured(smoothed_power(rest[:, j]), (1, self.n_rows), np.random.default_rng(0))[0]
             if self.keep[:, j].any():
                 n += share * n_effective(spread, self.n_rows)
         if self.known is not None:

@@ -350,8 +350,8 @@ def acceleration_tangent(view: Any, model: AxisModel, rng: np.random.Generator) 
     """
     rest = acceleration_left(view, model)
     power = smoothed_power(rest)
-    null = np.array([coloured(power, rest.size, rng) for _ in range(N_NULL)])
-    n = n_effective(coloured(power, rest.size, np.random.default_rng(0)), view.n_effective)
+    null = coloured(power, (N_NULL, rest.size), rng)
+    n = n_effective(coloured(power, (1, rest.size), np.random.default_rng(0))[0], view.n_effective)
     return Tangent(rest, null, regression(view, model)[1], n, stop.away(view, model))
 
 
@@ -359,7 +359,7 @@ def explained_acceleration(view: Any, model: AxisModel, grown: AxisModel) -> tup
     """(gain, share of the residual power removed) of the grown model, for the acceleration."""
     before, after = acceleration_left(view, model), acceleration_left(view, grown)
     power = smoothed_power(before)
-    n = n_effective(coloured(power, before.size, np.random.default_rng(0)), view.n_effective)
+    n = n_effective(coloured(power, (1, before.size), np.random.default_rng(0))[0], view.n_effective)
     g = gain(float(before @ before), float(after @ after), n)
     return g, float(max(0.0, -np.expm1(-g / n)))
 

@@ -134,5 +134,5 @@ def own(view: Any, model: AxisModel, rng: np.random.Generator) -> tuple[Own, Axi
     apart = (rows - mean) * np.sqrt(N_RECORDS / (N_RECORDS - 1.0))
     rest = left - mean
     # n is that of the smoothed spectrum
-    n = n_effective(coloured(smoothed_power(rest), rest.size, np.random.default_rng(0)), view.n_effective)
+    n = n_effective(coloured(smoothed_power(rest), (1, rest.size), np.random.default_rng(0))[0], view.n_effective)
     return Own(mean, null_rows(rest, apart, N_NULL, rng), float(np.sqrt(np.mean(apart**2))), n, apart), corrected

@@ -280,7 +280,7 @@ class Seen:
     def of(cls, plant: Any, model: Any, rng: np.random.Generator) -> Seen:
         """The errors of a fitted model."""
         power = smoothed_power(model.error)
-        null = [coloured(power, model.error.size, rng) for _ in range(N_NULL)]
+        null = coloured(power, (N_NULL, model.error.size), rng)
         noise = plant.record.by_piece(lambda e: noise_of(e, plant.noise), model.error)
         position = plant.record.position - noise
         followed = motion(dataclasses.replace(plant.record, position=position))
