@@ -253,14 +253,16 @@ def test_gap_finds_gains_by_a_load_and_a_load_by_an_identified_model(folder):
     assert abs(pair["parameters"]["mass_kg"] - 0.8) < 3 * pair["standard_errors"]["mass_kg"] < 0.05
 
 
-def test_gap_says_that_the_columns_are_in_another_order(folder):
+def test_gap_refuses_columns_in_another_order_and_tells_the_right_one(folder):
     out, _ = folder
     log = make_arm_log(duration=5.0)
     swapped = {"yaw_torque_nm": "pitch_torque_nm", "pitch_torque_nm": "yaw_torque_nm"}
     log.rename(columns=swapped).to_csv(out / "swapped.csv", index=False)
-    few = ["--max-effects", "1", "--report", out / "s", "--no-track"]
-    done = run(gap, out / "swapped.csv", "--robot", out / "arm.xml", *few)
-    assert "fit far better in another order" in " ".join(done.output.split())
+    done = run(gap, out / "swapped.csv", "--robot", out / "arm.xml", "--report", out / "s", "--no-track")
+    assert done.exit_code != 0
+    assert "the drive of yaw by that given for pitch" in " ".join(done.output.split())
+    written = json.loads((out / "s" / "gap.json").read_text())
+    assert (written["verdict"], written["effects"]) == ("data_problem", [])
 
 
 def test_gap_refuses_half_a_load_in_a_sentence(folder):

@@ -124,12 +124,18 @@ def test_experiments_are_filtered_on_their_own():
 
 def test_a_log_as_it_should_be_raises_no_suspicion():
     assert suspicions(ARM, Q, TORQUE) == []
-    assert swapped(ARM.joints, *RigidBodyLags(ARM, 1 / DT).joint_rows(Q, TORQUE)) == []
+    assert order_told(Q, TORQUE) == []
 
 
-def test_drives_in_another_order_are_told_by_what_is_left_of_them():
-    rows = RigidBodyLags(ARM, 1 / DT).joint_rows(Q, TORQUE[:, ::-1])
-    assert "yaw by that given for pitch" in swapped(ARM.joints, *rows)[0]
+def order_told(q, torque):
+    lags = RigidBodyLags(ARM, 1 / DT)
+    return swapped(lags, q, torque, lags.joint_rows(q, torque))
+
+
+def test_joints_in_another_order_are_told_by_what_is_left_of_their_drives():
+    assert "the drive of yaw by that given for pitch" in order_told(Q, TORQUE[:, ::-1])[0]
+    assert "in another order" in order_told(Q[:, ::-1], TORQUE)[0]
+    assert "the columns of yaw by those given for pitch" in order_told(Q[:, ::-1], TORQUE[:, ::-1])[0]
 
 
 @pytest.mark.parametrize("n", [7, 20])

@@ -115,9 +115,10 @@ class ArmPlant(PlantDefaults):
             except ValueError as error:
                 return [DataProblem("data-arm", "The log cannot be used", str(error))]
         v = self.view
-        texts = [str(w.message) for w in said if w.category is UserWarning]
-        texts += [*suspicions(arm, q, u), *swapped(arm.joints, v.phi, v.target, v.keep)]
-        return [DataProblem("data-arm", "Check the log", text, fatal=False) for text in texts]
+        texts = [*(str(w.message) for w in said if w.category is UserWarning), *suspicions(arm, q, u)]
+        problems = [DataProblem("data-arm", "Check the log", text, fatal=False) for text in texts]
+        order = swapped(self.lags, q, u, (v.phi, v.target, v.keep))
+        return [*(DataProblem("data-order", "The joints are in another order", text) for text in order), *problems]
 
     def base(self, rng: np.random.Generator) -> ArmState:
         """The rigid arm with its law, fitted; or the given arm, within what is known of it."""
