@@ -463,8 +463,8 @@ FAR = 4.0 * np.pi  # rad: no limb turns further, while degrees exceed it at once
 UNLIKE = 30.0  # times the drive that the file's masses require: amperes logged in mA give 1,000, gear ratios up to 300
 CLEARLY = 0.25  # of the drives' residual: half the error at the joints affected by another order
 # Of a drive's variance, left by a fit of all joints: then other orders of the positions are tried, on some samples.
-# Real arms in order leave 0.01 at most, but for a wrist whose friction is its neighbour's.
-MUCH, SOME = 0.02, 6000
+# Simulated arms in order leave 0.001 at most, real ones 0.01, with a wrist turned by its neighbour 0.2.
+MUCH, SOME = 0.005, 6000
 LESS = 0.7  # of the sum over the joints: by what an exchange has to lower it, as most of a chain of wrong joints do
 
 
