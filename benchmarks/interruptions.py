@@ -20,6 +20,7 @@ from __future__ import annotations
 import contextlib
 import os
 import re
+import resource
 import shutil
 import signal
 import socket
@@ -258,6 +259,8 @@ class Ending:
         Whether its server died at all.
     streams : bool
         Whether it goes on without its record, and that is no failure.
+    cpu : float
+        Seconds of CPU that it used after the death, if no other command ran at the same time.
     """
 
     whole: float
@@ -267,6 +270,7 @@ class Ending:
     report: bool
     lost: bool
     streams: bool = False
+    cpu: float = 0.0
 
     def faults(self, how: str, most: float = ALLOWED) -> list[str]:
         """What is wrong with it; empty if nothing."""
@@ -289,14 +293,14 @@ class Ending:
 def death(name: str, door: Door, folder: Path) -> Ending:
     """A command whose server dies in mid-run; SIGTERM follows the death where the door says so."""
     env = os.environ | {"MLFLOW_TRACKING_URI": door.address}
-    printed = float("-inf")
+    printed, before = float("-inf"), cpu_of_children()
     with (folder / "said.txt").open("w") as said:
         words = [word for word in (COMMANDS | OTHERS)[name] if word != "--follow"]
         command = [sys.executable, "-m", "whsklearn", *words]
         process = subprocess.Popen(command, cwd=folder, env=env, stdout=said, stderr=said)
     while process.poll() is None and not door.died.wait(0.02):
         pass
-    died = time.time()
+    died, used = time.time(), cpu_of(process.pid)
     if process.poll() is None and door.how.endswith("SIGTERM"):
         time.sleep(0.2)
         process.send_signal(signal.SIGTERM)
@@ -308,12 +312,28 @@ def death(name: str, door: Door, folder: Path) -> Ending:
     if process.poll() is None:
         process.kill()
         process.wait()
+    cpu = cpu_of_children() - before - used
     report = folder / REPORTS[name] if name in REPORTS else None
     there = report is None or report.exists()
     written = max(died, printed, report.stat().st_mtime if report is not None and there else died)
     told = (folder / "said.txt").read_text()
     lost = door.died.is_set() and door.how != "alive"
-    return Ending(ended - died, ended - written, process.returncode, told, there, lost, name == "stream")
+    return Ending(ended - died, ended - written, process.returncode, told, there, lost, name == "stream", cpu)
+
+
+def cpu_of(pid: int) -> float:
+    """Seconds of CPU that a process and its children, as far as they have ended, have used; 0 if it is gone."""
+    try:
+        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    except OSError:
+        return 0.0
+    return sum(map(int, fields[11:15])) / os.sysconf("SC_CLK_TCK")
+
+
+def cpu_of_children() -> float:
+    """Seconds of CPU of all children that have ended."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def deaths(only: str) -> None:
@@ -339,7 +359,9 @@ def deaths(only: str) -> None:
             last = (ending.said.strip().splitlines() or [""])[-1][:70]
             if how == "alive":
                 alive = ending.whole
-                click.echo(f"{name:<10}{how:<23}{alive:6.1f} s, exit {ending.code}; load {os.getloadavg()[0]:.1f}")
+                click.echo(
+                    f"{name:<10}{how:<23}{alive:6.1f} s ({ending.cpu:.1f} of CPU), exit {ending.code}; load {os.getloadavg()[0]:.1f}"
+                )
                 continue
             faults = ending.faults(how)
             if ending.whole > ALLOWED:
@@ -349,7 +371,7 @@ def deaths(only: str) -> None:
             good, count = good + (not faults), count + 1
             asks = "" if ending.lost else ", asks no server"
             click.echo(
-                f"{name:<10}{how:<23}{ending.whole:6.1f} s from the death, {beyond:+5.1f} s beyond, "
+                f"{name:<10}{how:<23}{ending.whole:6.1f} s from the death ({ending.cpu:.1f} of CPU), {beyond:+5.1f} beyond, "
                 f"{ending.after:5.1f} s from the report, exit {ending.code}{asks}; "
                 f"load {os.getloadavg()[0]:.1f}   {'; '.join([*faults, last])}"
             )
