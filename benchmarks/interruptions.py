@@ -360,7 +360,8 @@ def deaths(only: str) -> None:
             if how == "alive":
                 alive = ending.whole
                 click.echo(
-                    f"{name:<10}{how:<23}{alive:6.1f} s ({ending.cpu:.1f} of CPU), exit {ending.code}; load {os.getloadavg()[0]:.1f}"
+                    f"{name:<10}{how:<23}{alive:6.1f} s ({ending.cpu:.1f} of CPU), exit {ending.code}; "
+                    f"load {os.getloadavg()[0]:.1f}"
                 )
                 continue
             faults = ending.faults(how)
@@ -371,7 +372,8 @@ def deaths(only: str) -> None:
             good, count = good + (not faults), count + 1
             asks = "" if ending.lost else ", asks no server"
             click.echo(
-                f"{name:<10}{how:<23}{ending.whole:6.1f} s from the death ({ending.cpu:.1f} of CPU), {beyond:+5.1f} beyond, "
+                f"{name:<10}{how:<23}{ending.whole:6.1f} s from the death ({ending.cpu:.1f} of CPU), "
+                f"{beyond:+5.1f} beyond, "
                 f"{ending.after:5.1f} s from the report, exit {ending.code}{asks}; "
                 f"load {os.getloadavg()[0]:.1f}   {'; '.join([*faults, last])}"
             )
