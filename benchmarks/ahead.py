@@ -5,9 +5,9 @@
 Each row is learnt by ``partial_fit``, then the next 4 samples and the last 300 are predicted from the running estimate
 (``settle=False``), on the CPU clock of the thread; then, a hundredth as often, from the settled one.
 
-On a busy machine the kernel gives the core to another process in the middle of some calls, which then find cold caches.
-Their time is that of the other process as much as ours, so they are counted apart: the percentiles are those of calls
-that ran through, the last columns tell how many did not, and the 99 % of all calls together.
+On a busy machine the kernel gives the core to another process now and then, and what runs next finds cold caches: its
+time depends on the other process as much as on ours. So rows during which that happened, from learning on, are counted
+apart: the percentiles are those of rows that ran through, the last columns tell how many did not, and the 99 % of all.
 """
 
 from __future__ import annotations
@@ -50,13 +50,17 @@ MODELS: dict[str, Any] = {
 }
 
 
-def microseconds(call: Callable[[], Any]) -> tuple[float, bool]:
-    """CPU time of one call, and whether another process had the core in the middle of it."""
-    switches = resource.getrusage(resource.RUSAGE_THREAD).ru_nivcsw
+def switches() -> int:
+    """How often another process has been given the core of this thread."""
+    return resource.getrusage(resource.RUSAGE_THREAD).ru_nivcsw
+
+
+def microseconds(call: Callable[[], Any], before: int) -> tuple[float, bool]:
+    """CPU time of one call, and whether another process had the core since there were ``before`` `switches`."""
     began = time.thread_time_ns()
     call()
     spent = 1e-3 * (time.thread_time_ns() - began)
-    return spent, resource.getrusage(resource.RUSAGE_THREAD).ru_nivcsw > switches
+    return spent, switches() > before
 
 
 def asked(model: Any, X: np.ndarray, y: np.ndarray, rows: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -65,12 +69,13 @@ def asked(model: Any, X: np.ndarray, y: np.ndarray, rows: int) -> tuple[np.ndarr
     model.partial_fit(X[:LEARNT], y[:LEARNT])
     short, long, settled = [], [], []
     for t in range(LEARNT, LEARNT + rows):
+        before = switches()
         model.partial_fit(X[t : t + 1], y[t : t + 1])
         for n, spent in ((4, short), (300, long)):
             u, known = X[t + 1 - n : t + 1], y[t + 1 - n : t + 1]
-            spent.append(microseconds(partial(model.predict_ahead, u, known, settle=False)))
+            spent.append(microseconds(partial(model.predict_ahead, u, known, settle=False), before))
         if t % 100 == 0:
-            settled.append(microseconds(partial(model.predict_ahead, u, known)))
+            settled.append(microseconds(partial(model.predict_ahead, u, known), before))
     return np.array(short[1:]), np.array(long[1:]), np.array(settled[1:])
 
 
