@@ -16,10 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.estimators._model import Structure, natural_vector, paper_jacobian, paper_vector
-from whsklearn.estimators._undo import State, Undo
+from whsklearn.estimators._undo import Undo
 from whsklearn.recursion.memory import multistart
 from whsklearn.recursion.memory.posterior import has_posterior, posterior
 from whsklearn.recursion.memory.schedule import BackgroundRefit
+from whsklearn.recursion.memory.settings import State
 from whsklearn.recursion.memory.sign_posterior import Gaussian
 from whsklearn.recursion.rows.covariance import WIND_UP, covariance, inflate
 from whsklearn.recursion.rows.least_squares import (
@@ -45,7 +46,31 @@ def noise_variance(loss: Array, n_parameters: int) -> float:
     return float(loss[0] / free) if free > 0 else float("nan")
 
 
-class RowsStream:
+class OneEstimate:
+    """A way of learning that keeps one theta with its P and no samples."""
+
+    ceiling: float  # of P
+
+    def settle(self, state: State) -> None:
+        """Nothing is kept to be read again."""
+
+    def forget_past(self, state: State, samples: float) -> None:
+        """P widens as it would have under so much forgetting."""
+        left = min(1.0, samples / max(float(state["loss"][1]), 1e-300))
+        state["loss"] *= left
+        state["power"] *= left
+        inflate(state["ud"], 1.0 / left, self.ceiling)
+
+    def theta(self, state: State) -> Array:
+        """One weight per column; as published, products in the paper's order."""
+        return state["theta"].copy()
+
+    def covariance(self, state: State) -> Array:
+        """Noise variance times P; as published, overlapping windows make it about p times too small."""
+        return noise_variance(state["loss"], state["theta"].size) * covariance(state["ud"])
+
+
+class RowsStream(OneEstimate):
     """Recursive least squares on given rows."""
 
     def __init__(self, n: int, p: int, p0: float, forgetting: float, theta0: Array, counted_once: bool, gradient: bool):
@@ -138,23 +163,8 @@ class RowsStream:
             self._of = {}
         self._packed[BUSY] = 0.0
 
-    def settle(self, state: State) -> None:
-        """Nothing is kept to be read again."""
 
-    def forget_past(self, state: State, samples: float) -> None:
-        """P widens as it would have under so much forgetting."""
-        _forget_past(state, samples, self.ceiling)
-
-    def theta(self, state: State) -> Array:
-        """One weight per column."""
-        return state["theta"].copy()
-
-    def covariance(self, state: State) -> Array:
-        """Noise variance times P."""
-        return noise_variance(state["loss"], self.n) * covariance(state["ud"])
-
-
-class PublishedStream:
+class PublishedStream(OneEstimate):
     """(6) to (14) of the paper to the letter, with the auxiliary model."""
 
     def __init__(self, structure: Structure, p: int, p0: float, forgetting: float, theta0: Array, mode: int):
@@ -198,24 +208,9 @@ class PublishedStream:
             )  # fmt: skip
         state["seen"] += len(y)
 
-    def settle(self, state: State) -> None:
-        """Nothing is kept to be read again."""
-
-    def forget_past(self, state: State, samples: float) -> None:
-        """P widens as it would have under so much forgetting."""
-        _forget_past(state, samples, self.ceiling)
-
     def running(self, state: State) -> Array:
         """The natural parameters of the running recursion."""
         return natural_vector(state["theta"], self.structure)
-
-    def theta(self, state: State) -> Array:
-        """Products, in the paper's order."""
-        return state["theta"].copy()
-
-    def covariance(self, state: State) -> Array:
-        """Noise variance times P; overlapping windows make it about p times too small, as published."""
-        return noise_variance(state["loss"], self.theta0.size) * covariance(state["ud"])
 
 
 class FullStream:
@@ -304,14 +299,6 @@ def _weighted(u: Array, y: Array, restart: NDArray[np.bool_], weight: Array) -> 
     experiment = np.cumsum(restart)[kept]
     begins = np.diff(experiment, prepend=0) > 0
     return np.ascontiguousarray(u[kept] * root[:, None]), y[kept] * root, begins
-
-
-def _forget_past(state: State, samples: float, ceiling: float) -> None:
-    """Let a single recursion strongly forget its past, once."""
-    left = min(1.0, samples / max(float(state["loss"][1]), 1e-300))
-    state["loss"] *= left
-    state["power"] *= left
-    inflate(state["ud"], 1.0 / left, ceiling)
 
 
 def pieces(restart: NDArray[np.bool_]) -> list[slice]:

@@ -1,4 +1,4 @@
-"""A way of learning, and how a call of ``partial_fit`` that an exception or a signal ended halfway is undone.
+"""How a call of ``partial_fit`` that an exception or a signal ended halfway is undone.
 
 A stream holds settings only.  Everything learned is in its state, a plain dict of numbers and arrays, so that it can
 be copied, saved, compared and put back.
@@ -16,32 +16,16 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from whsklearn.recursion.memory.settings import State
+
 Array = NDArray[np.float64]
 
 
-State = dict[str, Any]  # everything learned, by name
-
-
 class Learner(Protocol):
-    """What an estimator requires of its way of learning; `Undo` learns rows again through it."""
-
-    def initial(self) -> State:
-        """The state before any sample."""
+    """What `Undo` needs of a way of learning: to learn rows again."""
 
     def run(self, state: State, u: Array, y: Array, restart: NDArray[np.bool_], weight: Array | None = None) -> None:
         """Learn from samples, in place; ``weight`` weights their squared errors."""
-
-    def settle(self, state: State) -> None:
-        """Run the record once more, in place, if the stream keeps one."""
-
-    def forget_past(self, state: State, samples: float) -> None:
-        """Give what was learned the weight of at most this many samples, in place."""
-
-    def theta(self, state: State) -> Array:
-        """The estimate, in the paper's order."""
-
-    def covariance(self, state: State) -> Array:
-        """Covariance of `theta`."""
 
 
 # Learning 64 rows again takes no longer than the longest re-run of a memory.

@@ -15,18 +15,7 @@ import math
 
 from whsklearn._numba import njit
 from whsklearn.effects import codes as k
-from whsklearn.effects.equations import (
-    advance_hysteresis,
-    dead_zone,
-    delayed,
-    disturbance_tone,
-    hardening_spring,
-    hysteresis_torque,
-    lagged,
-    parameter_change,
-    saturation,
-    smooth_sign,
-)
+from whsklearn.effects import equations
 from whsklearn.effects.own import WHICH
 from whsklearn.effects.rows import has_memory, load_torque, motor_torque, on_load, reading
 from whsklearn.effects.transmission import play, resonance
@@ -82,7 +71,7 @@ def arrived(codes, rows, u, t, dt):
     w = u[t]
     for j in range(codes.size):
         if codes[j] == k.INPUT_DELAY:
-            whole, part = delayed(max(rows[j, 0] / dt, 0.0))
+            whole, part = equations.delayed(max(rows[j, 0] / dt, 0.0))
             newer = u[t - whole] if t >= whole else 0.0
             older = u[t - whole - 1] if t > whole else 0.0
             w = (1.0 - part) * newer + part * older
@@ -113,26 +102,26 @@ def held_pull(stiffness, centre, x, before, ahead):
     Both agree if f(t + 1/2) - f''/24 is held, here from the parabola through t-1, t and t+1, where x is first taken to
     be ``ahead``, without a spring.  With f(t) alone the spring would act half a sample late.
     """
-    here = hardening_spring(stiffness, centre, x)
-    later = hardening_spring(stiffness, centre, ahead - here)
-    return (2.0 * later + 5.0 * here - hardening_spring(stiffness, centre, before)) / 6.0
+    here = equations.hardening_spring(stiffness, centre, x)
+    later = equations.hardening_spring(stiffness, centre, ahead - here)
+    return (2.0 * later + 5.0 * here - equations.hardening_spring(stiffness, centre, before)) / 6.0
 
 
 @njit(cache=False, error_model="numpy", forceinline=True)
 def passed(c, rows, memory, j, w, time, x, dt):
     """The drive after effect j."""
     if c == k.ACTUATOR_LAG:
-        memory[j, 0] = lagged(w, memory[j, 0], rows[j, 0], dt)[1]
+        memory[j, 0] = equations.lagged(w, memory[j, 0], rows[j, 0], dt)[1]
         return memory[j, 0]
     if c == k.PLAY_U:
         memory[j, 0] = play(rows[j, 0], memory[j, 0], w)
         return memory[j, 0]
     if c == k.DEAD_ZONE:
-        return w - dead_zone(rows[j, 0], w)
+        return w - equations.dead_zone(rows[j, 0], w)
     if c == k.SATURATION:
-        return w - saturation(rows[j, 0], w)
+        return w - equations.saturation(rows[j, 0], w)
     if c == k.TONE_U:
-        return w + disturbance_tone(rows[j, 0], rows[j, 1], rows[j, 2], time)
+        return w + equations.disturbance_tone(rows[j, 0], rows[j, 1], rows[j, 2], time)
     return w - motor_torque(c, rows, j, time, x, 0.0, 0.0, 0.0, w)[0]
 
 
@@ -146,9 +135,9 @@ def transmitted(codes, rows, memory, x, dt):
         elif codes[j] == k.FLEXIBLE_COUPLING:
             x = coupled(rows[j, 0], rows[j, 1], memory, j, x, dt)
         elif codes[j] == k.SATURATION_X:
-            x -= saturation(rows[j, 0], x)
+            x -= equations.saturation(rows[j, 0], x)
         elif codes[j] == k.DEAD_ZONE_X:
-            x -= dead_zone(rows[j, 0], x)
+            x -= equations.dead_zone(rows[j, 0], x)
     return x
 
 
@@ -167,7 +156,7 @@ def coupled(frequency, ratio, memory, j, x, dt):
 def added(codes, rows, memory, own, u, x, dx, ddx, t, dt, kappa):
     """What friction, position and time effects add to v(t); ``ddx`` is the change of dx."""
     total = 0.0
-    s, ds = smooth_sign(dx, kappa)
+    s, ds = equations.smooth_sign(dx, kappa)
     for j in range(codes.size):
         c = codes[j]
         if at_drive(c) or at_sensor(c) or at_transmission(c):
@@ -175,10 +164,10 @@ def added(codes, rows, memory, own, u, x, dx, ddx, t, dt, kappa):
         elif c == k.USER_TORQUE:
             total += own(int(rows[j, WHICH]), rows[j], t * dt, x, dx, u)
         elif c == k.CHANGE_INERTIA:
-            total += parameter_change(rows[j, 0], rows[j, 1], t * dt, ddx)
+            total += equations.parameter_change(rows[j, 0], rows[j, 1], t * dt, ddx)
         elif has_memory(c):
-            advance_hysteresis(c, rows, memory, j, dx, dx)
-            total += rows[j, 0] * hysteresis_torque(c, rows, memory, j, dx)[0]
+            equations.advance_hysteresis(c, rows, memory, j, dx, dx)
+            total += rows[j, 0] * equations.hysteresis_torque(c, rows, memory, j, dx)[0]
         elif on_load(c):
             total += load_torque(c, rows, j, t * dt, x, dx)
         else:

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from whsklearn.effects import Quantization, get_effect
-from whsklearn.estimators import _model as wh
 from whsklearn.gap.calibration import GATE, p_value
 from whsklearn.gap.data_check import DataProblem, flat_share
 from whsklearn.gap.diagnosis import NamedEffect
@@ -436,12 +435,11 @@ class ChainPlant(PlantDefaults):
         """The repaired system with its effects and the grid of its readings."""
         s = self.everything
         final = cm.stable(s, self.final(model))
-        structure = wh.Structure(s.dims, 1, s.law, -1 if s.law.key is None else s.law.key)
-        named = wh.named(final.theta, structure)
+        a, b, w, c, d = (final.theta[part].copy() for part in s.blocks)
         grid = coarse_grid(s, final)
         effects = [*(t.effect for t in final.terms), *([Quantization(grid)] if grid else [])]
         return WienerHammersteinSystem(
-            named["a"], named["b"], named["c"], named["d"], s.law.reweighted(final.theta[s.blocks[2]]),
+            np.append(1.0, a), b, np.append(1.0, c), d, s.law.reweighted(w),
             effects=effects, dt=self.dt, direct=self.direct,
         )  # fmt: skip
 

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from whsklearn.effects import FrictionLaw, Power
 from whsklearn.gap.plants import chain_model as cm
 from whsklearn.gap.plants.chain_fit import (
     SOFT,
@@ -217,9 +218,6 @@ def softened(s: Record, m: ChainModel) -> float:
 
 def applied(s: Record, term: Term) -> Array:
     """The input after an effect that acts on it: the output of a chain without blocks, its two delays removed."""
-    from whsklearn.effects import FrictionLaw
-    from whsklearn.effects.static import Power
-
     plain = dataclasses.replace(s, dims=np.array([1, 0, 1, 0, 1]), law=FrictionLaw([Power(1.0, 1.0)]))
     late = cm.simulate(plain, ChainModel(np.ones(1), (term,)), u=np.concatenate([s.u, np.zeros(2)]))[2]
     return np.ascontiguousarray(late[2:])

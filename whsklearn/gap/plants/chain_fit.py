@@ -23,8 +23,7 @@ from whsklearn.gap.least_squares import least_squares
 from whsklearn.gap.plants import chain_model as cm
 from whsklearn.gap.plants.chain_model import ChainModel, Record, Term
 from whsklearn.recursion.batch.best_linear import IOData, Ratio, best_linear
-from whsklearn.recursion.batch.block_split import Orders, divisions, padded
-from whsklearn.recursion.batch.exchanged_roots import exchanged
+from whsklearn.recursion.batch.block_split import Orders, divisions, exchanged, padded
 from whsklearn.recursion.memory.starts import random_stable
 from whsklearn.systems.stability import is_stable
 
