@@ -15,7 +15,7 @@ from whsklearn.effects.law import reduced_law
 from whsklearn.recursion.memory import multistart
 from whsklearn.recursion.memory import posterior as memory_posterior
 from whsklearn.recursion.memory.linearised import Signs
-from whsklearn.recursion.memory.posterior import has_posterior, initial_past, moved, packed, unpacked
+from whsklearn.recursion.memory.posterior import flattened, has_posterior, initial_past, moved, stored, unpacked
 from whsklearn.recursion.memory.settings import Settings
 from whsklearn.recursion.memory.sign_posterior import posed, turn
 from whsklearn.recursion.rows.predictor import record_errors
@@ -50,7 +50,7 @@ def test_the_state_keeps_signs_as_they_are():
         rng.standard_normal((5, 3, 3)), rng.standard_normal((5, 3)), rng.standard_normal((5, 2, 10)),
         np.arange(10).reshape(5, 2),
     )  # fmt: skip
-    for a, b in zip(signs, unpacked(packed(signs, state), READING), strict=True):
+    for a, b in zip(signs, unpacked(stored(flattened(signs), signs.at, state), READING), strict=True):
         np.testing.assert_array_equal(a, b)
 
 

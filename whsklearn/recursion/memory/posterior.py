@@ -70,11 +70,6 @@ def initial_past(r: Settings) -> State:
     return past | _read_only(signs)
 
 
-def packed(signs: Signs, state: State) -> State:
-    """The signs in the form in which the state stores them."""
-    return stored(flattened(signs), signs.at, state)
-
-
 def flattened(signs: Signs) -> Array:
     """One row for each sign, with all its numbers but the samples it enters."""
     n = signs.dx.size
@@ -82,7 +77,7 @@ def flattened(signs: Signs) -> Array:
 
 
 def stored(rows: Array, at: NDArray[np.int64], state: State) -> State:
-    """`packed`, from the rows of `flattened`."""
+    """The signs in the form in which the state stores them, from the rows of `flattened` and the samples they enter."""
     # plain constructors: ``zeros_like`` and ``full`` go through Python, which takes a sample's time if rarely called
     out = {"signs": np.zeros(state["signs"].shape), "signs_at": np.empty(state["signs_at"].shape, dtype=np.int64)}
     out["signs"][: len(rows)] = rows
@@ -98,7 +93,7 @@ def _read_only(arrays: State) -> State:
 
 
 def unpacked(state: State, r: Settings) -> Signs:
-    """The reverse of `packed`."""
+    """The reverse of `stored`."""
     n1, nw, nc = int(r.dims[0] - 1 + r.dims[1]), int(r.dims[4]), int(r.dims[2])
     n = np.count_nonzero(state["signs"][:, 2])
     rows = state["signs"][:n]  # views: nothing here is changed in place, and a copy would take a sample's time
@@ -243,7 +238,7 @@ class Linearisation:
         return kept, chosen
 
     def left_behind(self, matrix: Array, count: float) -> State:
-        """The summary of a page for later ones, without its signs (`packed`), as the state stores it."""
+        """The summary of a page for later ones, without its signs (`stored`), as the state stores it."""
         past = {"past_matrix": matrix, "past_theta": self.theta.copy(), "past_count": np.array([count])}
         return past | {"past_origin": self._pass.end.copy()}
 
