@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from whsklearn.effects.law import FrictionLaw
 from whsklearn.logs.mend import turn_in
-
-Array = NDArray[np.float64]
+from whsklearn.recursion.arrays import Array, Bools, Integers
 
 # The past explains nothing of the residual of a static system in white noise, except by chance: a share of 6/n, or 10 %
 # at the fewest samples.  With a delay of one sample the share is 100 %, for Example 5.1 at 7.5 dB 30 to 42 % (40 seeds,
@@ -81,7 +79,7 @@ def of_several_inputs(name: str, n_inputs: int) -> str | None:
     )
 
 
-def of_a_dynamic_record(name: str, X: Array, y: Array, restart: NDArray[np.bool_]) -> str | None:
+def of_a_dynamic_record(name: str, X: Array, y: Array, restart: Bools) -> str | None:
     """The warning for a static regression (no structure was given) of a record whose past predicts its present."""
     if X.shape[1] != 1 or (share := told_by_past(X, y, restart)) <= DYNAMIC:
         return None
@@ -91,7 +89,7 @@ def of_a_dynamic_record(name: str, X: Array, y: Array, restart: NDArray[np.bool_
     )
 
 
-def told_by_past(u: Array, y: Array, restart: NDArray[np.bool_]) -> float:
+def told_by_past(u: Array, y: Array, restart: Bools) -> float:
     """Share of the residual of y = theta u explained by its own last three values and those of u; 0 if too short."""
     late = np.convolve(restart, np.ones(PAST + 1), "full")[: len(u)] == 0
     if np.count_nonzero(late) < FEWEST:
@@ -182,7 +180,7 @@ def of_a_free_run(r2: float) -> str | None:
     )
 
 
-def of_the_order(numbers: NDArray[np.int64] | None) -> str | None:
+def of_the_order(numbers: Integers | None) -> str | None:
     """The warning for samples that are not consecutive, such as the folds of a shuffled KFold."""
     if numbers is None or numbers.size < 2:
         return None

@@ -6,7 +6,7 @@ import warnings
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import validate_data
 
@@ -14,9 +14,7 @@ from whsklearn._inputs import check_lengths, in_one_sentence, starts, writeable
 from whsklearn.estimators import _advice
 from whsklearn.estimators._kept import KeptModel
 from whsklearn.estimators._records import Given, checked_weights, sample_numbers
-
-Array = NDArray[np.float64]
-
+from whsklearn.recursion.arrays import Array, Bools
 
 TOLD: set[str] = set()  # warnings that are given once per process
 
@@ -36,7 +34,7 @@ class CheckedModel(KeptModel):
         check_lengths(u, target)
         return writeable(u), writeable(target)
 
-    def _checked_record(self, given: Given) -> tuple[Array, Array, NDArray[np.bool_], Array | None]:
+    def _checked_record(self, given: Given) -> tuple[Array, Array, Bools, Array | None]:
         """X, y, starts of experiments and weights for a batch fit; attributes stay unchanged if they are refused."""
         with self._unchanged_if_refused():
             self._keep_lags()
@@ -81,7 +79,7 @@ class CheckedModel(KeptModel):
             TOLD.add(said)
             warn(said, stacklevel + 1)
 
-    def _warn_of_structure(self, X: Array, y: Array, restart: NDArray[np.bool_], stacklevel: int = 3) -> None:
+    def _warn_of_structure(self, X: Array, y: Array, restart: Bools, stacklevel: int = 3) -> None:
         """Say which structure is used if ``lags`` was not given, because its default differs between estimators."""
         if self.lags is not None:
             return

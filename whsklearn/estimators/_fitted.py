@@ -6,7 +6,6 @@ import warnings
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted
 
@@ -14,8 +13,7 @@ from whsklearn.effects import as_law
 from whsklearn.estimators import _model as wh
 from whsklearn.estimators._summary import Summary, described
 from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
-
-Array = NDArray[np.float64]
+from whsklearn.recursion.arrays import Array
 
 
 class FittedModel(BaseEstimator):

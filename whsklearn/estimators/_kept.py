@@ -10,15 +10,11 @@ from contextlib import contextmanager
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from sklearn.base import clone
 from sklearn.utils.validation import check_is_fitted
 
 from whsklearn.estimators._fitted import FittedModel
 from whsklearn.state.files import read_state, write_state
-
-Array = NDArray[np.float64]
-
 
 LARGEST_COUNT = 2**62  # of samples: a stream at 1 MHz reaches it after 100,000 years; twice as many exceed an int64
 LEARNT = ("theta", "ud", "loss", "memory_u", "memory_y", "recent_u", "recent_y", "rows", "targets", "before")

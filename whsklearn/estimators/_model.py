@@ -17,11 +17,10 @@ from numpy.typing import NDArray
 from whsklearn.effects import FrictionLaw
 from whsklearn.effects.codes import VISCOUS
 from whsklearn.effects.terms import law_values
+from whsklearn.recursion.arrays import Array, Bools, Integers
 from whsklearn.recursion.memory.blocks import ahead, denominator_of_l2, first_block, numerator_of_l2
 from whsklearn.recursion.memory.linearised import jumps
 from whsklearn.systems.stability import is_stable
-
-Array = NDArray[np.float64]
 
 RADIUS = 0.9995
 
@@ -33,7 +32,7 @@ class Structure(NamedTuple):
     delay by one sample each. It is 2 where both blocks have a direct path.
     """
 
-    dims: NDArray[np.int64]
+    dims: Integers
     n_inputs: int
     law: FrictionLaw
     key: int
@@ -152,9 +151,7 @@ def _zeros_at_end(p: Array) -> int:
     return p.size - 1 - int(there[-1]) if there.size else p.size - 1
 
 
-def free_run(
-    natural: Array, s: Structure, u: Array, restart: NDArray[np.bool_], covariance: Array | None = None
-) -> Array:
+def free_run(natural: Array, s: Structure, u: Array, restart: Bools, covariance: Array | None = None) -> Array:
     """The output y from u alone, starting each experiment at rest; shape (n,).
 
     With a ``covariance`` of the natural parameters, this is the expected output, averaged over the uncertainty
@@ -163,7 +160,7 @@ def free_run(
     return predictions(natural, s, u, np.zeros(len(u)), restart, 0, covariance)
 
 
-def wrong_signs(natural: Array, s: Structure, u: Array, restart: NDArray[np.bool_], covariance: Array) -> Array:
+def wrong_signs(natural: Array, s: Structure, u: Array, restart: Bools, covariance: Array) -> Array:
     """How many signs of dx the simulation of ``natural`` is expected to get wrong in each experiment.
 
     The sum of min(p, 1 - p): p(t) is the probability of a positive sign under the Gaussian (natural, covariance).
@@ -179,7 +176,7 @@ def wrong_signs(natural: Array, s: Structure, u: Array, restart: NDArray[np.bool
 
 
 def predictions(
-    natural: Array, s: Structure, u: Array, y: Array, restart: NDArray[np.bool_], horizon: int,
+    natural: Array, s: Structure, u: Array, y: Array, restart: Bools, horizon: int,
     covariance: Array | None = None,
 ) -> Array:  # fmt: skip
     """Y_hat(t | t - horizon): outputs up to t - horizon are known; horizon 0 means that none are."""
@@ -195,9 +192,7 @@ def predictions(
     return ahead(v, np.ascontiguousarray(d), y, restart, horizon)
 
 
-def _before_l2(
-    natural: Array, s: Structure, u: Array, restart: NDArray[np.bool_], covariance: Array | None
-) -> tuple[Array, Array]:
+def _before_l2(natural: Array, s: Structure, u: Array, restart: Bools, covariance: Array | None) -> tuple[Array, Array]:
     """The signal that enters L2's denominator, and min(p, 1 - p) for each sign."""
     a, b, w, c, _ = (natural[i] for i in s.slices())
     n1 = a.size + b.size
@@ -214,9 +209,7 @@ def _before_l2(
     return out, np.where(dx == 0.0, 0.0, 0.5 * (1.0 - certainty))  # at rest the sign does not matter
 
 
-def shifted(
-    u: Array, y: Array, restart: NDArray[np.bool_], advance: int
-) -> tuple[Array, Array, NDArray[np.bool_], NDArray[np.intp]]:
+def shifted(u: Array, y: Array, restart: Bools, advance: int) -> tuple[Array, Array, Bools, NDArray[np.intp]]:
     """Experiments with y (u, if negative) delayed by ``advance`` samples, and the new positions of their samples."""
     more, late = abs(advance), max(advance, 0)
     n = restart.size + more * int(restart.sum())
@@ -238,7 +231,7 @@ def rows_spread(rows: Array, covariance: Array, noise_variance: float) -> Array:
     return _known(np.sqrt(np.maximum(variance, 0.0)))
 
 
-def draws(natural: Array, covariance: Array, s: Structure, u: Array, restart: NDArray[np.bool_]) -> Array:
+def draws(natural: Array, covariance: Array, s: Structure, u: Array, restart: Bools) -> Array:
     """Standard deviation of the free runs of parameters drawn from N(natural, covariance), shape (n,).
 
     Draws are used, not sensitivities: where the law jumps, a free run is not a smooth function of its parameters.
@@ -258,7 +251,7 @@ def draws(natural: Array, covariance: Array, s: Structure, u: Array, restart: ND
     return np.sqrt(squares / (DRAWS - 1))
 
 
-def noise_spread(variance: float, denominator: Array, restart: NDArray[np.bool_]) -> Array:
+def noise_spread(variance: float, denominator: Array, restart: Bools) -> Array:
     """Standard deviation of white noise of this variance behind 1/(1 + denominator), from rest, shape (n,)."""
     from scipy.signal import lfilter
 

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from whsklearn.effects import FrictionLaw, Power, Viscous
 from whsklearn.effects.codes import CONSTANT, HINGE, NATURAL_SPLINE, POWER
 from whsklearn.estimators import _model as wh
+from whsklearn.recursion.arrays import Array, Bools
 from whsklearn.recursion.memory.blocks import increment_rms
 from whsklearn.recursion.memory.starts import least_squares_start, random_start, regressors, term_scales
 from whsklearn.recursion.rows.predictor import record_errors
 from whsklearn.systems.stability import is_stable
-
-Array = NDArray[np.float64]
 
 # kappa times the root mean square of dx; at the last value about 1 sample in 400 lies within the smoothed sign
 LADDER = (1.0, 2.0, 4.0, 8.0, 20.0, 50.0, 100.0, 200.0, 400.0)
@@ -24,7 +22,7 @@ class PredictionError:
     """Residuals and Jacobian of one record, in the form that scipy.optimize.least_squares expects."""
 
     def __init__(
-        self, s: wh.Structure, u: Array, y: Array, restart: NDArray[np.bool_], rng: np.random.Generator,
+        self, s: wh.Structure, u: Array, y: Array, restart: Bools, rng: np.random.Generator,
         weights: Array | None = None,
     ):  # fmt: skip
         self.structure, self.u, self.y, self.restart = s, u, y, restart

@@ -6,11 +6,10 @@ import sys
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from whsklearn._inputs import LARGEST
-
-Array = NDArray[np.float64]
+from whsklearn.recursion.arrays import Array, Integers
 
 
 class Given(NamedTuple):
@@ -27,7 +26,7 @@ class Given(NamedTuple):
         return values if self.lengths is None else np.split(values, np.cumsum(self.lengths)[:-1])
 
 
-def sample_numbers(X: Any) -> NDArray[np.int64] | None:
+def sample_numbers(X: Any) -> Integers | None:
     """Positions of the samples in their original record, shape (n,); None if they are unknown.
 
     They are known from a frame's index, or from scikit-learn while it fits a fold.

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy import ndarray
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from sklearn.utils.validation import check_is_fitted
 
 from whsklearn._inputs import starts
@@ -20,10 +20,9 @@ from whsklearn.estimators._records import Given, checked_weights, is_plain, join
 from whsklearn.estimators._streams import AnyStream, FullStream, PublishedStream, RowsStream, noise_variance
 from whsklearn.estimators._undo import copied
 from whsklearn.estimators.base import AxisRegressor
+from whsklearn.recursion.arrays import Array
 from whsklearn.recursion.memory.settings import FIRST_RERUN, Settings
 from whsklearn.recursion.rows.pseudolinear import BLOCK
-
-Array = NDArray[np.float64]
 
 GRADIENTS = ("full", "pseudolinear")
 PER_MODEL = (

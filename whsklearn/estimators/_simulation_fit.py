@@ -5,18 +5,16 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from whsklearn.effects import FrictionLaw, Hinge, NaturalSpline, Power, StaticEffect, as_law
 from whsklearn.estimators import _model as wh
 from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
+from whsklearn.recursion.arrays import Array, Bools, Integers
 from whsklearn.recursion.batch.best_linear import IOData
 from whsklearn.recursion.batch.block_split import Orders
 from whsklearn.recursion.batch.simulation_error import Fitted, FittedChain, refine, sensitivities
 from whsklearn.recursion.batch.simulation_search import UNKNOWN, SearchedOrders, record, search
-
-Array = NDArray[np.float64]
 
 LARGEST_LINEAR = 8  # total order of the best linear model; beyond it poles and zeros cancel, and blocks are padded
 BATCHES = 60  # batches of the scores, for a covariance that does not assume a white error
@@ -56,7 +54,7 @@ def from_record(
     lags: WienerHammersteinLags | None,
     u: Array,
     y: Array,
-    restart: NDArray[np.bool_],
+    restart: Bools,
     start: Array | None,
     weights: Array | None = None,
 ) -> SimulationFit:
@@ -104,7 +102,7 @@ def described(fitted: Fitted, data: IOData, delays: tuple[int, ...], *, normed: 
     return SimulationFit(lags, natural, covariance, fitted.cost, fitted.cost / max(count - natural.size, 1))
 
 
-def natural_of(chain: FittedChain) -> tuple[Array, NDArray[np.int64]]:
+def natural_of(chain: FittedChain) -> tuple[Array, Integers]:
     """The natural vector of a monic chain, and the position of each of its sensitivities."""
     m, na = chain.b1.shape
     nb, nc, nd = chain.a1.size - 1, chain.b2.size, chain.a2.size - 1
@@ -114,7 +112,7 @@ def natural_of(chain: FittedChain) -> tuple[Array, NDArray[np.int64]]:
     return np.concatenate([chain.linear_part, chain.weights])[at], at
 
 
-def to_chain(natural: Array, dims: NDArray[np.int64], n_inputs: int, law: FrictionLaw) -> FittedChain:
+def to_chain(natural: Array, dims: Integers, n_inputs: int, law: FrictionLaw) -> FittedChain:
     """The chain of a natural vector; poles outside the unit circle are moved inside."""
     na, nb, nc, _, nw = (int(i) for i in dims)
     a, b, w, c, d = np.split(natural, np.cumsum([na - 1, nb, nw, nc - 1]))
@@ -162,7 +160,7 @@ def _away_from_zero(numerator: Array) -> float:
     return first if abs(first) > least else (np.copysign(least, first) or 1.0)
 
 
-def _dims(lags: WienerHammersteinLags, m: int) -> NDArray[np.int64]:
+def _dims(lags: WienerHammersteinLags, m: int) -> Integers:
     dims = lags.dims()
     dims[0] *= m
     return dims

@@ -13,10 +13,10 @@ from typing import Any
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
 from whsklearn.estimators._model import Structure, natural_vector, paper_jacobian, paper_vector
 from whsklearn.estimators._undo import Undo
+from whsklearn.recursion.arrays import Array, Bools
 from whsklearn.recursion.memory import multistart
 from whsklearn.recursion.memory.posterior import has_posterior, posterior
 from whsklearn.recursion.memory.schedule import BackgroundRefit
@@ -37,7 +37,6 @@ from whsklearn.recursion.rows.pseudolinear import Published, auxiliary_size, run
 from whsklearn.recursion.rows.subinnovations import Samples
 
 _numba_settings: Any = numba.config  # its attributes are created at run time
-Array = NDArray[np.float64]
 
 
 def noise_variance(loss: Array, n_parameters: int) -> float:
@@ -97,7 +96,7 @@ class RowsStream(OneEstimate):
             "targets": np.zeros(self.p),
         }
 
-    def run(self, state: State, u: Array, y: Array, restart: NDArray[np.bool_], weight: Array | None = None) -> None:
+    def run(self, state: State, u: Array, y: Array, restart: Bools, weight: Array | None = None) -> None:
         """One update per row; an experiment's first window does not reach into the previous experiment."""
         seen = len(y)
         self._packed[SINCE] = -1.0  # the last row of `step` is no longer the latest
@@ -190,7 +189,7 @@ class PublishedStream(OneEstimate):
             "recent_weight": np.ones(lags),
         }
 
-    def run(self, state: State, u: Array, y: Array, restart: NDArray[np.bool_], weight: Array | None = None) -> None:
+    def run(self, state: State, u: Array, y: Array, restart: Bools, weight: Array | None = None) -> None:
         """One window per sample."""
         weight = np.ones(len(y)) if weight is None else weight
         s = self.structure
@@ -226,7 +225,7 @@ class FullStream:
         """The state of `multistart`."""
         return multistart.initial_state(self.settings)
 
-    def run(self, state: State, u: Array, y: Array, restart: NDArray[np.bool_], weight: Array | None = None) -> None:
+    def run(self, state: State, u: Array, y: Array, restart: Bools, weight: Array | None = None) -> None:
         """One window per sample and start; the memory is re-run at its scheduled instants."""
         if self.undo.noted and self._page is not None:
             self._page.put_off()
@@ -292,7 +291,7 @@ class FullStream:
 AnyStream = RowsStream | PublishedStream | FullStream
 
 
-def _weighted(u: Array, y: Array, restart: NDArray[np.bool_], weight: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+def _weighted(u: Array, y: Array, restart: Bools, weight: Array) -> tuple[Array, Array, Bools]:
     """Rows and targets times the root of their weight; those of weight zero are omitted."""
     kept = weight > 0.0
     root = np.sqrt(weight[kept])
@@ -301,7 +300,7 @@ def _weighted(u: Array, y: Array, restart: NDArray[np.bool_], weight: Array) -> 
     return np.ascontiguousarray(u[kept] * root[:, None]), y[kept] * root, begins
 
 
-def pieces(restart: NDArray[np.bool_]) -> list[slice]:
+def pieces(restart: Bools) -> list[slice]:
     """The record, cut where each experiment begins."""
     cuts = np.flatnonzero(restart)
     if not cuts.size:

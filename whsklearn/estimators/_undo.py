@@ -14,17 +14,15 @@ import copy
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from whsklearn.recursion.arrays import Array, Bools
 from whsklearn.recursion.memory.settings import State
-
-Array = NDArray[np.float64]
 
 
 class Learner(Protocol):
     """What `Undo` needs of a way of learning: to learn rows again."""
 
-    def run(self, state: State, u: Array, y: Array, restart: NDArray[np.bool_], weight: Array | None = None) -> None:
+    def run(self, state: State, u: Array, y: Array, restart: Bools, weight: Array | None = None) -> None:
         """Learn from samples, in place; ``weight`` weights their squared errors."""
 
 

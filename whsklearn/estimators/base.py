@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from sklearn.base import RegressorMixin
 from sklearn.utils.validation import check_is_fitted, validate_data
 
@@ -16,9 +16,7 @@ from whsklearn.estimators import _model as wh
 from whsklearn.estimators._checked import CheckedModel, warn
 from whsklearn.estimators._model import draws, noise_spread, rows_spread
 from whsklearn.estimators._records import fold_of_a_search, is_plain, joined
-
-Array = NDArray[np.float64]
-
+from whsklearn.recursion.arrays import Array
 
 OUTPUTS = ("expected", "simulation")
 # Expected number m of wrong signs in an experiment up to which it is more likely than not that none is wrong.  If they

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from sklearn.base import clone
 from sklearn.utils.validation import check_is_fitted
 
@@ -15,8 +15,7 @@ from whsklearn.estimators._records import joined
 from whsklearn.estimators._simulation_fit import from_record, law_of, scale_free
 from whsklearn.estimators.base import AxisRegressor
 from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
-
-Array = NDArray[np.float64]
+from whsklearn.recursion.arrays import Array, Bools
 
 
 class ChainRegressor(AxisRegressor):
@@ -209,7 +208,7 @@ class PEMRegressor(ChainRegressor):
         self.state_ = self._fit_prediction(X, y, restart, weights)
         return self
 
-    def _fit_prediction(self, X: Array, y: Array, restart: NDArray[np.bool_], weights: Array | None) -> dict[str, Any]:
+    def _fit_prediction(self, X: Array, y: Array, restart: Bools, weights: Array | None) -> dict[str, Any]:
         structure = self._structure()
         if structure.advance:
             X, y, restart, to = wh.shifted(X, y, restart, structure.advance)
@@ -232,7 +231,7 @@ class PEMRegressor(ChainRegressor):
             "noise": noise,
         }
 
-    def _fit_simulation(self, X: Array, y: Array, restart: NDArray[np.bool_], weights: Array | None) -> Self:
+    def _fit_simulation(self, X: Array, y: Array, restart: Bools, weights: Array | None) -> Self:
         many = X.shape[1] > 1
         if many and self.lags is None:
             raise ValueError(

@@ -8,7 +8,7 @@ import warnings
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits
 
 from whsklearn._inputs import starts
@@ -18,12 +18,11 @@ from whsklearn.estimators._records import Given, checked_weights, joined
 from whsklearn.estimators._simulation_fit import natural_of, to_chain
 from whsklearn.estimators.pem import ChainRegressor, PEMRegressor
 from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
+from whsklearn.recursion.arrays import Array, Bools
 from whsklearn.recursion.batch.best_linear import IOData
 from whsklearn.recursion.batch.block_update import Coordinates, block_update, information_of
 from whsklearn.recursion.batch.simulation_error import FittedChain
 from whsklearn.recursion.batch.simulation_search import SKIP
-
-Array = NDArray[np.float64]
 
 
 class StreamingPEMRegressor(ChainRegressor):
@@ -172,7 +171,7 @@ class StreamingPEMRegressor(ChainRegressor):
             "loss": np.zeros(2),
         }
 
-    def _take(self, state: dict[str, Any], X: Array, y: Array, restart: NDArray[np.bool_], weight: Array) -> None:
+    def _take(self, state: dict[str, Any], X: Array, y: Array, restart: Bools, weight: Array) -> None:
         """Put samples into the buffer; fit the start and every block at fixed counts, whatever the chunks."""
         done = 0
         while done < len(y):

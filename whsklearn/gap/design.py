@@ -9,19 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from whsklearn.datasets import draw_effect, make_servo_log, reference_signal
 from whsklearn.effects import Effect, get_effect
 from whsklearn.gap.finder import GapFinder
-from whsklearn.gap.record import ServoRecord
+from whsklearn.gap.record import Array, ServoRecord
 from whsklearn.systems.servo import ServoAxis
 from whsklearn.systems.servo_parts import PIDController, Sensor
-
-Array = NDArray[Any]
 
 BANDWIDTH = 4.0  # Hz, of the dry run's controller: above the reference's 2.9 Hz, within what a log at 50 Hz resolves
 RISE = 0.5  # s, over which the reference starts from rest

@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from whsklearn.filtering.gaussian import CUTOFF_SIGMA, filtered, gaussian_derivatives
-from whsklearn.gap.record import ServoRecord
-
-Array = NDArray[Any]
+from whsklearn.gap.record import Array, ServoRecord
 
 # Share of the residual without a delay, below which a delay of a position servo's command is accepted: a delay trades
 # off against viscous friction (`benchmarks.real_axes --only so101`).

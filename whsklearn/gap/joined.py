@@ -5,17 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from whsklearn.gap.data_check import check_servo
 from whsklearn.gap.plant import DEFAULT_TOLERANCE
 from whsklearn.gap.plants.servo_start import start_of
-from whsklearn.gap.record import ServoRecord
-
-Array = NDArray[Any]
+from whsklearn.gap.record import Array, ServoRecord
 
 LAW = ("viscous", "coulomb", "input_offset")
 UNEVEN = 0.01  # of a step by which two rates may differ and count as one

@@ -21,9 +21,8 @@ from numpy.typing import NDArray
 
 from whsklearn.gap.diagnosis import Place
 from whsklearn.gap.plant import Gap
-from whsklearn.gap.record import rms
+from whsklearn.gap.record import Array, rms
 
-Array = NDArray[Any]
 NOWHERE = "The gap follows none of the signals that were examined."
 N_BINS = 20  # of equally many samples along each signal
 N_SHIFTS = 199  # the smallest p-value is 1 / 200, or a twentieth after the adjustment over ten signals

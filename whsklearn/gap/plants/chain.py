@@ -32,12 +32,12 @@ from whsklearn.gap.plants.chain_model import ChainCandidate, ChainModel, Record
 from whsklearn.gap.record import MAD, rms
 from whsklearn.gap.search import WORTH_FITTING
 from whsklearn.gap.tangent import Look
+from whsklearn.recursion.arrays import Array, Bools
 from whsklearn.systems.wiener_hammerstein import WienerHammersteinSystem
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    Array = NDArray[np.float64]
 
 # a chain at rest whose |sgn(dx)| is always one does not move: through L2, a constant of v is a constant of y
 ALIASES = {
@@ -170,7 +170,7 @@ class ChainPlant(PlantDefaults):
             self._parts[key] = model, sharpened(early, model, (cm.SHARPEST,), 12)
         return self._parts[key][1]
 
-    def _later(self) -> NDArray[np.bool_]:
+    def _later(self) -> Bools:
         """Samples behind the first `FITTED` of the logged ones."""
         seen = self.everything.seen
         return np.asarray(np.cumsum(seen) - seen >= FITTED * self.u.size)
@@ -318,7 +318,7 @@ class ChainPlant(PlantDefaults):
             return run
         return s.y - np.convolve(cm.left(s, model), cm.response(model.ar, int(horizon)))[: s.y.size]
 
-    def measured(self, *models: ChainModel) -> tuple[Array, NDArray[np.bool_]]:
+    def measured(self, *models: ChainModel) -> tuple[Array, Bools]:
         """(output, mask of held-out samples), without those that are on the wrong side of a sign under the last model.
 
         No fit can avoid a few of them, and they would make up most of a mean square.
@@ -329,7 +329,7 @@ class ChainPlant(PlantDefaults):
             judged &= ~self._turned(models[1])
         return s.y, judged
 
-    def _turned(self, model: ChainModel) -> NDArray[np.bool_]:
+    def _turned(self, model: ChainModel) -> Bools:
         """Samples that follow one on the wrong side of a sign, for as long as L2 remembers it."""
         e = np.abs(cm.left(self.everything, self.part(model)))
         far = e > WRONG_SIDE * MAD * float(np.median(e[self.everything.seen]))

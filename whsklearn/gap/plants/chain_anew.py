@@ -12,7 +12,6 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from whsklearn.effects import FrictionLaw, Power
 from whsklearn.gap.plants import chain_model as cm
@@ -35,9 +34,8 @@ from whsklearn.gap.plants.chain_model import ChainCandidate, ChainModel, Record,
 from whsklearn.gap.record import rms
 from whsklearn.gap.search import WORTH_FITTING
 from whsklearn.gap.tangent import Look
+from whsklearn.recursion.arrays import Array
 from whsklearn.recursion.batch.best_linear import Ratio
-
-Array = NDArray[np.float64]
 
 PROMISING = 4  # number of additive candidates of each look that are fitted
 MOST_NUDGES, NUDGES = 4, (0.7, 0.87, 1.15, 1.4)  # rounds, and factors by which a shape moves to another minimum

@@ -15,20 +15,17 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from whsklearn.effects import FrictionLaw, Hinge, Power, StaticEffect, as_law
 from whsklearn.gap.calibration import gain
 from whsklearn.gap.least_squares import least_squares
 from whsklearn.gap.plants import chain_model as cm
 from whsklearn.gap.plants.chain_model import ChainModel, Record, Term
+from whsklearn.recursion.arrays import Array
 from whsklearn.recursion.batch.best_linear import IOData, Ratio, best_linear
 from whsklearn.recursion.batch.block_split import Orders, divisions, exchanged, padded
 from whsklearn.recursion.memory.starts import random_stable
 from whsklearn.systems.stability import is_stable
-
-Array = NDArray[np.float64]
-
 
 SOFT = (3.0, 10.0, 30.0)  # kappa times rms dx
 N_RANDOM = 16  # starts besides the divisions, for blocks that are far from those of a linear model
@@ -277,7 +274,7 @@ class LawChoice:
         """The law itself, or a cubic polynomial instead of a curve with knots, as it can be fitted from any start."""
         return FrictionLaw([*self.terms, *_powers(DEGREE)] if self.has_knots else self.terms)
 
-    def placed(self, x: NDArray[np.float64]) -> FrictionLaw:
+    def placed(self, x: Array) -> FrictionLaw:
         """The law with its knots at the quantiles of x."""
         knots = np.unique(np.quantile(x, np.linspace(*REACH, self.n_knots)))
         return FrictionLaw([*self.terms, Power(1.0, 1.0), *(Hinge(0.0, float(k)) for k in knots)])

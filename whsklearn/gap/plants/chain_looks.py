@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from whsklearn.gap.calibration import N_NULL, gain
@@ -21,8 +20,7 @@ from whsklearn.gap.plants.chain_fit import climb, coloured, sharpened
 from whsklearn.gap.plants.chain_model import ChainCandidate, ChainModel, Record, Sizes, Term, catalogue
 from whsklearn.gap.record import rms
 from whsklearn.gap.tangent import Family, Look, Tangent, with_p_values
-
-Array = NDArray[np.float64]
+from whsklearn.recursion.arrays import Array
 
 SLOPED = 30.0  # kappa times rms dx at which a sign has a slope
 VERY_SOFT = 8.0  # the same for a sign that still resolves an eighth of rms dx

@@ -18,7 +18,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from whsklearn._numba import njit
@@ -30,11 +29,9 @@ from whsklearn.effects.terms import law_values
 from whsklearn.gap.plant import FittedTerm
 from whsklearn.gap.plants.variant import EffectVariant
 from whsklearn.gap.record import MAD, lattice, rms
+from whsklearn.recursion.arrays import Array, Bools, Integers
 from whsklearn.recursion.batch.best_linear import stabilised
 from whsklearn.systems.chain import PackedChain, Ports, run
-
-Array = NDArray[np.float64]
-
 
 READ_OFF = ("quantization",)  # a grid of the readings is visible directly, so it is not a term
 # Fields that keep their start value: another rest position is the same as one more offset, and no record of a few
@@ -235,10 +232,10 @@ class Record:
     u: Array
     y: Array
     dt: float
-    dims: NDArray[np.int64]
+    dims: Integers
     law: FrictionLaw
-    fit: NDArray[np.bool_]
-    seen: NDArray[np.bool_]
+    fit: Bools
+    seen: Bools
     step: float = 0.0
 
     @classmethod
@@ -247,9 +244,9 @@ class Record:
         u: Array,
         y: Array,
         dt: float,
-        dims: NDArray[np.int64],
+        dims: Integers,
         law: FrictionLaw,
-        seen: NDArray[np.bool_] | None = None,
+        seen: Bools | None = None,
     ) -> Record:
         """The record in which the first `SKIP` samples of every piece do not count.
 
@@ -399,7 +396,7 @@ def _filter(b, a, rows, out):
             out[k, t] = s
 
 
-def pieces_of(seen: NDArray[np.bool_]) -> list[slice]:
+def pieces_of(seen: Bools) -> list[slice]:
     """The runs of logged samples between holes."""
     edges = np.flatnonzero(np.diff(seen, prepend=False, append=False)).tolist()
     return [slice(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True)]

@@ -35,11 +35,9 @@ from whsklearn.gap.localisation import since_reversal, spectra
 from whsklearn.gap.plant import Figures, Gap, Linearised, PlantDefaults, Told
 from whsklearn.gap.plants.simulator_look import Motion, Seen, accelerations, catalogue, gone, motion, slopes, whole
 from whsklearn.gap.plants.simulator_model import PROMISING, SimulatorFit, SimulatorModel, refine
-from whsklearn.gap.record import SPLIT, ServoRecord, held_out_blocks, lattice, noise_level, rms
+from whsklearn.gap.record import SPLIT, Array, ServoRecord, held_out_blocks, lattice, noise_level, rms
 from whsklearn.gap.search import MOST_FITTED, WORTH_FITTING
 from whsklearn.gap.tangent import Look, with_p_values
-
-Array = NDArray[Any]
 
 AR_ORDER = 12  # of the whitening polynomial
 FAR_ABOVE = 3.0  # multiple of the noise, whose level is known from sixth differences to within a few percent

@@ -22,10 +22,8 @@ from numpy.typing import NDArray
 from whsklearn.effects import ContactStop, Coulomb, Effect, Scales, Viscous, effect_names, get_effect
 from whsklearn.filtering.gaussian import CUTOFF_SIGMA, filtered, gaussian_derivatives
 from whsklearn.gap.calibration import N_NULL, coloured, n_effective, smoothed_power
-from whsklearn.gap.record import noise_level, rms
+from whsklearn.gap.record import Array, noise_level, rms
 from whsklearn.gap.tangent import Family, Look, Tangent
-
-Array = NDArray[Any]
 
 HIGHEST = 25.0  # Hz; above it, a second derivative contains only encoder noise
 CENTRES = np.array([0.0, -0.5, 0.5, -1.0, 1.0, -1.5, 1.5])  # of a spring, in half strokes from the middle

@@ -21,6 +21,7 @@ from whsklearn._numba import njit, part
 from whsklearn.effects import Coulomb, FlexibleCoupling, InputOffset, Viscous
 from whsklearn.effects.equations import speed_hinge
 from whsklearn.effects.transmission import contact_stiffness
+from whsklearn.recursion.arrays import Array, Bools, Integers
 from whsklearn.recursion.batch.levenberg_marquardt import descend
 from whsklearn.systems._servo_step import implicit_gain
 from whsklearn.systems.servo_observer import POSITION, VELOCITY, How, bare_parts, follow, plant_of
@@ -28,9 +29,6 @@ from whsklearn.systems.servo_observer import POSITION, VELOCITY, How, bare_parts
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
 
 SETTLED = 1e-9  # relative decrease in cost that at least one state must still reach for the search to continue
 SMALL = 1e-5  # step of a finite difference, relative to the parameter
@@ -79,8 +77,8 @@ class AxisLog(NamedTuple):
 
     u: Array
     target: Array
-    counts: NDArray[np.bool_]
-    bounds: NDArray[np.int64]
+    counts: Bools
+    bounds: Integers
     v0: Array
     q0: Array
     dt: float

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from whsklearn.recursion.arrays import Array, Bools, Integers
 from whsklearn.recursion.batch.levenberg_marquardt import descend
 from whsklearn.recursion.batch.linear_filter import delayed_rows, filter_rows
 from whsklearn.systems.stability import is_stable
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
 
 EDGE = 0.9999  # poles stay inside the circle of this radius
 
@@ -28,8 +24,8 @@ class IOData(NamedTuple):
 
     u: Array
     y: Array
-    bounds: NDArray[np.int64]
-    counts: NDArray[np.bool_]
+    bounds: Integers
+    counts: Bools
     root: Array | None = None
 
     @property

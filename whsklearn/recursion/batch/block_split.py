@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from whsklearn.recursion.arrays import Array
 from whsklearn.recursion.batch.best_linear import Ratio
 
 if TYPE_CHECKING:
@@ -14,7 +15,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    Array = NDArray[np.float64]
 
 MOST = 512  # divisions tried at most; order 8 with real roots only would have 65,536
 

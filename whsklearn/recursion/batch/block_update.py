@@ -7,18 +7,14 @@ diverges sample by sample, but not block by block.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from whsklearn.recursion.arrays import Array, Integers
 from whsklearn.recursion.batch.best_linear import IOData
 from whsklearn.recursion.batch.levenberg_marquardt import damped_step
 from whsklearn.recursion.batch.simulation_error import FittedChain, orthonormal, run, sensitivities
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
 
 STEPS = 3
 DAMPING = (1e-9, 1e-4, 1e-2, 1.0)  # tried in turn until a step lowers the cost
@@ -28,7 +24,7 @@ class Coordinates(NamedTuple):
     """theta = (linear part, weights in an orthonormal basis); the ``held`` entries stay fixed."""
 
     basis: Array
-    held: NDArray[np.int64]
+    held: Integers
 
     @classmethod
     def of(cls, chain: FittedChain, data: IOData) -> Coordinates:

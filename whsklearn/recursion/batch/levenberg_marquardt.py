@@ -10,14 +10,11 @@ and 8 parameters this takes a tenth of the time of the decomposition of J with w
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Protocol, TypeVar
+from typing import Protocol, TypeVar
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
+from whsklearn.recursion.arrays import Array
 
 FIRST = 1e-2  # initial damping, for normal equations with a unit diagonal
 TRIES = 8  # dampings tried from one point, each four times the previous one

@@ -13,16 +13,14 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy.linalg import orth
 
+from whsklearn.recursion.arrays import Array
 from whsklearn.recursion.batch.block_split import reflections
 from whsklearn.recursion.batch.linear_filter import delayed_rows, filter_rows
 from whsklearn.recursion.batch.simulation_error import Fitted, FittedChain, refine, run, sensitivities
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from whsklearn.recursion.batch.best_linear import IOData
 
-    Array = NDArray[np.float64]
 
 REAL = (-0.95, -0.85, -0.6, -0.3, 0.3, 0.6, 0.85, 0.95, 0.99)
 RADII, ANGLES = (0.5, 0.75, 0.9, 0.96, 0.99), np.pi * (np.arange(16) + 0.5) / 16  # a fit finds the exact location

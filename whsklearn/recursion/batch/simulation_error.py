@@ -7,7 +7,7 @@ it, and 1 of 8 without it.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,15 +15,11 @@ from whsklearn._numba import njit
 from whsklearn.effects import FrictionLaw
 from whsklearn.effects.knots import placed
 from whsklearn.effects.terms import term
+from whsklearn.recursion.arrays import Array
 from whsklearn.recursion.batch.best_linear import EDGE, IOData
 from whsklearn.recursion.batch.levenberg_marquardt import damped_step
 from whsklearn.recursion.batch.linear_filter import delayed_rows, filter_rows
 from whsklearn.systems.stability import is_stable
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
 
 PLACE_AT = (4, 9, 17, 33)  # iterations after which knots are placed again for x; the cost changes only there
 DEARER = 1.05  # factor by which placing the knots again may temporarily raise the cost

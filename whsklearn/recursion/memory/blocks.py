@@ -9,24 +9,21 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from whsklearn._numba import njit, part
+from whsklearn.recursion.arrays import Array, Bools, Integers
 from whsklearn.recursion.rows.predictor import clear, push
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 LARGEST = 1e30  # bound of x, so that a diverging free run stays finite
 KNOWN = np.zeros((0, 0))  # the covariance of a block whose parameters are exact
 
 
-def increment_rms(theta: Array, dims: NDArray[np.int64], u: Array, restart: Bools) -> float:
+def increment_rms(theta: Array, dims: Integers, u: Array, restart: Bools) -> float:
     """Root mean square of dx = x(t) - x(t-1), which sets the scale of kappa."""
     return first_block(theta, dims, u, restart, KNOWN)[1]
 
 
-def first_block(theta: Array, dims: NDArray[np.int64], u: Array, restart: Bools, spread: Array) -> tuple[Array, float]:
+def first_block(theta: Array, dims: Integers, u: Array, restart: Bools, spread: Array) -> tuple[Array, float]:
     """x, dx = x(t) - x(t-1), and |E sign(dx)| if (a, b) has the covariance ``spread``; and the size of dx.
 
     Parameters

@@ -14,9 +14,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from whsklearn._numba import njit, part
+from whsklearn.recursion.arrays import Array, Bools, Integers
 from whsklearn.recursion.memory.predictor_block import (
     LENGTH,
     Segment,
@@ -30,8 +30,6 @@ from whsklearn.recursion.memory.predictor_block import (
 )
 from whsklearn.recursion.rows.predictor import Law, parameter_count, state_size
 from whsklearn.systems.stability import is_stable
-
-Array = NDArray[np.float64]
 
 # --- re-run the samples in memory with given parameters: squared errors and their Gauss-Newton matrix ---------------
 # A re-run of thousands of samples may take longer than a control loop can wait, so it can be done in
@@ -68,7 +66,7 @@ class Memory(NamedTuple):
     origin: Array
     u: Array
     y: Array
-    restart: NDArray[np.bool_]
+    restart: Bools
     fill: int
     history: int
     tail: int
@@ -101,12 +99,12 @@ class Work(NamedTuple):
     trial_state: Array
 
 
-def new_work(dims: NDArray[np.int64], n_inputs: int) -> Work:
+def new_work(dims: Integers, n_inputs: int) -> Work:
     """Work that has not started and has no budget."""
     return work_on(new_segment(dims, n_inputs), dims)
 
 
-def work_on(segment: Segment, dims: NDArray[np.int64]) -> Work:
+def work_on(segment: Segment, dims: Integers) -> Work:
     """`new_work`, given the segment."""
     n = int(parameter_count(dims))
     slopes = np.zeros(n), np.zeros(n), np.zeros(n)

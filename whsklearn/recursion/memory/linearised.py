@@ -31,11 +31,10 @@ from numpy.typing import NDArray
 from whsklearn._numba import njit
 from whsklearn.effects.codes import COULOMB, POSITION_FRICTION, STRIBECK_EXP
 from whsklearn.effects.terms import law_values
+from whsklearn.recursion.arrays import Array, Bools, Integers
 from whsklearn.recursion.memory.gauss_newton import AT, BUDGET, COST, PHASE, Memory, Prior, Work, refine_part
 from whsklearn.recursion.memory.predictor_block import LENGTH
 from whsklearn.recursion.rows.predictor import Law
-
-Array = NDArray[np.float64]
 
 CAPACITY = 512  # largest number of signs kept; on Example 5.1 the median is 20 to 130 at any length, the maximum 537
 IN_DOUBT = 7.0  # standard deviations of dx under the covariance with signs frozen, which is wider than the posterior
@@ -79,7 +78,7 @@ class Signs(NamedTuple):
     curvature: Array
     height: Array
     rows: Array
-    at: NDArray[np.int64]
+    at: Integers
 
     def take(self, chosen: NDArray[np.intp]) -> Signs:
         """Some of the entries."""
@@ -98,7 +97,7 @@ class Signs(NamedTuple):
         rows[..., -1] -= rows[..., :-1] @ delta
         return self._replace(dx=dx, gradient=self.gradient + bent, rows=rows)
 
-    def met(self, psi: Array, restart: NDArray[np.bool_], first: int) -> Signs:
+    def met(self, psi: Array, restart: Bools, first: int) -> Signs:
         """The entries with the rows ``psi`` that follow the end of a page; the first of them is sample ``first``.
 
         When signs were frozen there, one of the last signs of a page was wrong in one of 60 streams of 20,000 samples
@@ -128,7 +127,7 @@ class Signs(NamedTuple):
         return np.abs(self.dx) / deviation(np.ascontiguousarray(self.gradient), np.ascontiguousarray(covariance))
 
 
-def jumps(codes: NDArray[np.int64]) -> NDArray[np.bool_]:
+def jumps(codes: Integers) -> Bools:
     """Which terms of a law jump where dx changes its sign."""
     return np.array([code in JUMPING for code in codes.tolist()], dtype=np.bool_)
 
@@ -221,12 +220,12 @@ def listed(
     return entries(rows, experiment, chosen, weights, first, (bent, heights(rows, chosen, law)), int(law[0][2]))
 
 
-def experiments(record: Memory) -> NDArray[np.int64]:
+def experiments(record: Memory) -> Integers:
     """The number of the experiment of each sample, shape (n,)."""
     return np.cumsum(record.restart[: record.fill], dtype=np.int64)
 
 
-def filtered(gradient: Array, restart: NDArray[np.bool_], law: Law, theta: Array) -> Array:
+def filtered(gradient: Array, restart: Bools, law: Law, theta: Array) -> Array:
     """F of all samples, shape (n, n_1), from rest at the start of each experiment.
 
     F before the first sample is unknown and taken as zero, so in a page that does not begin at rest the curvature at
@@ -252,7 +251,7 @@ def _filter_gradients(gradient, restart, b, out):
         since += 1
 
 
-def curvature(f: Array, experiment: NDArray[np.int64], law: Law, chosen: NDArray[np.intp]) -> Array:
+def curvature(f: Array, experiment: Integers, law: Law, chosen: NDArray[np.intp]) -> Array:
     """Second derivatives of dx with respect to (a, b) at the samples ``chosen`` from F, shape (E, n_1, n_1)."""
     n1, nb = f.shape[1], int(law[0][1])
     bent = np.zeros((chosen.size, n1, n1))
@@ -278,7 +277,7 @@ def heights(rows: Rows, chosen: NDArray[np.intp], law: Law) -> Array:
 
 
 def entries(
-    rows: Rows, experiment: NDArray[np.int64], chosen: NDArray[np.intp], weights: Array, first: int,
+    rows: Rows, experiment: Integers, chosen: NDArray[np.intp], weights: Array, first: int,
     at_sign: tuple[Array, Array], n_c: int,
 ) -> Signs:  # fmt: skip
     """`listed`, from the ``experiment`` of each sample, and the curvature and the `heights` at each sign."""

@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from whsklearn.recursion.arrays import Array, Integers
 from whsklearn.recursion.memory.gauss_newton import Memory, Work, new_work
 from whsklearn.recursion.memory.linearised import (
     CAPACITY,
@@ -30,7 +31,6 @@ from whsklearn.recursion.memory.settings import Settings, State
 from whsklearn.recursion.memory.sign_posterior import Gaussian, frozen, posed, sample
 from whsklearn.recursion.rows.predictor import state_size
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 ROUNDS = 3  # linearisations of the memory at least; the second is at the mean of the first
@@ -76,7 +76,7 @@ def flattened(signs: Signs) -> Array:
     return np.column_stack([v.reshape(n, int(np.prod(v.shape[1:]))) for v in signs[:-1]])
 
 
-def stored(rows: Array, at: NDArray[np.int64], state: State) -> State:
+def stored(rows: Array, at: Integers, state: State) -> State:
     """The signs in the form in which the state stores them, from the rows of `flattened` and the samples they enter."""
     # plain constructors: ``zeros_like`` and ``full`` go through Python, which takes a sample's time if rarely called
     out = {"signs": np.zeros(state["signs"].shape), "signs_at": np.empty(state["signs_at"].shape, dtype=np.int64)}
@@ -112,7 +112,7 @@ def moved(matrix: Array, delta: Array) -> Array:
     return t.T @ matrix @ t
 
 
-def origin_at(origin: Array, dims: NDArray[np.int64], delta: Array) -> Array:
+def origin_at(origin: Array, dims: Integers, delta: Array) -> Array:
     """The state at the start of a memory if the earlier samples had been run at theta + delta with the same signs.
 
     In 20,000 samples of Example 5.1 the second sample of a page had the wrong sign, at a dx of 0.003, when x continued

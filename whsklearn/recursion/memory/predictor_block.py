@@ -10,14 +10,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from whsklearn._numba import njit, part
 from whsklearn.effects.codes import COULOMB, STRIBECK_TANH, VISCOUS
 from whsklearn.effects.equations import coulomb, reduced_stribeck, smooth_sign, viscous
 from whsklearn.effects.terms import term
-
-Array = NDArray[np.float64]
+from whsklearn.recursion.arrays import Array, Integers
 
 LENGTH = 128  # samples of a segment, few enough for all its signals to stay in the fastest cache
 
@@ -41,10 +39,10 @@ class Segment(NamedTuple):
     signals: Array
     psi: Array
     slopes: Array
-    places: NDArray[np.int64]
+    places: Integers
 
 
-def new_segment(dims: NDArray[np.int64], n_inputs: int) -> Segment:
+def new_segment(dims: Integers, n_inputs: int) -> Segment:
     """A segment with nothing before it."""
     na, nb, nc, nd, nw = dims.tolist()
     n1, past = na - 1 + nb, max(na // n_inputs, nb, nc, nd, 1)

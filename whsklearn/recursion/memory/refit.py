@@ -8,15 +8,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from whsklearn._numba import njit
+from whsklearn.recursion.arrays import Array, Bools
 from whsklearn.recursion.memory.blocks import increment_rms
 from whsklearn.recursion.memory.gauss_newton import HUGE, Memory
 from whsklearn.recursion.memory.settings import Settings, State
 from whsklearn.recursion.rows.covariance import factors_of_inverse
-
-Array = NDArray[np.float64]
 
 LADDER = (1.0, 2.0, 4.0, 8.0, 20.0, 50.0, 100.0, 200.0, 400.0)
 ITERATIONS = 8
@@ -41,9 +39,9 @@ class Refined(NamedTuple):
     """A model after a re-run of the memory."""
 
     cost: float
-    theta: NDArray[np.float64]
-    information: NDArray[np.float64]
-    before: NDArray[np.float64]
+    theta: Array
+    information: Array
+    before: Array
     sharpness: float
     parent: int
 
@@ -117,7 +115,7 @@ def number_of(left: Array, weight: Array) -> float:
     return float(left[weight > 0.0].sum())
 
 
-def inference_sharpness(theta: Array, r: Settings, u: Array, restart: NDArray[np.bool_]) -> float:
+def inference_sharpness(theta: Array, r: Settings, u: Array, restart: Bools) -> float:
     """Sharpness at which the information of a long record is taken: error of the true sign, slope of a smooth one."""
     return -LONG_INFERENCE / max(float(increment_rms(theta, r.dims, u, restart)), 1e-12)
 

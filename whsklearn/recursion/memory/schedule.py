@@ -16,8 +16,8 @@ from collections.abc import Generator, Iterator
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from whsklearn.recursion.arrays import Array
 from whsklearn.recursion.memory import refit
 from whsklearn.recursion.memory.blocks import increment_rms
 from whsklearn.recursion.memory.gauss_newton import (
@@ -49,8 +49,6 @@ from whsklearn.recursion.memory.starts import (
 )
 from whsklearn.recursion.rows.covariance import factors_of_inverse, times
 from whsklearn.recursion.rows.subinnovations import STILL, Models, Samples, Schedule, relative_sharpness, run_windows
-
-Array = NDArray[np.float64]
 
 # Samples re-run for each new one while the memory fills, which takes about 25 us.  All starts are tried on the first
 # samples, and later as many fresh ones as the remaining passes allow.  With 400 only half of them were tried, and 27 of

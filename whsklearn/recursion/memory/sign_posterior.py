@@ -11,14 +11,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from whsklearn._numba import njit, part
+from whsklearn.recursion.arrays import Array, Integers
 from whsklearn.recursion.memory.linearised import Signs
 from whsklearn.recursion.rows.covariance import factors_of_inverse, times
 from whsklearn.systems.stability import is_stable
-
-Array = NDArray[np.float64]
 
 # --- log density of (a, b) for a law that jumps with sign(dx), over the few signs in doubt --------------------------
 # Given phi = (a, b), it is known which signs flip, and the linear parameters r = (w, c, d) are projected out:
@@ -56,7 +54,7 @@ class SignProblem(NamedTuple):
 
     matrix: Array
     theta: Array
-    dims: NDArray[np.int64]
+    dims: Integers
     count: float  # type: ignore[assignment]  # number of samples; the tuple's own method of this name is not used
     dx: Array
     sign: Array
@@ -65,12 +63,12 @@ class SignProblem(NamedTuple):
     curvature: Array
     height: Array
     rows: Array
-    row: NDArray[np.int64]
+    row: Integers
     reach: Array
     metric: Array
 
 
-def posed(matrix: Array, theta: Array, dims: NDArray[np.int64], count: float, signs: Signs) -> SignProblem:
+def posed(matrix: Array, theta: Array, dims: Integers, count: float, signs: Signs) -> SignProblem:
     """Build the problem of these signs; two of them may enter the same row."""
     at, index = np.unique(signs.at.ravel(), return_inverse=True)
     index = index.reshape(signs.at.shape)
@@ -296,7 +294,7 @@ class Swarm(NamedTuple):
     low: Array
     matrix: Array
     change: Array
-    touched: NDArray[np.int64]
+    touched: Integers
 
 
 def new_swarm(first: Array, p: SignProblem) -> Swarm:
@@ -363,7 +361,7 @@ def next_temperature(beta: float, gain: Array, weight: Array) -> float:
     return 1.0 if step == 1.0 - beta else beta + step
 
 
-def resample(weight: Array, u: float, parent: NDArray[np.int64]) -> None:
+def resample(weight: Array, u: float, parent: Integers) -> None:
     """Systematic resampling."""
     passed = np.cumsum(weight)
     marks = (np.arange(weight.size) + u) / weight.size * passed[-1]

@@ -8,19 +8,17 @@ starts run in parallel (measured by benchmarks/accuracy.py).
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from whsklearn._numba import njit
 from whsklearn.effects.terms import law_values
+from whsklearn.recursion.arrays import Array, Bools
 from whsklearn.recursion.memory.blocks import KNOWN, first_block
 from whsklearn.recursion.rows.predictor import Law
-
-Array = NDArray[np.float64]
 
 N_SIZES = 9  # random L1 behind which a term's size is measured; an odd number has a median
 
 
-def random_stable(order: int, rng: np.random.Generator) -> NDArray[np.float64]:
+def random_stable(order: int, rng: np.random.Generator) -> Array:
     """A stable denominator from uniform reflection coefficients (Levinson recursion)."""
     b: list[float] = []  # arrays would take five times as long, and a sample is waiting
     for r in rng.uniform(-0.9, 0.9, order).tolist():
@@ -37,7 +35,7 @@ def random_start(dims: tuple[int, ...], rng: np.random.Generator, scales: Array 
     return np.concatenate([a, b, w, rng.normal(0.0, 0.5, nc - 1), random_stable(nd, rng)])
 
 
-def term_scales(law: Law, u: Array, y: Array, restart: NDArray[np.bool_], rng: np.random.Generator) -> Array:
+def term_scales(law: Law, u: Array, y: Array, restart: Bools, rng: np.random.Generator) -> Array:
     """Weights at which each term alone would have the size of the output; the median over random L1.
 
     They make starts and priors independent of the units of the log.
@@ -46,7 +44,7 @@ def term_scales(law: Law, u: Array, y: Array, restart: NDArray[np.bool_], rng: n
     return scales_from([term_sizes(law, random_start(dims, rng), u, restart) for _ in range(N_SIZES)], y)
 
 
-def term_sizes(law: Law, start: Array, u: Array, restart: NDArray[np.bool_]) -> Array:
+def term_sizes(law: Law, start: Array, u: Array, restart: Bools) -> Array:
     """Root mean square of each term behind the L1 of a start."""
     x, dx = first_block(start, law[0], u, restart, KNOWN)[0]
     return np.sqrt(np.mean(law_values(law[1], law[2], x, dx, np.inf) ** 2, axis=1))
@@ -58,7 +56,7 @@ def scales_from(sizes: list[Array], y: Array) -> Array:
     return np.sqrt(np.mean(y**2)) / np.where(typical > 0.0, typical, 1.0)
 
 
-def regressors(theta: Array, law: Law, u: Array, y: Array, restart: NDArray[np.bool_]) -> Array:
+def regressors(theta: Array, law: Law, u: Array, y: Array, restart: Bools) -> Array:
     """Regressors that are linear once L1 of ``theta`` is fixed: f_k(t-m) for m = 1..n_c, then -y(t-n)."""
     dims, codes, shapes = law
     (x, dx), motion = first_block(theta, dims, u, restart, KNOWN)

@@ -8,13 +8,12 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from whsklearn._inputs import real_array
 from whsklearn._numba import njit, part
+from whsklearn.recursion.arrays import Array
 from whsklearn.recursion.rows.covariance import WIND_UP
-
-Array = NDArray[np.float64]
 
 __all__ = ["least_squares_of_many"]
 
@@ -24,7 +23,7 @@ TOGETHER = 4  # samples that are rearranged at a time
 
 def least_squares_of_many(
     X: ArrayLike, y: ArrayLike, *, P0: float = 1e6, forgetting: float = 1.0, n_jobs: int | None = None
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Array, Array]:
     """Estimates and covariances of many independent recursions, (7) to (9) with p = 1.
 
     Parameters

@@ -26,14 +26,13 @@ from typing import NamedTuple
 
 import numpy as np
 from numba.extending import register_jitable  # type: ignore[import-untyped]
-from numpy.typing import NDArray
 
 from whsklearn._numba import njit, part
 from whsklearn.effects.equations import smooth_sign
 from whsklearn.effects.terms import directed_term
+from whsklearn.recursion.arrays import Array, Integers
 
-Array = NDArray[np.float64]
-Law = tuple[NDArray[np.int64], NDArray[np.int64], Array]  # dims, codes, shapes
+Law = tuple[Integers, Integers, Array]  # dims, codes, shapes
 
 ROWS = 64  # rows of a line along a record before the line starts over
 

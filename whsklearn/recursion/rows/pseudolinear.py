@@ -6,11 +6,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from whsklearn._numba import njit, part
 from whsklearn.effects.codes import VISCOUS
 from whsklearn.effects.terms import term
+from whsklearn.recursion.arrays import Array
 from whsklearn.recursion.rows.covariance import inflate, measurement_update
 from whsklearn.recursion.rows.predictor import push
 
@@ -112,8 +112,6 @@ def rows_along(theta, dims, codes, shapes, key, state, past_u, past_y, u, y, res
         push(past_y, y[t : t + 1])
     return out
 
-
-Array = NDArray[np.float64]
 
 __all__ = ["BLOCK", "GRADIENT", "REEVALUATED", "Published", "auxiliary_size", "rebuild", "row", "run_pseudolinear"]
 
