@@ -152,7 +152,7 @@ def number(value: float | None, digits: int = 3) -> str:
     return f"{value:.{digits}g}" if value is not None and np.isfinite(value) else "-"
 
 
-# --- figure of an identification: overlay, Bode, poles and characteristic -----------------------------------------------
+# --- figure of an identification: overlay, Bode, poles and characteristic ------------------------------------------
 def figure(found: Identification) -> Any:
     """Overlay on the test, Bode magnitude, poles, and the friction curve or static law."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
