@@ -199,6 +199,21 @@ def test_what_nameless_functions_show_together_shows_the_names_that_explain_a_sh
     assert [k.p_value for k in unsure] == [0.02, 0.2]
 
 
+def test_a_name_that_explains_something_else_is_not_shown_by_nameless_functions():
+    plant = Columns({"a": 0.5, "b": 0.5}, names="abc")
+    tangent = Tangent(plant.y, np.empty((0, N)), np.zeros((N, 1)), N)
+
+    def look(name, *columns):
+        x = np.column_stack([plant.columns[c] for c in columns])
+        return tangent.look(Family(name, lambda _: [([0], x[:, None, :], 1.0)], lambda *_: None))
+
+    nameless = replace(look("", "a", "c"), p_value=1e-6)
+    same, other = (replace(look(c, c), p_value=0.2) for c in "ab")
+    np.testing.assert_allclose(same.explained @ same.explained, N * same.size**2)
+    search = Search(plant, np.random.default_rng(0), alpha=0.01)
+    assert [k.p_value for k in search._shown([nameless, same, other])] == [1e-6, 1e-6, 0.2]
+
+
 def test_a_name_that_explains_as_much_is_a_rival_though_chance_might_explain_it():
     def look(name, p, g):
         return Look(name, g, np.zeros(3), p_value=p)

@@ -36,6 +36,14 @@ def meet(a: Look, b: Look) -> bool:
     return not a.place or not b.place or bool(a.place & b.place)
 
 
+def shares(look: Look, nameless: Look) -> bool:
+    """Whether a look explains `LEAST_SHARE` of the power that nameless functions explain, and the same part of it."""
+    a, b = look.explained, nameless.explained
+    if look.swapped or a is None or b is None or a.size != b.size:
+        return bool(look.size**2 >= LEAST_SHARE * nameless.size**2)
+    return bool(float(a @ b) >= np.sqrt(LEAST_SHARE) * float(b @ b))
+
+
 @dataclass(frozen=True)
 class Named:
     """One effect of a model, with its evidence.
@@ -201,7 +209,7 @@ class Search:
         return sorted(out, key=lambda f: -f.score)
 
     def _shown(self, looks: list[Look]) -> list[Look]:
-        """The looks; one that explains `LEAST_SHARE` of what nameless functions explain gets their p-value if smaller.
+        """The looks; one that shares what nameless functions explain gets their p-value if smaller.
 
         The null records take their colour from a residual that contains what is missing, so strong slow effects hide
         themselves and each other.  That something is missing is then shown by the functions together, at the same
@@ -212,7 +220,7 @@ class Search:
         def p_of(k: Look) -> float:
             stands_for = (s for s in nameless if meet(s, k))
             most = max(stands_for, key=lambda s: s.size, default=None)
-            return most.p_value if most is not None and k.size**2 >= LEAST_SHARE * most.size**2 else 1.0
+            return most.p_value if most is not None and shares(k, most) else 1.0
 
         return [replace(k, p_value=min(k.p_value, p_of(k))) if k.name else k for k in looks]
 

@@ -88,6 +88,8 @@ class Look:
         See `whsklearn.gap.calibration.p_value`.
     swapped : bool
         Whether the gain is that of a regression the other way round (`whsklearn.gap.plants.servo_families`).
+    explained : ndarray of shape (n,), optional
+        What it explains of the record, outside the subspace.
     """
 
     name: str
@@ -101,6 +103,7 @@ class Look:
     place: frozenset[str] = frozenset()
     degrees: float = 0.0
     swapped: bool = False
+    explained: Array | None = field(default=None, repr=False)
 
     @property
     def score(self) -> float:
@@ -191,6 +194,7 @@ class Tangent:
         """The family at its best shape; None if it has no shape that the record can show."""
         best = np.full(self.rows.shape[1], 0.0)
         found: tuple[Any, Array] | None = None
+        explained = np.zeros(self.left.size)
         seen, n_shapes, degrees = 0.0, 0, 0.0
         for shapes, columns, shares in family.blocks(self):
             if columns.shape[1] == 0 or not np.all(np.isfinite(columns)):
@@ -204,6 +208,8 @@ class Tangent:
             i = int(np.argmax(power[:, 0]))
             if found is None or power[i, 0] > best[0]:
                 found = shapes[i], sizes[i]
+                explained = np.zeros(self.left.size)
+                explained[family.rows] = self._weighted(columns[:, i] @ sizes[i], family.rows)
             best = np.maximum(best, power.max(axis=0))
         if found is None:
             return None
@@ -213,6 +219,7 @@ class Tangent:
         return Look(
             family.name, float(gains[0]), gains[1:], start, family.n_numbers, size, seen, place=family.place,
             degrees=degrees if n_shapes == 1 and not family.offset else 0.0,
+            explained=explained - self.plane @ (self.plane.T @ explained),
         )  # fmt: skip
 
 
