@@ -122,6 +122,8 @@ class Effect:
         Whether a model may contain several of it, such as cogging of two orders.
     held : tuple of str
         Fields that a search keeps at their starting values.
+    essential : tuple of str
+        Fields, besides the first shape number, at whose limits it would be another effect or none.
     later : tuple of str
         Fields that a search keeps at their starting values until it has accepted the effect; they are then freed, and
         stay free if that improves the fit enough.
@@ -170,6 +172,7 @@ class Effect:
     elementary: ClassVar[bool] = False
     held: ClassVar[tuple[str, ...]] = ()
     later: ClassVar[tuple[str, ...]] = ()
+    essential: ClassVar[tuple[str, ...]] = ()
     sought: ClassVar[bool] = False
     repeats: ClassVar[bool] = False
     finest: ClassVar[float] = math.inf

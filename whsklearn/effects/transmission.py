@@ -80,6 +80,7 @@ class TransmissionEffect(Effect):
     port: ClassVar[str] = "block"
     column_kind: ClassVar[str] = "none"
     finest: ClassVar[float] = 2.5e-4
+    essential: ClassVar[tuple[str, ...]] = ("load_share",)  # a load without mass, or a motor without one, is one body
 
     def __post_init__(self) -> None:
         super().__post_init__()

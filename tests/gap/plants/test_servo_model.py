@@ -73,6 +73,20 @@ def test_a_number_at_the_end_of_its_range_is_told_and_one_within_is_not():
     assert "velocity" in at_end
 
 
+@pytest.mark.parametrize("name", ["flexible_coupling", "backlash"])
+def test_a_load_at_the_limit_of_its_share_is_told_and_a_damping_ratio_is_not(name):
+    kind = candidate(name)
+    start = dict(zip(kind.fields, kind.starts(SCENE)[0], strict=True))
+    limits = dict(zip(kind.fields, kind.ranged(SCENE), strict=True))
+
+    def said(**numbers):
+        return model(Term(kind, tuple((start | numbers).values()))).at_the_end(0)
+
+    assert said() == ""
+    assert said(damping_ratio=limits["damping_ratio"][1]) == ""
+    assert all("load_share" in said(load_share=end) for end in limits["load_share"])
+
+
 def test_a_constant_torque_on_a_free_mass_is_a_parabola():
     drive, still = np.full(TIME.size, 0.1), np.zeros(TIME.size)
     y, angle, speed, _ = model(inertia=0.05).follow(drive, still, (0.0, 0.0), start=(still, still))

@@ -71,10 +71,11 @@ class AxisModel:
         return self.terms[self.n_base :]
 
     def at_the_end(self, index: int) -> str:
-        """A sentence if the first shape number of a term is at the end of its range; empty if not."""
+        """A sentence if a shape number that makes a term what it is is at the end of its range; empty if not."""
         kind, (low, high) = self.terms[index].kind, self.bounds()
+        asked = (*kind.fields[kind.linear : kind.linear + 1], *kind.cls.essential)
         for value, a, b, (i, j, _) in zip(self.vector()[2:], low[2:], high[2:], self.free(), strict=True):
-            if i == index and j == kind.linear and j < kind.n_slots:
+            if i == index and kind.fields[j] in asked:
                 if value <= a + 1e-6 * abs(a) or value >= b - 1e-6 * abs(b):
                     return f"its {kind.fields[j]} reaches the limit of the plausible range"
         return ""

@@ -128,7 +128,7 @@ def with_sizes(view: Any, model: AxisModel, solved: Array) -> AxisModel:
             load = max(float(solved[i]), 1e-3 * motor)
             i += 1
             gap, w, zeta = contact(model, t)
-            share = float(np.clip(load / (motor + load), 0.051, 0.949))
+            share = float(np.clip(load / (motor + load), *t.kind.ranged(view.scene)[t.kind.fields.index("load_share")]))
             held = zeta / np.sqrt(1 - share)
             q: tuple[float, ...]
             if t.kind.code == k.BACKLASH:
