@@ -37,11 +37,11 @@ def meet(a: Look, b: Look) -> bool:
 
 
 def shares(look: Look, nameless: Look) -> bool:
-    """Whether a look explains `LEAST_SHARE` of the power that nameless functions explain, and the same part of it."""
+    """Whether `LEAST_SHARE` of the power that nameless functions explain lies along what a look explains."""
     a, b = look.explained, nameless.explained
     if look.swapped or a is None or b is None or a.size != b.size:
         return bool(look.size**2 >= LEAST_SHARE * nameless.size**2)
-    return bool(float(a @ b) >= np.sqrt(LEAST_SHARE) * float(b @ b))
+    return bool(float(a @ b) ** 2 >= LEAST_SHARE * float(a @ a) * float(b @ b) > 0.0)
 
 
 @dataclass(frozen=True)
