@@ -36,7 +36,9 @@ RIGS = (
     "emps", "kr300 A", "kr300 C", "laas", "xl330 10h28m42", "xl330 10h29m29", "so101 multisine rotation",
     "pendulum pd_sysid", "double_pendulum 2", "airbot 1", "airbot 5", "airbot_loaded 6", "tx40 1", "tx40 4", "tx40 6",
 )  # fmt: skip
-REST = 0.02  # of the rms speed, below which an axis rests; a Stribeck curve of 0.25 is 0.99 there
+# Of the rms speed, below which an axis rests, and the largest share of the time: at rest the sign of v is noise, and the
+# axis would have broken away later than it did.
+REST, RESTING = 0.02, 0.05
 TRAVEL = 0.8  # rad, below which a pendulum's torque is a straight line of the position
 
 
@@ -54,8 +56,7 @@ class Log:
         self.t = self.frame[clock].to_numpy(float)
         dt = float(np.median(np.diff(self.t)))
         self.v = gaussian_filter1d(self.q, 0.02 / dt if dt < 0.01 else 1.0, order=1) / dt
-        # at rest the sign of v is noise, and friction balances whatever the drive is
-        self.direction = np.where(np.abs(self.v) > REST * rms(self.v), np.sign(self.v), 0.0)
+        self.rests = float(np.mean(np.abs(self.v) < REST * rms(self.v)))
         u = self.frame[self.column].to_numpy(float)
         self.u = np.where(u > 32767.0, u - 65536.0, u)  # 16 bits that a servo wraps (XL330)
         self.sign = self.u if "--drive" in given else self.u - q
@@ -74,7 +75,7 @@ EFFECTS: dict[str, Callable[[Log, np.random.Generator], Array]] = {
     "cogging": _cogging,
     "cable_spring": lambda log, rng: log.q - np.mean(log.q),
     "input_offset": lambda log, rng: np.full(log.q.size, rng.choice([-1.0, 1.0])),
-    "stribeck": lambda log, rng: log.direction * np.exp(-((log.v / (0.25 * rms(log.v))) ** 2)),
+    "stribeck": lambda log, rng: np.sign(log.v) * np.exp(-((log.v / (0.25 * rms(log.v))) ** 2)),
     "quadratic_drag": lambda log, rng: log.v * np.abs(log.v),
     "disturbance_tone": lambda log, rng: np.sin(2.0 * np.pi * rng.uniform(1.3, 4.0) * log.t + rng.uniform(0.0, 6.0)),
 }  # fmt: skip
@@ -95,6 +96,8 @@ def one(rig: Rig, effect: str, size: float, seed: int) -> dict[str, Any]:
     """One row of the table; an empty effect is the log as it is."""
     log = Log(rig)
     if effect == "gravity_imbalance" and (not log.turns or np.ptp(log.q) < TRAVEL):
+        return {}
+    if effect == "stribeck" and log.rests > RESTING:
         return {}
     if effect:
         log.frame[log.column] = changed(log, effect, size, np.random.default_rng([seed, *effect.encode()]))
