@@ -36,8 +36,8 @@ RIGS = (
     "emps", "kr300 A", "kr300 C", "laas", "xl330 10h28m42", "xl330 10h29m29", "so101 multisine rotation",
     "pendulum pd_sysid", "double_pendulum 2", "airbot 1", "airbot 5", "airbot_loaded 6", "tx40 1", "tx40 4", "tx40 6",
 )  # fmt: skip
-# Of the rms speed, below which an axis rests, and the largest share of the time: at rest the sign of v is noise, and the
-# axis would have broken away later than it did.
+# Of the rms speed, below which an axis rests, and the largest share of the time that it may rest for a Stribeck curve:
+# at rest the sign of v is noise, and the axis would have broken away later than it did.
 REST, RESTING = 0.02, 0.05
 TRAVEL = 0.8  # rad, below which a pendulum's torque is a straight line of the position
 
