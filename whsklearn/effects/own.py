@@ -20,10 +20,6 @@ SIGNATURE = types.float64(
 )  # index, numbers, time, position, velocity, drive
 
 
-def _none(_which, _p, _time, _position, _velocity, _drive):
-    return 0.0
-
-
 @lru_cache(maxsize=128)
 def compiled(cls: Any) -> Any:
     """The compiled ``evaluate`` of a subclass of `Effect`, to be called by Numba.
@@ -51,10 +47,14 @@ def compiled(cls: Any) -> Any:
 
 @lru_cache(maxsize=128)
 def address_of(classes: tuple[Any, ...]) -> Any:
-    """One function for several classes. Its type does not depend on what it calls, so no kernel is recompiled.
+    """One function for several classes; None for no class.
 
-    It is called as ``f(which, p, time, position, velocity, drive)``.
+    It is called as ``f(which, p, time, position, velocity, drive)``. Its type does not depend on what it calls, so no
+    kernel is compiled again for another class. For None a kernel leaves its calls out. Numba finds out the type of such
+    a function in Python at every call of a kernel, which was a quarter of the diagnosis of a chain.
     """
+    if not classes:
+        return None
     function = _dispatched(tuple(compiled(c) for c in classes))
     if _settings.DISABLE_JIT:
         return function
@@ -63,8 +63,6 @@ def address_of(classes: tuple[Any, ...]) -> Any:
 
 def _dispatched(functions: tuple[Any, ...]) -> Any:
     """A function that calls the ``which``-th of several."""
-    if not functions:
-        return _none
     first = functions[0]
     if len(functions) == 1:
 

@@ -412,4 +412,5 @@ _FOLD: dict[str, Callable[[Any, Any], Any]] = {
     "Pow": lambda a, b: a**b, "FloorDiv": lambda a, b: a // b, "Mod": lambda a, b: a % b,
     "Lt": lambda a, b: a < b, "LtE": lambda a, b: a <= b, "Gt": lambda a, b: a > b, "GtE": lambda a, b: a >= b,
     "Eq": lambda a, b: a == b, "NotEq": lambda a, b: a != b,
+    "Is": lambda a, b: a is b, "IsNot": lambda a, b: a is not b,
 }  # fmt: skip

@@ -33,7 +33,7 @@ class Plant(NamedTuple):
     ``codes`` (n,) and ``p`` (n, 8) are the effects as `Effect.code` and `Effect.row`, the law's terms among them;
     ``parts`` (12,) holds inertia, kappa (inf: true stiction), drive gain, limit, delay and lag in s, the load's share
     of the inertia (0: rigid), stiffness (0: none given), damping ratio and gap of the transmission, the encoder's
-    resolution, and 1 if the encoder is on the load.  ``own`` calls the user-defined effects.
+    resolution, and 1 if the encoder is on the load.  ``own`` calls the user-defined effects (None: there are none).
     """
 
     codes: Any
@@ -102,12 +102,13 @@ def motor_sum(effects, p, own, ends, z, t, q, v, s, ds, u):
         f, df = motor_torque(effects[i], p, i, t, q, v, s, ds, u)
         total += f
         slope += df
-    for i in range(ends.plain, ends.own):
-        which = int(p[i, WHICH])
-        f = own(which, p[i], t, q, v, u)
-        step = 1e-6 * (1.0 + abs(v))
-        slope += (own(which, p[i], t, q, v + step, u) - f) / step
-        total += f
+    if own is not None:
+        for i in range(ends.plain, ends.own):
+            which = int(p[i, WHICH])
+            f = own(which, p[i], t, q, v, u)
+            step = 1e-6 * (1.0 + abs(v))
+            slope += (own(which, p[i], t, q, v + step, u) - f) / step
+            total += f
     for i in range(ends.own, ends.memory):
         f, df = hysteresis_torque(effects[i], p, z, i, v)
         total += p[i, 0] * f
@@ -151,7 +152,8 @@ def read(effects, p, own, ends, t, x):
     y = x
     for i in range(ends.load, ends.sensor):
         if effects[i] == codes.USER_OUTPUT:
-            y += own(int(p[i, WHICH]), p[i], t, x, 0.0, 0.0)
+            if own is not None:
+                y += own(int(p[i, WHICH]), p[i], t, x, 0.0, 0.0)
         else:
             y += reading(effects[i], p, i, t, x)
     return y

@@ -162,7 +162,8 @@ def added(codes, rows, memory, own, u, x, dx, ddx, t, dt, kappa):
         if at_drive(c) or at_sensor(c) or at_transmission(c):
             total += 0.0
         elif c == k.USER_TORQUE:
-            total += own(int(rows[j, WHICH]), rows[j], t * dt, x, dx, u)
+            if own is not None:
+                total += own(int(rows[j, WHICH]), rows[j], t * dt, x, dx, u)
         elif c == k.CHANGE_INERTIA:
             total += equations.parameter_change(rows[j, 0], rows[j, 1], t * dt, ddx)
         elif has_memory(c):
@@ -185,7 +186,8 @@ def sensed(codes, rows, memory, own, q, t, dt):
     for j in range(codes.size):
         c = codes[j]
         if c == k.USER_OUTPUT:
-            y += own(int(rows[j, WHICH]), rows[j], t * dt, q, 0.0, 0.0)
+            if own is not None:
+                y += own(int(rows[j, WHICH]), rows[j], t * dt, q, 0.0, 0.0)
         elif at_sensor(c) and c != k.RESONANCE_Y:
             folds = c == k.SENSOR_RECTIFICATION or c == k.QUANTIZATION
             y += reading(c, rows, j, t * dt, y if folds else q)
@@ -207,10 +209,10 @@ def unsensed(codes, rows, own, y, expected, t, dt):
         else:
             start = q
             for _ in range(4):  # q + e(q) = y; e is small and smooth, so this iteration contracts
-                here = (
-                    own(int(rows[j, WHICH]), rows[j], t * dt, q, 0.0, 0.0)
-                    if c == k.USER_OUTPUT
-                    else reading(c, rows, j, t * dt, q)
-                )
+                here = 0.0
+                if c != k.USER_OUTPUT:
+                    here = reading(c, rows, j, t * dt, q)
+                elif own is not None:
+                    here = own(int(rows[j, WHICH]), rows[j], t * dt, q, 0.0, 0.0)
                 q = start - here
     return q
