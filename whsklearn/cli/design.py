@@ -12,7 +12,8 @@ import click
 from whsklearn.cli.job import guarded, table, wrapped, writable_folder
 
 LIMITS = ("position", "speed", "drive", "seconds")
-MOST_RIVALS = 3  # in addition to the named effects; each takes a simulated run of some seconds
+MOST_RIVALS = 3  # in addition to the named effects; each takes three simulated runs of some seconds
+SAID = {True: "yes", False: "no", None: "depends on the noise"}
 
 
 def limits_of(_context: Any, _option: Any, text: str) -> dict[str, float]:
@@ -74,9 +75,7 @@ def write(**options: Any) -> None:
                "drive": made.reached.drive / by, "seconds": made.reached.seconds}  # fmt: skip
     answer = {"would_be_named": made.named, "limits": given, "reached": reached, "advice": advice}
     atomic_write(folder / "design.json", (json.dumps(answer, indent=2) + "\n").encode())
-    click.echo(
-        table(["rival", "would be named"], [[n.replace("_", " "), "yes" if y else "no"] for n, y in made.named.items()])
-    )
+    click.echo(table(["rival", "would be named"], [[n.replace("_", " "), SAID[y]] for n, y in made.named.items()]))
     click.echo(wrapped(advice))
     click.echo(f"Written: {folder / 'reference.csv'}, {folder / 'design.json'}")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import replace
 from typing import Any
 
@@ -34,6 +35,7 @@ MOST_EFFECTS = 4  # beside the law: with more numbers than that a block of a rec
 # half of that.
 WORTH = 0.01
 FEWEST_MOVING = 20  # samples: three for each number of a law and an effect
+THINNED = 2  # of the five samples a period of the cut-off: half of them hold the same, and cost half to look at
 N_NULL = 19  # rows of chance, which give the moments of a Gumbel law to a sixth
 PLACES = ("friction", "position")  # effects of the sensor and of time are no constants of an axis
 SMALL = 0.01  # of a shape number: its columns change in proportion
@@ -159,8 +161,10 @@ def missing(
 
 def looks_of(view: InverseView, model: AxisModel, rng: np.random.Generator) -> dict[Candidate, Look]:
     """What the columns of every constant effect explain of one record's residual, and of random rows of its colour."""
-    scene = Scene(view, model)
     _, x, target, sizes, _ = view.solved(model)
+    view = copy(view)
+    view.at = view.at[::THINNED]
+    scene = Scene(view, model)
     left = (target - x @ sizes)[view.at]
     power = smoothed_power(left)
     null = coloured(power, (N_NULL, left.size), rng)

@@ -23,6 +23,7 @@ from whsklearn.systems.servo_parts import PIDController, Sensor
 BANDWIDTH = 4.0  # Hz, of the dry run's controller: above the reference's 2.9 Hz, within what a log at 50 Hz resolves
 RISE = 0.5  # s, over which the reference starts from rest
 BEYOND = (1.5, 2.25)  # multiples of the limits at which a rival that was not named is tried again
+N_RUNS = 3  # with noise of their own: of an effect that is named as often as not, they agree in a quarter of all cases
 SHRINK = 0.8  # factor on a reference that needs too much drive
 MOST_SHRINKING = 20  # 0.8 to the twentieth: a hundredth of the travel
 
@@ -47,7 +48,7 @@ class Design:
     reached : Limits
         What the simulated axis needs for it.
     named : dict
-        Rival -> whether it would be named first, or beside its alias.
+        Rival -> whether it would be named first, or beside its alias; None where that depends on the noise.
     factors : dict
         Rival that is not named -> the factor on the limits at which it would be; None if no factor that was tried does.
 
@@ -68,7 +69,7 @@ class Design:
     time: Array
     reference: Array
     reached: Limits
-    named: dict[str, bool]
+    named: dict[str, bool | None]
     factors: dict[str, float | None]
 
     def advice(self, unit: str, by: float = 1.0) -> str:
@@ -76,7 +77,9 @@ class Design:
         seen = [n.replace("_", " ") for n, yes in self.named.items() if yes]
         parts = [f"{' and '.join(seen)} would be named"] if seen else []
         for name, yes in self.named.items():
-            if not yes:
+            if yes is None:
+                parts.append(f"{name.replace('_', ' ')} may or may not, depending on the noise")
+            elif not yes:
                 parts.append(f"{name.replace('_', ' ')} would not")
         text = "Within these limits " + ", ".join(parts)
         for name, factor in self.factors.items():
@@ -130,6 +133,16 @@ def is_named(axis: ServoAxis, rival: Effect, reference: Array, law: str, *, alph
     return bool(found.effects_) and found.effects_[0].name in accepted(rival.name)
 
 
+def surely_named(axis: ServoAxis, rival: Effect, reference: Array, law: str, *, alpha: float, seed: int) -> bool | None:
+    """`is_named` of several runs with other noise, if they all agree; else None."""
+    answers: set[bool] = set()
+    for k in range(N_RUNS):
+        answers.add(is_named(axis, rival, reference, law, alpha=alpha, seed=seed + k))
+        if len(answers) > 1:
+            return None
+    return answers.pop()
+
+
 def accepted(name: str) -> set[str]:
     """The name, and the names that no data can distinguish from it."""
     return {name, *get_effect(name).aliases}
@@ -165,10 +178,10 @@ def design(
     reference, reached = reference_within(axis, limits, seed)
     rng = np.random.default_rng(seed)
     drawn = [r if isinstance(r, Effect) else draw_effect(r, axis, reference, share, rng) for r in rivals]
-    named = {r.name: is_named(axis, r, reference, law, alpha=alpha, seed=seed) for r in drawn}
+    named = {r.name: surely_named(axis, r, reference, law, alpha=alpha, seed=seed) for r in drawn}
     factors: dict[str, float | None] = {}
     for rival in drawn:
         if not named[rival.name]:
-            tried = (f for f in BEYOND if is_named(axis, rival, f * reference, law, alpha=alpha, seed=seed))
+            tried = (f for f in BEYOND if surely_named(axis, rival, f * reference, law, alpha=alpha, seed=seed))
             factors[rival.name] = next(tried, None)
     return Design(np.arange(reference.size) / axis.sample_rate, reference, reached, named, factors)
