@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
+
 from whsklearn.compare import Change, Comparison, write_report
+from whsklearn.compare.report import HEIGHT, over_records
 
 
 def test_page_and_json(tmp_path):
@@ -17,3 +20,14 @@ def test_page_and_json(tmp_path):
     assert page.count("<circle") == 2
     assert "http" not in page.replace("http://www.w3.org", "")
     assert json.loads((tmp_path / "new" / "compare.json").read_text(encoding="utf-8"))["verdict"] == "moved"
+
+
+def test_a_picture_keeps_the_order_and_the_scale_of_the_values():
+    row = {"values": [3.0, 1.0, 2.0], "standard_errors": [0.1, 0.3, 0.1]}
+    picture = over_records(row)
+    x, y, top, bottom = (np.array(p) for p in zip(*picture.points, strict=True))
+    assert np.all(np.diff(x) > 0.0)
+    np.testing.assert_allclose(np.diff(y) / np.diff(row["values"]), np.diff(y)[0] / -2.0)  # one scale, up is more
+    np.testing.assert_allclose((bottom - top) / (bottom - top)[0], [1.0, 3.0, 1.0])
+    assert 0.0 < top.min() < bottom.max() < HEIGHT
+    assert (picture.low, picture.high) == (0.4, 3.2)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import whsklearn.gap.design as plan
 from whsklearn import ServoAxis
 from whsklearn.effects import Cogging
 from whsklearn.gap.design import BEYOND, Design, Limits, closed_loop, design, reference_within
@@ -34,6 +35,17 @@ def test_a_strong_effect_would_be_named_and_one_too_weak_would_not():
     made = design(AXIS, [Cogging(0.1, 12.0)], "viscous,coulomb", limits, share=0.1, noise=1e-5)
     assert made.named == {"cogging": True}
     assert made.factors == {}
+
+
+def test_a_promise_is_made_only_if_the_dry_runs_agree(monkeypatch):
+    answers = {0: [True, True, True], 10: [False, False, False], 20: [True, False, True]}
+    monkeypatch.setattr(plan, "is_named", lambda *_, alpha, seed: answers[seed // 10 * 10][seed % 10])
+    told = [plan.surely_named(AXIS, Cogging(0.1, 12.0), np.zeros(9), "viscous", alpha=0.01, seed=s) for s in answers]
+    assert told == [True, False, None]
+    made = Design(np.zeros(1), np.zeros(1), Limits(1.0, 1.0, 2.0, 6.0), {"cogging": None}, {"cogging": 1.5})
+    assert made.advice("Nm") == (
+        "Within these limits cogging may or may not be named, depending on the noise; to see cogging allow 3 Nm."
+    )
 
 
 def test_what_stays_unseen_is_said():

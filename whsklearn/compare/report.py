@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from whsklearn.compare.comparison import Comparison
 from whsklearn.gap.report import significant
@@ -13,7 +13,7 @@ from whsklearn.logs.files import atomic_write
 from whsklearn.plot.page import html_of
 
 COLOURS = {"moved": "#1b7f4d", "nothing": "#2b6cb0", "cannot_tell": "#b7791f"}
-WIDTH, ROW, MARGIN = 320.0, 16.0, 8.0  # px of a row of the pictures
+WIDTH, HEIGHT, MARGIN = 320.0, 120.0, 28.0  # px of a picture; the margin above and below holds a line of text
 REACH = 2.0  # standard errors that a whisker reaches either way
 
 
@@ -54,21 +54,38 @@ def render(found: Comparison) -> str:
         {"sig": significant},
         c=found,
         colour=COLOURS[found.verdict],
-        pictures=[whiskers(row) for row in found.numbers],
+        pictures=[over_records(row) for row in found.numbers],
         width=WIDTH,
-        row=ROW,
+        height=HEIGHT,
     )
 
 
-def whiskers(row: dict[str, Any]) -> list[tuple[float, float, float]]:
-    """(low, middle, high) of every record in pixels from the left, for one number.
+class Picture(NamedTuple):
+    """A number over the records: (x, y, top, bottom) of every record in px, and the values at the ends of the axis."""
+
+    points: list[tuple[float, float, float, float]]
+    low: float
+    high: float
+
+
+def over_records(row: dict[str, Any]) -> Picture:
+    """One number of all records in their order, with whiskers of two standard errors.
 
     Examples
     --------
-    >>> whiskers({"values": [1.0, 2.0], "standard_errors": [0.25, 0.25]})
-    [(8.0, 84.0, 160.0), (160.0, 236.0, 312.0)]
+    >>> picture = over_records({"values": [1.0, 2.0], "standard_errors": [0.25, 0.25]})
+    >>> picture.points
+    [(80.0, 76.0, 60.0, 92.0), (240.0, 44.0, 28.0, 60.0)]
+    >>> picture.low, picture.high
+    (0.5, 2.5)
     """
     spans = [(v - REACH * e, v, v + REACH * e) for v, e in zip(row["values"], row["standard_errors"], strict=True)]
     low, high = min(s[0] for s in spans), max(s[2] for s in spans)
-    by = (WIDTH - 2.0 * MARGIN) / max(high - low, 1e-300)
-    return [(MARGIN + (a - low) * by, MARGIN + (b - low) * by, MARGIN + (c - low) * by) for a, b, c in spans]
+    by = (HEIGHT - 2.0 * MARGIN) / max(high - low, 1e-300)
+    apart = WIDTH / len(spans)
+    points = [
+        ((k + 0.5) * apart, HEIGHT - MARGIN - (v - low) * by, HEIGHT - MARGIN - (b - low) * by,
+         HEIGHT - MARGIN - (a - low) * by)
+        for k, (a, v, b) in enumerate(spans)
+    ]  # fmt: skip
+    return Picture(points, low, high)

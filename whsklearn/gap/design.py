@@ -78,7 +78,7 @@ class Design:
         parts = [f"{' and '.join(seen)} would be named"] if seen else []
         for name, yes in self.named.items():
             if yes is None:
-                parts.append(f"{name.replace('_', ' ')} may or may not, depending on the noise")
+                parts.append(f"{name.replace('_', ' ')} may or may not be named, depending on the noise")
             elif not yes:
                 parts.append(f"{name.replace('_', ' ')} would not")
         text = "Within these limits " + ", ".join(parts)
