@@ -72,18 +72,18 @@ def run(theta, chain, ports, u, y, noise, free, x, v, y_hat):
     leaves their branches out, which makes the pass twice as fast.
     """
     if ports is None:
-        _pass(theta, chain, None, u, y, noise, free, x, v, y_hat, u, x, y_hat if free else y, None)
+        _pass(theta, chain, None, free, (u, y, noise), (x, v, y_hat), (u, x, y_hat if free else y), None)
     else:
         # the input that drives L1, x before the transmission, y before the sensor
         ue, raw, q = np.empty(u.size), np.empty(u.size), np.empty(u.size)
         memory = np.zeros((ports.codes.size, N_STATES))
-        _pass(theta, chain, ports, u, y, noise, free, x, v, y_hat, ue, raw, q, memory)
+        _pass(theta, chain, ports, free, (u, y, noise), (x, v, y_hat), (ue, raw, q), memory)
 
 
 @part
-def _pass(theta, chain, ports, u, y, noise, free, x, v, y_hat, ue, raw, q, memory):
+def _pass(theta, chain, ports, free, given, found, inner, memory):
     """The pass of `run`, on borrowed arrays whose owners live there."""
-    theta, u, y, noise, x, v, y_hat, ue, raw, q = borrowed((theta, u, y, noise, x, v, y_hat, ue, raw, q))
+    theta, (u, y, noise), (x, v, y_hat), (ue, raw, q) = borrowed((theta, given, found, inner))
     dims, law, shapes, kappa, dt = borrowed(chain)
     na, nb, nc, nd, nw = dims[0], dims[1], dims[2], dims[3], dims[4]
     b0, w0 = na - 1, na - 1 + nb

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ast
 import copy
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ import pytest
 from whsklearn import WienerHammersteinSystem
 from whsklearn.datasets import make_wiener_hammerstein
 from whsklearn.recursion.memory import multistart
+from whsklearn.recursion.memory import schedule as schedule_module
 from whsklearn.recursion.memory.schedule import BackgroundRefit, schedule
 
 MEMORY = 120
@@ -165,3 +168,15 @@ def test_pages_of_rest_leave_estimate_and_covariance_as_they_were(level):
     rest(100 * MEMORY)
     for name in ("theta", "ud", "loss", "prior_information", "ceiling"):
         np.testing.assert_array_equal(state[name], before[name], err_msg=name)
+
+
+def test_nothing_else_in_the_recursions_is_scheduled():
+    """The mathematics takes a state and returns a state; work in pieces stands in one module."""
+    folder = Path(schedule_module.__file__).parents[1]
+    pieces = (ast.Yield, ast.YieldFrom)
+    yields = {
+        path.name
+        for path in folder.rglob("*.py")
+        if any(isinstance(node, pieces) for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+    }
+    assert yields - {"block_split.py"} == {"schedule.py"}  # divisions are listed one by one, not scheduled
