@@ -362,7 +362,7 @@ def from_a_cold_start(a: Estimate, b: Estimate) -> tuple[Estimate, Estimate]:
 
     What a drift leaves open is by how much a number may have wandered from one record to the other.  It is the drift in
     which they differ that says so: a course that comes again in the second record ends where it ended in the first.
-    Only where the second record goes on where the first has ended may all of the drift be what lies between them: where
+    Only if the second record continues where the first has ended may all of the drift be what lies between them: where
     the two differ less at their ends than in their means, and by no more than the half waves that were not fitted, of a
     walk with those that were, may hide there.
     """

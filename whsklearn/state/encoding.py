@@ -124,7 +124,7 @@ def _find(base: type, name: str) -> Callable[..., Any]:
 
 
 def _generator(coded: dict[str, Any], arrays: list[NDArray[Any]]) -> np.random.Generator:
-    """A generator that goes on where the saved one stood."""
+    """A generator that continues where the saved one stood."""
     state = decode(coded["state"], arrays)
     kinds = {k.__name__: k for k in (np.random.PCG64, np.random.PCG64DXSM, np.random.MT19937, np.random.Philox)}
     generator = np.random.Generator(kinds[state["bit_generator"]]())
@@ -133,7 +133,7 @@ def _generator(coded: dict[str, Any], arrays: list[NDArray[Any]]) -> np.random.G
 
 
 def _random_state(coded: dict[str, Any], arrays: list[NDArray[Any]]) -> np.random.RandomState:
-    """A legacy random state that goes on where the saved one stood."""
+    """A legacy random state that continues where the saved one stood."""
     generator = np.random.RandomState()
     generator.set_state(decode(coded["state"], arrays))
     return generator
