@@ -169,7 +169,7 @@ def tested(finder: GapFinder, test: Path, here: tuple[str, str, str], there: tup
     try:
         rows = on_second_record(finder, record)
     except ValueError as error:
-        yield "gap --test", ("A" in here) != ("A" in there) and "brought" in str(error), "refused"
+        yield "gap --test", ("A" in here) != ("A" in there) and "converted" in str(error), "refused"
         return
     spread = float(np.std(log.y)) * factor_between(there[0], here[0])
     right = ("A" in here) == ("A" in there) and all(
