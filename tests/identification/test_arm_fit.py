@@ -10,7 +10,7 @@ import pytest
 from tests.lags.test_rigid_body import RATE, smooth_log
 from tests.systems.drawn_arms import drawn_arm
 from whsklearn.datasets import default_arm, make_arm_log
-from whsklearn.effects import Cogging, Coulomb, Viscous
+from whsklearn.effects import CableSpring, Cogging, Coulomb, Viscous
 from whsklearn.identification import identify_arm
 from whsklearn.identification.arm_fit import block_covariance, suspicions, swapped
 from whsklearn.lags import RigidBodyLags
@@ -136,6 +136,12 @@ def test_joints_in_another_order_are_told_by_what_is_left_of_their_drives():
     assert "the drive of yaw by that given for pitch" in order_told(Q, TORQUE[:, ::-1])[0]
     assert "in another order" in order_told(Q[:, ::-1], TORQUE)[0]
     assert "the columns of yaw by those given for pitch" in order_told(Q[:, ::-1], TORQUE[:, ::-1])[0]
+
+
+@pytest.mark.parametrize("joint", ARM.joints)
+def test_a_large_effect_at_one_joint_is_no_other_order(joint):
+    q, torque = make_arm_log(effects={joint: [CableSpring(1.0), Cogging(0.5, 3.0)]}, duration=12.0, return_arrays=True)
+    assert order_told(q, torque) == []
 
 
 @pytest.mark.parametrize("n", [7, 20])

@@ -18,6 +18,7 @@ from whsklearn.gap.diagnosis import (
     families,
     place_in,
     rows_in,
+    spoken,
 )
 from whsklearn.gap.pictures import pictures_in
 from whsklearn.gap.plant import QUIET
@@ -288,7 +289,7 @@ def candidates(found: Found, diagnosis: Diagnosis, plant: Any, alpha: float) -> 
         elif not line.reason:
             joint = name.partition(" at ")[2]
             here = [e.label for e in diagnosis.effects if e.joint in ("", joint)]
-            line.reason = f"explains less than {here[0].replace('_', ' ')}" if here else "explains too little"
+            line.reason = f"explains less than {spoken(here[0])}" if here else "explains too little"
     for name, late in named.items():
         if name not in lines:
             share = float(np.clip(late.closure, -1, 1))

@@ -20,6 +20,19 @@ CURVE_UNITS = {"velocity": "{1}/s", "speed": "{1}/s", "drive": "{0}"}  # of a si
 MAP_POINTS = 1440  # of a map over one turn: four to a degree, nine to a period of the highest order looked for
 
 
+def spoken(label: str) -> str:
+    """The name of an effect in words; that of its joint stays as the robot's file spells it.
+
+    Examples
+    --------
+    >>> from whsklearn.gap.diagnosis import spoken
+    >>> spoken("cable_spring at wrist_1_joint")
+    'cable spring at wrist_1_joint'
+    """
+    effect, at, joint = label.partition(" at ")
+    return effect.replace("_", " ") + at + joint
+
+
 @dataclass
 class NamedEffect:
     """An effect with its parameters, its evidence, and the effects it cannot be distinguished from.

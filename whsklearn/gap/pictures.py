@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from whsklearn.gap.diagnosis import Diagnosis
+from whsklearn.gap.diagnosis import Diagnosis, spoken
 from whsklearn.logs.units import respelled
 
 BEFORE, AFTER, MEASURED, FLOOR = "#c2552d", "#1b7f4d", "#1c2530", "#8a97a5"
@@ -282,7 +282,7 @@ def _candidates(axes: Any, d: Diagnosis) -> bool:
     if not shown:
         return False
     colours = {"named": AFTER, "alias": BEFORE}
-    bars = axes.barh([c.name.replace("_", " ") for c in shown], [100.0 * c.closure for c in shown])
+    bars = axes.barh([spoken(c.name) for c in shown], [100.0 * c.closure for c in shown])
     for bar, c in zip(bars, shown, strict=True):
         colour = colours.get(c.status, FLOOR)
         bar.set(edgecolor=colour, facecolor=colour if c.status == "named" or c.p_value <= d.alpha else "none")
@@ -310,7 +310,7 @@ def _map(axes: Any, d: Diagnosis) -> bool:
         return False
     for e, colour in zip(families, (AFTER, BEFORE, MEASURED), strict=False):
         over = e.map_over_turn()
-        axes.plot(np.rad2deg(over["angle_rad"]), over["value"], color=colour, lw=0.8, label=e.label.replace("_", " "))
+        axes.plot(np.rad2deg(over["angle_rad"]), over["value"], color=colour, lw=0.8, label=spoken(e.label))
     axes.axhline(0, color=FLOOR, lw=0.6)
     axes.set(xlabel="angle in the turn (deg)", ylabel=titled("size", families[0].amplitude_unit), xlim=(0, 360))
     axes.set_xticks(range(0, 361, 60))

@@ -10,7 +10,7 @@ import warnings
 from pathlib import Path
 from typing import Any
 
-from whsklearn.gap.diagnosis import Diagnosis
+from whsklearn.gap.diagnosis import Diagnosis, spoken
 from whsklearn.logs.files import atomic_write
 from whsklearn.models import ArmModel, AxisModel, ChainModel, save_model
 from whsklearn.plot.page import html_of
@@ -107,7 +107,7 @@ def render(diagnosis: Diagnosis) -> str:
         pictures = draw(diagnosis)
     return html_of(
         Path(__file__).with_name("report.html.j2"),
-        {"sig": significant, "p": probability},
+        {"sig": significant, "p": probability, "spoken": spoken},
         d=diagnosis,
         pictures=pictures,
         no_pictures="" if drawn else NO_PICTURES,

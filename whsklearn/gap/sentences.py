@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from whsklearn.gap.diagnosis import spoken
 from whsklearn.gap.localisation import NOWHERE
 
 # Multiple of the floor that the floor's uncertainty cannot explain, so that the report does not call it noise.
@@ -36,7 +37,7 @@ def article_list(names: list[str]) -> str:
     >>> article_list(["cogging", "stribeck", "backlash"])
     'cogging, stribeck and backlash'
     """
-    pretty = [n.replace("_", " ") for n in names]
+    pretty = [spoken(n) for n in names]
     return pretty[0] if len(pretty) == 1 else ", ".join(pretty[:-1]) + " and " + pretty[-1]
 
 
@@ -81,7 +82,7 @@ def summary(d: Any, plant: Any) -> str:
     if before == after:  # a coarse reading: it is in the record, not in the model's run
         left = "That is all the noise there is: nothing else is missing that this record could show."
     if d.verdict == "named":
-        parts = [f"{e.label.replace('_', ' ')} ({numbers(e)})" for e in d.effects]
+        parts = [f"{spoken(e.label)} ({numbers(e)})" for e in d.effects]
         alias = sorted({a for e in d.effects for a in e.aliases})
         tail = f" No such record can distinguish it from {article_list(alias)}." if alias else ""
         return opening + "Consistent with " + " and ".join(parts) + ". " + left + tail

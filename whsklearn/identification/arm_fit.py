@@ -506,7 +506,8 @@ def swapped(lags: RigidBodyLags, q: Array, torque: Array, rows: tuple[Array, Arr
 
     A joint's own columns explain its own drive best, whatever the others are.  If the numbers that all joints share
     then leave much of a drive, the positions are in another order, too: it is sought by exchanging two, turning all
-    round or shifting them by one, as long as that leaves less.
+    round or shifting them by one, as long as that leaves less.  It has to be better for every joint that it moves: a
+    large effect that one joint lacks is no such order.
 
     Parameters
     ----------
@@ -523,7 +524,7 @@ def swapped(lags: RigidBodyLags, q: Array, torque: Array, rows: tuple[Array, Arr
 
     def clearly() -> bool:
         moved = (places != given) | (drives != given)
-        return bool(moved.any() and left[moved].sum() <= CLEARLY * before[moved].sum())
+        return bool(moved.any() and (left[moved] <= CLEARLY * before[moved]).all())
 
     bad = np.flatnonzero(left > MUCH)
     if bad.size and not clearly():

@@ -409,7 +409,7 @@ class ArmPlant(PlantDefaults):
         missing = zip(*(self.view.held_out(self.view.fit(m)) for m in (base, model)), self.own.floor, strict=True)
         return [
             {"name": joint, "missing": dict(zip(("before", "after", "floor"), map(float, shares), strict=True)),
-             "names": [t.name for t in model.terms if joint in t.kind.place]}
+             "names": [t.name for t in model.terms if joint in (t.kind.place or {t.joint})]}
             for joint, shares in zip(self.view.arm.joints, missing, strict=True)
         ]  # fmt: skip
 
