@@ -35,7 +35,8 @@ MOST_EFFECTS = 4  # beside the law: with more numbers than that a block of a rec
 # half of that.
 WORTH = 0.01
 FEWEST_MOVING = 20  # samples: three for each number of a law and an effect
-THINNED = 2  # of the five samples a period of the cut-off: half of them hold the same, and cost half to look at
+LOOKED_AT = 2.5  # samples a period of the cut-off: twice that are kept where there are as many, and tell the same
+ENOUGH = 1000  # samples: fewer cost little to look at, and are not thinned
 N_NULL = 19  # rows of chance, which give the moments of a Gumbel law to a sixth
 PLACES = ("friction", "position")  # effects of the sensor and of time are no constants of an axis
 SMALL = 0.01  # of a shape number: its columns change in proportion
@@ -163,7 +164,8 @@ def looks_of(view: InverseView, model: AxisModel, rng: np.random.Generator) -> d
     """What the columns of every constant effect explain of one record's residual, and of random rows of its colour."""
     _, x, target, sizes, _ = view.solved(model)
     view = copy(view)
-    view.at = view.at[::THINNED]
+    fewer = min(int(1.0 / (LOOKED_AT * view.cutoff * view.step)), view.at.size // ENOUGH)
+    view.at = view.at[:: max(1, fewer)]
     scene = Scene(view, model)
     left = (target - x @ sizes)[view.at]
     power = smoothed_power(left)
