@@ -90,11 +90,24 @@ class Runs:
     def looks(self, model, rng):
         return []
 
+    def linearised(self, model):
+        return model
+
     def contributes(self, base, model):
         return False
 
     def settled(self, model):
         return model
+
+
+class Letter(str):
+    """A term."""
+
+    __slots__ = ()
+
+    @property
+    def effect(self):
+        return self
 
 
 class Terms(str):
@@ -105,7 +118,7 @@ class Terms(str):
 
     @property
     def terms(self):
-        return tuple(self)
+        return tuple(map(Letter, self))
 
     def with_terms(self, terms):
         return Terms("".join(terms))
@@ -119,12 +132,15 @@ def closing(monkeypatch):
     def rows(plant, base, model, rng, given=None):
         return [{"horizon": h, "closure": c} for h, c in zip((1.0, 2.0), plant.closes(model), strict=True)]
 
-    def run(plant, model="ab"):
+    def run(plant, model="ab", certainty="9" * 9):
         monkeypatch.setattr(conclude, "prove", rows)
+        monkeypatch.setattr(
+            conclude, "_certainty", lambda fit, effect, index: float(dict(zip(model, certainty))[effect])
+        )
         found = SimpleNamespace(
             base=Terms(), model=Terms(model), taken=list(model), remainder=[], steps=[SimpleNamespace(looks=[])]
         )
-        return conclude._closing(plant, found, None, None), found
+        return conclude._closing(plant, found, None, None, 0.01), found
 
     return run
 
@@ -145,6 +161,13 @@ def test_an_effect_beside_others_that_ends_at_a_limit_goes_and_one_alone_stays(c
     _, found = closing(Runs(lambda m: (0.9, 0.9), objected="b"), "abc")
     assert (found.model, found.taken) == ("ac", ["a", "c"])
     assert closing(Runs(lambda m: (0.9, 0.9), objected="a"), "a")[1].taken == ["a"]
+
+
+def test_the_least_certain_effect_beside_others_goes_where_its_size_may_be_zero(closing):
+    closes = Runs(lambda m: (0.9, 0.9))
+    assert closing(closes, "abc", certainty="921")[1].taken == ["a"]
+    assert closing(closes, "abc", certainty="333")[1].taken == ["a", "b", "c"]
+    assert closing(closes, "a", certainty="1")[1].taken == ["a"]
 
 
 def test_a_run_that_is_useless_at_one_horizon_is_told_at_a_shorter_one(closing):
