@@ -135,7 +135,7 @@ def closing(monkeypatch):
     def run(plant, model="ab", certainty="9" * 9):
         monkeypatch.setattr(conclude, "prove", rows)
         monkeypatch.setattr(
-            conclude, "_certainty", lambda fit, effect, index: float(dict(zip(model, certainty))[effect])
+            conclude, "_certainty", lambda fit, effect, index: float(dict(zip(model, certainty, strict=False))[effect])
         )
         found = SimpleNamespace(
             base=Terms(), model=Terms(model), taken=list(model), remainder=[], steps=[SimpleNamespace(looks=[])]
