@@ -87,7 +87,8 @@ class Estimate:
     drift : dict
         Number -> rms by which it drifts within the record, beyond noise.
     courses : dict
-        Number -> its half waves along the record, as fitted, from the longest on.
+        Number -> its half waves along the record, as fitted, from the longest on; none of an offset that walks, whose
+        course does not come again.
     """
 
     label: str
@@ -150,7 +151,7 @@ def estimate(rows: Rows) -> Estimate:
     )
     share = float(np.sqrt(np.mean((rows.target - x @ (fit / size)) ** 2)) / np.linalg.norm(rows.scale))
     waves = fit[p:] / size[p:]
-    courses = {i: waves[: len(rows.of)][[j == i for j in rows.of]] for i in power}
+    courses = {i: waves[: len(rows.of)][[j == i for j in rows.of]] for i in power if i not in by_walk}
     return Estimate(rows.label, fit[:p] / size[:p], parts, share, drift, courses)
 
 
