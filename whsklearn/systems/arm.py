@@ -605,8 +605,10 @@ def _controllers(arm: Arm, given: Any) -> Array:
     if given is None:
         # A double pole at 12 Hz and a slow integral for the inertia of a joint while the others are free.  While they
         # are held, that of an axis parallel to others is several times larger: the loops would drive each other.
-        free = np.linalg.inv(arm.mass_matrix(np.zeros((1, arm.n_joints)))[0])
-        w, inertia = 2.0 * np.pi * 12.0, 1.0 / np.diagonal(free)
+        mass = arm.mass_matrix(np.zeros((1, arm.n_joints)))[0]
+        w, inertia = 2.0 * np.pi * 12.0, np.diagonal(mass)
+        if np.linalg.matrix_rank(mass) == len(mass):  # a file may name no inertia of a link
+            inertia = 1.0 / np.diagonal(np.linalg.inv(mass))
         given = {
             j: PIDController(float(i * w**2), float(i * w**3 / 20.0), float(2.0 * i * w))
             for j, i in zip(arm.joints, inertia, strict=True)
