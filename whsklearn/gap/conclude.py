@@ -238,8 +238,8 @@ def verdict_of(plant: Any, found: Found, alpha: float, run: dict[str, float]) ->
     share = (before**2 - after**2) / max(before**2 - floor**2, 1e-300)
     # the drive's error shows little of free swings: there the looks along the run measure what an effect explains
     explained = max(before**2 - after**2, sum((t.size * plant.scale) ** 2 for t in found.taken))
-    # Of what follows the motion or the drive, with or without a name: coloured noise, such as the torque of other joints,
-    # could be no part of any name.  A lag refused for its free run explained 87 % of a gap, and gravity 2 %.
+    # Of what follows the motion or the drive, with or without a name: coloured noise, such as the torque of other
+    # joints, could be no part of any name.  A lag refused for its free run explained 87 % of a gap, and gravity 2 %.
     follows = max((k.size for k in found.remainder if k.p_value <= alpha), default=0.0)
     if explained < LEAST_SHARE * (explained + follows**2):
         return "unknown"
