@@ -32,5 +32,5 @@ def test_several_columns_and_another_unit_are_refused(served):
     served, _ = served
     with pytest.raises(ValueError, match="expected one column"):
         served.predict(np.zeros((5, 2)))
-    with pytest.raises(ValueError, match=r"'current_a' is in A, and the model takes Nm"):
+    with pytest.raises(ValueError, match="'current_a' is in A, which cannot be converted to Nm"):
         served.predict(pd.DataFrame({"current_a": np.zeros(5)}))
