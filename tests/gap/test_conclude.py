@@ -43,9 +43,10 @@ def test_a_name_for_sure_explains_most_of_the_gap_and_closes_most_of_the_run(aft
     assert verdict(after, run) == expected
 
 
+@pytest.mark.parametrize("name", ["", "actuator_lag"], ids=["nameless", "a refused candidate"])
 @pytest.mark.parametrize(("rest", "expected"), [(0.0, "partial"), (0.7, "partial"), (0.8, "unknown")])
-def test_a_name_explains_a_quarter_of_what_follows_the_motion_whatever_noise_is_beside_it(rest, expected):
-    other = SimpleNamespace(name="", p_value=1e-6, size=rest)
+def test_a_name_explains_a_quarter_of_what_follows_the_motion_whatever_noise_is_beside_it(rest, expected, name):
+    other = SimpleNamespace(name=name, p_value=1e-6, size=rest)
     assert verdict(0.9, 0.9, remainder=[other] if rest else []) == expected  # it explains 0.19
 
 
