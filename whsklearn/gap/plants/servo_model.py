@@ -31,7 +31,7 @@ LARGEST = 10.0  # largest effect in multiples of the rms drive; larger ones only
 LONGEST_STEP = 1.001e-3  # s of a fine step; the extra thousandth allows for the rounding of 1 / 1000
 FASTEST_COUPLING = 90.0  # Hz of the fastest coupling searched for; `Effect.finest` of a transmission is made for it
 TIMING_LIMIT = 1.0  # samples; less than one is bookkeeping, not physics
-AT_LIMIT = 1e-3  # of a share: where inverse dynamics leaves one that is out of range, and what counts as its limit
+INSIDE = 1e-3  # of a share: how far inside its range a fit along the run starts where inverse dynamics left it
 
 
 @dataclass(frozen=True)
@@ -77,8 +77,7 @@ class AxisModel:
         asked = (*kind.fields[kind.linear : kind.linear + 1], *kind.cls.essential)
         for value, a, b, (i, j, _) in zip(self.vector()[2:], low[2:], high[2:], self.free(), strict=True):
             if i == index and kind.fields[j] in asked:
-                near = AT_LIMIT if kind.fields[j] in kind.cls.essential else 0.0
-                if value <= a + near + 1e-6 * abs(a) or value >= b - near - 1e-6 * abs(b):
+                if value <= a + 1e-6 * abs(a) or value >= b - 1e-6 * abs(b):
                     return f"its {kind.fields[j]} reaches the limit of the plausible range"
         return ""
 

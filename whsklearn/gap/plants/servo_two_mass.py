@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from whsklearn.effects import codes as k
 from whsklearn.filtering.gaussian import CUTOFF_SIGMA, filtered, gaussian_derivatives
-from whsklearn.gap.plants.servo_model import AT_LIMIT, AxisModel, Term
+from whsklearn.gap.plants.servo_model import INSIDE, AxisModel, Term
 
 Array = NDArray[Any]
 STEPS = 8  # per period of the load on its spring; twice the damping ratio times as many, or the damper makes it diverge
@@ -130,7 +130,7 @@ def with_sizes(view: Any, model: AxisModel, solved: Array) -> AxisModel:
             gap, w, zeta = contact(model, t)
             low, high = t.kind.ranged(view.scene)[t.kind.fields.index("load_share")]
             # just inside its range, because a fit along the run does not leave a limit
-            share = float(np.clip(load / (motor + load), low + AT_LIMIT, high - AT_LIMIT))
+            share = float(np.clip(load / (motor + load), low + INSIDE, high - INSIDE))
             held = zeta / np.sqrt(1 - share)
             q: tuple[float, ...]
             if t.kind.code == k.BACKLASH:
