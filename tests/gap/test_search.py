@@ -22,12 +22,13 @@ class Regression:
 
     terms: tuple = ()
     n_base: int = 0
+    bent: bool = False  # whether it is at a minimum that is not its best
 
     def without(self, index):
-        return Regression(self.terms[:index] + self.terms[index + 1 :])
+        return self.with_terms(self.terms[:index] + self.terms[index + 1 :])
 
     def with_terms(self, terms):
-        return Regression(terms)
+        return replace(self, terms=terms)
 
 
 class Columns(PlantDefaults):
@@ -113,6 +114,23 @@ def test_what_two_columns_say_alike_is_ambiguous():
 def test_what_physics_forbids_is_not_taken_and_sets_no_scale():
     found = run(Columns({"a": 0.5, "b": 0.1}, forbidden=("a", "twin")))
     assert [t.name for t in found.taken] == ["b"]
+
+
+class Bent(Columns):
+    """A base model that only a fit with a candidate brings to its best minimum; until then it lacks a column."""
+
+    exact = True
+
+    def errors(self, model):
+        return super().errors(model) - 0.5 * model.bent * self.columns["b"]
+
+
+def test_no_effect_is_named_for_a_better_minimum_of_the_model_without_it():
+    plant = Bent({"d": 0.3})
+    found = Search(plant, np.random.default_rng(0)).run(Regression(bent=True))
+    assert [t.name for t in found.taken] == ["d"]
+    assert not found.base.bent
+    assert plant.rms(found.taken[0].before) == pytest.approx(np.hypot(0.3, 0.1), rel=0.05)
 
 
 def test_an_effect_below_the_tolerance_gets_no_name():
