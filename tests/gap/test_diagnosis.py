@@ -29,14 +29,14 @@ def test_labels_follow_the_units_of_the_log(label, units, expected):
 
 
 def test_an_effect_is_written_with_its_errors_under_the_same_names():
-    named = NamedEffect(Stribeck(0.2, 0.1, 2.0), {"torque_nm": 0.01}, 100.0, 0.9, 0.95, units=("N", "m"))
+    named = NamedEffect(Stribeck(0.2, 0.1, 2.0), {"torque_nm": 0.01}, 100.0, 0.95, units=("N", "m"))
     written = named.as_dict()
     assert written["standard_errors"] == {"torque_n": 0.01}
     assert set(written["standard_errors"]) <= set(written["parameters"])
 
 
 def test_a_diagnosis_is_plain_json():
-    named = NamedEffect(Cogging(0.1, 12.0), {"amplitude_nm": 0.01}, 812.0, 1.0, 0.97)
+    named = NamedEffect(Cogging(0.1, 12.0), {"amplitude_nm": 0.01}, 812.0, 0.97)
     text = json.dumps(Diagnosis("named", "Found.", effects=[named]).as_dict(), allow_nan=False, default=float)
     assert json.loads(text)["effects"][0]["name"] == "cogging"
 
@@ -46,10 +46,10 @@ def test_numbers_of_a_linear_axis_are_in_newtons_and_metres():
     from whsklearn.gap.diagnosis import NamedEffect
 
     units = ("N", "m")
-    drag = NamedEffect(QuadraticDrag(2.0), {"coefficient_nm_s2_per_rad2": 0.1}, 50.0, 0.9, 1.0, units=units)
+    drag = NamedEffect(QuadraticDrag(2.0), {"coefficient_nm_s2_per_rad2": 0.1}, 50.0, 1.0, units=units)
     assert drag.parameters == {"coefficient_n_s2_per_m2": 2.0}
     assert drag.errors == {"coefficient_n_s2_per_m2": 0.1}
-    assert NamedEffect(Cogging(0.3, 12.0), {}, 50.0, 0.9, 1.0, units=units).parameters == {
+    assert NamedEffect(Cogging(0.3, 12.0), {}, 50.0, 1.0, units=units).parameters == {
         "amplitude_n": 0.3, "order": 12.0, "phase_rad": 0.0
     }  # fmt: skip
 
@@ -71,13 +71,13 @@ ONES = np.ones(3)
     ],
 )
 def test_a_number_is_told_in_the_unit_that_its_name_says(effect, label, value):
-    named = NamedEffect(effect, {}, 50.0, 1.0, 1.0, units=("mNm", "deg"))
+    named = NamedEffect(effect, {}, 50.0, 1.0, units=("mNm", "deg"))
     assert named.parameters[label] == pytest.approx(value, rel=1e-12)
 
 
 def test_a_standard_error_and_a_map_go_with_the_number():
-    named = NamedEffect(Cogging(0.03, 12.0), {"amplitude_nm": 1e-3}, 50.0, 1.0, 1.0, units=("mNm", "deg"))
-    named.orders = [NamedEffect(Cogging(0.01, 24.0), {}, 50.0, 1.0, 1.0, units=("mNm", "deg"))]
+    named = NamedEffect(Cogging(0.03, 12.0), {"amplitude_nm": 1e-3}, 50.0, 1.0, units=("mNm", "deg"))
+    named.orders = [NamedEffect(Cogging(0.01, 24.0), {}, 50.0, 1.0, units=("mNm", "deg"))]
     assert named.errors == {"amplitude_mnm": pytest.approx(1.0)}
     assert max(named.map_over_turn()["value"]) == pytest.approx(40.0, rel=1e-6)
     assert named.amplitude_unit == "mNm"

@@ -36,15 +36,15 @@ def test_a_picture_is_drawn_where_its_series_are_and_left_out_where_not():
     del d.pictures["spectrum"]
     d.pictures["orders"] = T[:3]
     assert titles(d) == ["Simulation and measurement", "The gap over time", "Candidates"]
-    more = NamedEffect(Cogging(0.1, 8.0), {}, 0.0, 1.0, 1.0)
-    family = NamedEffect(Cogging(0.3, 4.0), {}, 0.0, 1.0, 1.0, orders=[more])
+    more = NamedEffect(Cogging(0.1, 8.0), {}, 0.0, 1.0)
+    family = NamedEffect(Cogging(0.3, 4.0), {}, 0.0, 1.0, orders=[more])
     assert "Map over one turn" in titles(diagnosis(effects=[family]))
 
 
 def test_the_same_series_give_the_same_bytes_and_the_repair_is_a_line_of_its_own():
     one, same = draw(diagnosis()), draw(diagnosis())
     assert one == same
-    with_repair = draw(diagnosis(effects=[NamedEffect(Cogging(0.1, 4.0), {}, 0.0, 1.0, 1.0)]))
+    with_repair = draw(diagnosis(effects=[NamedEffect(Cogging(0.1, 4.0), {}, 0.0, 1.0)]))
     lines = [base64.b64decode(p[0][2]).count(b"<path") for p in (one, with_repair)]
     assert lines[0] < lines[1]
 
@@ -98,7 +98,7 @@ def test_the_bins_of_a_wave_over_position_follow_its_order(unit, turn, order):
         "gap_before": wave,
         "gap_after": 0 * wave,
     }
-    effect = NamedEffect(Cogging(1.0, order), {}, 0.0, 1.0, 1.0)
+    effect = NamedEffect(Cogging(1.0, order), {}, 0.0, 1.0)
     axes = Figure().subplots()
     assert _where(axes, diagnosis(effects=[effect], where=[place], pictures=series))
     line = next(x for x in axes.lines if x.get_label() == "what the repair takes")
@@ -119,7 +119,7 @@ def test_waves_of_a_family_share_a_period_and_the_fastest_sets_the_bins():
 
 def test_a_tone_is_drawn_over_its_own_period():
     place = Place("time", 0.0, 6.0, 0.5, 0.5, 0.01, "s", *[np.zeros(0)] * 3)
-    d = diagnosis(effects=[NamedEffect(DisturbanceTone(1.0, 7.0), {}, 0.0, 1.0, 1.0)], where=[place])
+    d = diagnosis(effects=[NamedEffect(DisturbanceTone(1.0, 7.0), {}, 0.0, 1.0)], where=[place])
     assert waves_of(d, place) == [7.0]
     assert bins_of(T, [7.0])[1] == pytest.approx(1 / 7)
 
@@ -129,6 +129,6 @@ def test_the_place_of_an_arm_is_that_of_its_joint():
         Place(s, 0.0, 6.0, 0.5, 0.5, p, "rad", *[np.zeros(0)] * 3)
         for s, p in (("time", 0.01), ("position of elbow", 0.02))
     ]
-    d = diagnosis(effects=[NamedEffect(Cogging(1.0, 7.0), {}, 0.0, 1.0, 1.0)], where=places)
+    d = diagnosis(effects=[NamedEffect(Cogging(1.0, 7.0), {}, 0.0, 1.0)], where=places)
     assert pictures._shown_axis(d).signal == "position of elbow"
     assert waves_of(d, places[1]) == [7.0 / (2 * np.pi)]

@@ -26,7 +26,7 @@ from whsklearn.gap.report import COLOURS, SILENCE, as_model, render, significant
 from whsklearn.models import AxisModel, load_model, save_model
 from whsklearn.systems.servo_parts import Drive
 
-FOUND = Diagnosis("named", "Cogging is missing.", effects=[NamedEffect(Cogging(0.1, 12.0), {}, 99.0, 1.0, 0.9)])
+FOUND = Diagnosis("named", "Cogging is missing.", effects=[NamedEffect(Cogging(0.1, 12.0), {}, 99.0, 0.9)])
 FOUND.pictures = {}
 
 

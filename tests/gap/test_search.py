@@ -89,6 +89,7 @@ class Columns(PlantDefaults):
 
 
 def run(plant, **settings):
+    settings = {"alpha": 0.01, "max_effects": 3} | settings
     return Search(plant, np.random.default_rng(0), **settings).run(Regression())
 
 
@@ -210,7 +211,7 @@ def test_what_nameless_functions_show_together_shows_the_names_that_explain_a_sh
     def look(name, p, size):
         return Look(name, 10.0, np.zeros(3), size=size, p_value=p)
 
-    search = Search(Columns({}), np.random.default_rng(0), alpha=0.01)
+    search = Search(Columns({}), np.random.default_rng(0), alpha=0.01, max_effects=3)
     shown = search._shown([look("", 1e-6, 1.0), look("strong", 0.2, 0.9), look("weak", 0.2, 0.4)])
     assert {k.name: k.p_value for k in shown} == {"": 1e-6, "strong": 1e-6, "weak": 0.2}
     unsure = search._shown([look("", 0.02, 1.0), look("strong", 0.2, 0.9)])
@@ -228,7 +229,7 @@ def test_a_name_that_explains_something_else_is_not_shown_by_nameless_functions(
     nameless = replace(look("", "a", "c"), p_value=1e-6)
     same, other = (replace(look(c, c), p_value=0.2) for c in "ab")
     np.testing.assert_allclose(same.explained @ same.explained, N * same.size**2)
-    search = Search(plant, np.random.default_rng(0), alpha=0.01)
+    search = Search(plant, np.random.default_rng(0), alpha=0.01, max_effects=3)
     assert [k.p_value for k in search._shown([nameless, same, other])] == [1e-6, 1e-6, 0.2]
 
 
@@ -236,7 +237,7 @@ def test_a_name_that_explains_as_much_is_a_rival_though_chance_might_explain_it(
     def look(name, p, g):
         return Look(name, g, np.zeros(3), p_value=p)
 
-    search = Search(Columns({}), np.random.default_rng(0), alpha=0.01)
+    search = Search(Columns({}), np.random.default_rng(0), alpha=0.01, max_effects=3)
     taken = Named(look("a", 1e-6, 40.0), None, np.zeros(3), np.zeros(3))
     asked = [taken.look, look("as good", 0.1, 41.0), look("far behind", 0.1, 20.0), look("", 0.1, 45.0)]
     assert search._as_good(taken, asked) == ["as good"]
@@ -244,11 +245,11 @@ def test_a_name_that_explains_as_much_is_a_rival_though_chance_might_explain_it(
 
 def test_a_review_leaves_an_effect_that_a_better_one_is_not_told_from():
     plant = Columns({"a": 0.5, "c": 0.3})
-    search = Search(plant, np.random.default_rng(0))
+    search = Search(plant, np.random.default_rng(0), alpha=0.01, max_effects=3)
     found = search.run(Regression())
     assert found.taken[0].name in ("a", "twin")
     first = found.taken[0].name
-    fresh = Search(plant, np.random.default_rng(1))
+    fresh = Search(plant, np.random.default_rng(1), alpha=0.01, max_effects=3)
     fresh._review(found)
     assert found.taken[0].name == first, "a and its twin differ by a thousandth, whichever is better here"
 
@@ -262,7 +263,7 @@ def test_sizes_are_of_what_each_explains_beside_those_that_explain_more():
         model = plant.refine(model, SimpleNamespace(name=name))
     taken = [Named(Look(n, 1.0, np.zeros(3)), model, np.zeros(N), np.zeros(N), size=9.0) for n in "acb"]
     found = Found(Regression(), model, taken)
-    Search(plant, np.random.default_rng(0))._sized(found)
+    Search(plant, np.random.default_rng(0), alpha=0.01, max_effects=3)._sized(found)
     sizes = [t.size for t in found.taken]
     alone = {n: plant.size(plant.y, plant.errors(plant.refine(Regression(), SimpleNamespace(name=n)))) for n in "acb"}
     assert max(sizes) == pytest.approx(max(alone.values()))
@@ -272,7 +273,7 @@ def test_sizes_are_of_what_each_explains_beside_those_that_explain_more():
 
 def test_what_the_others_say_without_it_goes():
     plant = Columns({"b": 0.3, "d": 0.4})
-    search = Search(plant, np.random.default_rng(0))
+    search = Search(plant, np.random.default_rng(0), alpha=0.01, max_effects=3)
     found = search.run(Regression())
     look = replace(found.taken[0].look, name="c")  # taken once, and needless beside the others
     model = plant.refine(found.model, look)
@@ -285,7 +286,7 @@ def test_what_explains_no_more_than_of_its_own_records_is_not_taken():
     plant = Columns({"a": 0.5})
     looks = plant.looks(Regression(), np.random.default_rng(0))
     inflated = [replace(k, null=k.null + 1e4, p_value=1e-6) if k.name == "a" else k for k in looks]
-    fitted = Search(plant, np.random.default_rng(0)).fitted(Regression(), inflated)
+    fitted = Search(plant, np.random.default_rng(0), alpha=0.01, max_effects=3).fitted(Regression(), inflated)
     assert "own records" in next(f.reason for f in fitted if f.name == "a")
 
 

@@ -53,8 +53,8 @@ def test_amplitude_and_phase_of_a_wave():
 
 
 def found():
-    effect = NamedEffect(Cogging(0.05, 12.0), {"amplitude_nm": 0.003, "order": 0.01, "phase_rad": 0.2}, 90.0, 1.0, 1.0)
-    effect.orders = [NamedEffect(Cogging(0.02, 24.0), {"amplitude_nm": 0.001}, 50.0, 1.0, 1.0)]
+    effect = NamedEffect(Cogging(0.05, 12.0), {"amplitude_nm": 0.003, "order": 0.01, "phase_rad": 0.2}, 90.0, 1.0)
+    effect.orders = [NamedEffect(Cogging(0.02, 24.0), {"amplitude_nm": 0.001}, 50.0, 1.0)]
     rows = [
         {"name": "inertia", "before": 0.04, "after": 0.05, "before_error": None, "after_error": 0.001, "unit": "kg m²"},
         {"name": "age", "before": 2.0, "after": 2.0, "before_error": 0.1, "after_error": 0.1, "unit": ""},

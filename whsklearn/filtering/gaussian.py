@@ -14,6 +14,8 @@ Array = NDArray[Any]
 HALF_WIDTH = 6.0
 # 2 pi fc sigma of a Gaussian that is 3 dB down at fc
 CUTOFF_SIGMA = 0.833
+HIGHEST_CUTOFF = 0.08  # share of the sampling rate: above it the kernels of the derivatives have too few samples
+PER_CUTOFF = 5.0  # samples per period of the cut-off that decimation keeps
 
 
 def gaussian_derivatives(sigma: float, dt: float) -> tuple[Array, Array, Array]:
@@ -49,6 +51,11 @@ def gaussian_derivatives(sigma: float, dt: float) -> tuple[Array, Array, Array]:
     g2 -= g * g2.sum()
     g2 /= 0.5 * float((t**2) @ g2)
     return g, g1, g2
+
+
+def decimation(cutoff: float, dt: float) -> int:
+    """Samples from one that is kept to the next behind a Gaussian with a cut-off (Hz)."""
+    return max(1, int(1.0 / (PER_CUTOFF * cutoff * dt)))
 
 
 def filtered(x: Array, taps: Array, every: int) -> Array:

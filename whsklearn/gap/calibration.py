@@ -18,7 +18,6 @@ Array = NDArray[Any]
 # The gain of one superfluous number is chi-squared with one degree of freedom, and the largest of many such gains has a
 # Gumbel scale of 2: no spread over a scan is below that.
 LEAST_SCALE = 2.0
-CERTAIN = 20.0  # Gumbel scales below the centre at which p is one to all digits
 N_NULL = 15  # records that a model simulates itself; they give the moments of a Gumbel law to within a quarter
 GATE = 0.1  # p-value below which effects are fitted, which takes seconds; the level at which they are named is lower
 VUONG_BLOCKS = 40  # per record: errors of neighbouring samples depend on each other, those of blocks hardly
@@ -98,8 +97,8 @@ def p_value(g: float, null: Array, families: int = 1, degrees: float = 0.0) -> f
         return float(min(1.0, families * degrees / k * f.sf(g * degrees / (k * mean), used, null.size * used)))
     scale = max(float(np.std(null, ddof=1)) * np.sqrt(6.0) / np.pi if null.size > 1 else 0.0, LEAST_SCALE)
     centre = mean - np.euler_gamma * scale
-    far = max(g, centre - CERTAIN * scale)  # a refit can end much worse than it began
-    return float(min(1.0, families * gumbel_r.sf(far, centre, scale)))
+    with np.errstate(over="ignore"):  # a refit can end much worse than it began; p is one then
+        return float(min(1.0, families * gumbel_r.sf(g, centre, scale)))
 
 
 def vuong(worse: Array, better: Array) -> float:
@@ -171,6 +170,11 @@ def rival_leads(before: Array, taken: Array, other: Array, n: float, rng: np.ran
     return np.asarray(n * np.log(np.maximum(left(before - other), 1e-300) / np.maximum(left(before - taken), 1e-300)))
 
 
+def least_lead(alpha: float) -> float:
+    """2 ln(1 / alpha), the smallest gain by which one explanation can be better than another at the level ``alpha``."""
+    return 2.0 * float(np.log(1.0 / alpha))
+
+
 def separable(lead: float, z: float, rival_leads: Array, alpha: float) -> bool:
     """Whether the better of two explanations is the right one, at the level ``alpha``.
 
@@ -193,7 +197,7 @@ def separable(lead: float, z: float, rival_leads: Array, alpha: float) -> bool:
     Discrimination between regression models to determine the pattern of enzyme synthesis in synchronous cell
     cultures, Biometrics 26(1), 23-32, for simulated records in its place.
     """
-    if lead < 2.0 * np.log(1.0 / alpha) or z < norm.isf(alpha):
+    if lead < least_lead(alpha) or z < norm.isf(alpha):
         return False
     return rival_leads.size == 0 or p_value(lead, rival_leads) <= alpha
 

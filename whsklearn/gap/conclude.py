@@ -23,7 +23,7 @@ from whsklearn.gap.diagnosis import (
     spoken,
 )
 from whsklearn.gap.pictures import pictures_in
-from whsklearn.gap.plant import QUIET, Linearised
+from whsklearn.gap.plant import LEARNED_SHARE, QUIET, Linearised
 from whsklearn.gap.proof import closure, prove
 from whsklearn.gap.search import HALF, LEAST_SHARE, Found, Named
 from whsklearn.gap.sentences import next_experiment, summary
@@ -35,8 +35,6 @@ UNFINISHED = ("unknown", "partial", "coloured_noise")  # verdicts beside which a
 # Multiple of the floor above which the free run must close `LEAST_SHARE` of the gap, for a plant whose own records are
 # exact: a floor is known to a few percent.
 ABOVE_FLOOR = 1.1
-# Share of the gap in simulation that learned curves must close, or they are dropped (`benchmarks.learned`).
-LEARNED_CLOSURE = 0.1
 # Share of the rms gap that may still follow the motion without a name beside a verdict of ``named``
 # (`benchmarks.learned --effects named` and without: what true names and the neighbours of other effects leave).
 STILL = 0.04
@@ -337,7 +335,7 @@ def _learned(
     floor = min(r["floor"] for r in grown if r["horizon"] == plant.headline)
     share = closure(before, after, floor)
     worse = any(new["after"] > old["after"] for new, old in zip(grown, rows, strict=True))
-    if share < LEARNED_CLOSURE or worse:
+    if share < LEARNED_SHARE or worse:
         return rows
     found.model = learned.model
     diagnosis.learned = LearnedTorques(learned.curves, share)
@@ -362,7 +360,7 @@ def _effects(plant: Any, found: Found) -> list[NamedEffect]:
         effect = found.model.terms[index].effect
         aliases = list(dict.fromkeys([*plant.aliases(taken.name), *taken.rivals, *taken.same]))
         out.append(NamedEffect(
-            effect, labelled_errors(fit, index), taken.delta_bic, 1.0 - taken.look.p_value,
+            effect, labelled_errors(fit, index), taken.delta_bic,
             float(min(taken.size / max(gap, 1e-300), 1.0) ** 2), aliases, p_value=taken.look.p_value,
             joint=getattr(found.model.terms[index], "joint", ""),
         ))  # fmt: skip

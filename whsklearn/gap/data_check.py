@@ -7,15 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from whsklearn.gap.record import ServoRecord
-from whsklearn.logs.timebase import LONG_GAP
+from whsklearn.logs.timebase import LONG_GAP, SLOWEST
 
 # s: a third of a record is lost to restarts and filters, and the rest must hold several reversals.
 SHORTEST_RECORD = 3.0
 FEWEST_SAMPLES = 300
 # Share of steps that may differ from the typical one by more than this share of it.
 UNEVEN, UNEVEN_STEP = 0.01, 0.5
-# s per sample: ten samples per period at 2 Hz.
-SLOWEST_SAMPLING = 0.05
 # Share of samples at which the position must change.
 MOVING = 0.002
 # Changes of the drive: a torque step has two.
@@ -107,7 +105,7 @@ def _shape_problems(r: ServoRecord) -> list[DataProblem]:
     if np.mean(np.abs(steps - typical) > UNEVEN_STEP * typical) > UNEVEN:
         text = f"More than 1 % of the steps differ by half from the typical {1e3 * typical:.3g} ms; resample evenly."
         return [DataProblem("data-uneven-time", "Uneven sampling", text)]
-    if typical > SLOWEST_SAMPLING:
+    if typical > SLOWEST:
         text = f"One sample every {typical:.3g} s; an axis needs at least 20 a second. Is the time column in seconds?"
         return [DataProblem("data-time-unit", "Sampling too slow", text)]
     return []

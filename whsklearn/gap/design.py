@@ -15,6 +15,7 @@ import numpy as np
 
 from whsklearn.datasets import draw_effect, make_servo_log, reference_signal
 from whsklearn.effects import Effect, get_effect
+from whsklearn.gap.diagnosis import ALPHA
 from whsklearn.gap.finder import GapFinder
 from whsklearn.gap.record import Array, ServoRecord
 from whsklearn.systems.servo import ServoAxis
@@ -150,7 +151,7 @@ def accepted(name: str) -> set[str]:
 
 def design(
     axis: ServoAxis, rivals: Sequence[Effect | str], law: str, limits: Limits, *,
-    share: float, noise: float, alpha: float = 0.01, seed: int = 0,
+    share: float, noise: float, alpha: float = ALPHA, seed: int = 0,
 ) -> Design:  # fmt: skip
     """The next reference within limits, and which rivals it would distinguish.
 

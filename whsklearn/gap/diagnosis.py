@@ -17,6 +17,7 @@ from whsklearn.logs.units import respelled
 
 VERDICTS = ("no_gap", "named", "ambiguous", "partial", "unknown", "coloured_noise", "not_testable", "data_problem")
 CURVE_UNITS = {"velocity": "{1}/s", "speed": "{1}/s", "drive": "{0}"}  # of a signal by drive and motion; else a motion
+ALPHA = 0.01  # probability of naming an effect in a record in which nothing is missing, unless the user gives one
 MAP_POINTS = 1440  # of a map over one turn: four to a degree, nine to a period of the highest order looked for
 
 
@@ -45,8 +46,6 @@ class NamedEffect:
         Standard errors by the names that `Effect.labelled` gives.
     delta_bic : float
         Evidence, after the penalty for its free parameters and for the places searched.
-    confidence : float
-        1 - ``p_value``, for programs that read it from older reports.
     closure : float
         Share of the gap that it closes.
     aliases : list of str
@@ -68,7 +67,7 @@ class NamedEffect:
     --------
     >>> from whsklearn.effects import Cogging
     >>> from whsklearn.gap import NamedEffect
-    >>> found = NamedEffect(Cogging(0.1, 12.0), {"amplitude_nm": 0.01}, delta_bic=812.0, confidence=1.0, closure=0.97)
+    >>> found = NamedEffect(Cogging(0.1, 12.0), {"amplitude_nm": 0.01}, delta_bic=812.0, closure=0.97)
     >>> found.name, found.parameters["amplitude_nm"], found.errors["amplitude_nm"]
     ('cogging', 0.1, 0.01)
     """
@@ -76,7 +75,6 @@ class NamedEffect:
     effect: Any
     standard_errors: dict[str, float]
     delta_bic: float
-    confidence: float
     closure: float
     aliases: list[str] = field(default_factory=list)
     units: tuple[str, str] = ("Nm", "rad")  # of drive and position
@@ -111,7 +109,7 @@ class NamedEffect:
         Examples
         --------
         >>> from whsklearn.effects import Cogging
-        >>> NamedEffect(Cogging(0.1, 12.0), {"amplitude_nm": 0.01}, 80.0, 1.0, 0.9, units=("N", "m")).told[0]
+        >>> NamedEffect(Cogging(0.1, 12.0), {"amplitude_nm": 0.01}, 80.0, 0.9, units=("N", "m")).told[0]
         ('amplitude', 0.1, 0.01, 'N')
         """
         known = {}
@@ -159,7 +157,7 @@ class NamedEffect:
                 "standard_errors": self.errors,
                 "delta_bic": self.delta_bic,
                 "p_value": self.p_value,
-                "confidence": self.confidence,
+                "confidence": 1.0 - self.p_value,  # for programs that read it from older reports
                 "aliases": self.aliases,
             }
             | ({"joint": self.joint} if self.joint else {})
@@ -189,9 +187,9 @@ class NamedEffect:
         Examples
         --------
         >>> from whsklearn.effects import Cogging
-        >>> more = NamedEffect(Cogging(0.1, order=8.0), {}, 0.0, 1.0, 1.0)
-        >>> one = NamedEffect(Cogging(0.3, order=4.0), {}, 0.0, 1.0, 1.0)
-        >>> two = NamedEffect(Cogging(0.3, order=4.0), {}, 0.0, 1.0, 1.0, orders=[more])
+        >>> more = NamedEffect(Cogging(0.1, order=8.0), {}, 0.0, 1.0)
+        >>> one = NamedEffect(Cogging(0.3, order=4.0), {}, 0.0, 1.0)
+        >>> two = NamedEffect(Cogging(0.3, order=4.0), {}, 0.0, 1.0, orders=[more])
         >>> max(one.map_over_turn()["value"]), max(two.map_over_turn()["value"])
         (0.3, 0.4)
         """
@@ -479,7 +477,7 @@ class Diagnosis:
     residual_tests: list[dict[str, Any]] = field(default_factory=list)
     base_parameters: list[dict[str, Any]] = field(default_factory=list)
     drifting: list[dict[str, Any]] = field(default_factory=list)
-    alpha: float = 0.01
+    alpha: float = ALPHA
     interrupted: bool = False
     notes: list[str] = field(default_factory=list)
     pictures: dict[str, Any] = field(default_factory=dict)

@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn._numba import njit
-from whsklearn.filtering.gaussian import CUTOFF_SIGMA, filtered, gaussian_derivatives
-from whsklearn.validation.residuals import correlation_band, ljung_box
+from whsklearn.filtering.gaussian import CUTOFF_SIGMA, HIGHEST_CUTOFF, decimation, filtered, gaussian_derivatives
+from whsklearn.validation.residuals import whiteness_test
 
 Array = NDArray[Any]
+WHITENING = 12  # order of the autoregression that whitens the errors of an axis
 
 
 @dataclass(frozen=True)
@@ -83,11 +84,11 @@ def residual_filter(
     w = 2 * np.pi * tracking
     gains = (2 * w * dt, w * w * dt)
     best = None
-    highest = min(30.0, 0.08 / dt)
+    highest = min(30.0, HIGHEST_CUTOFF / dt)
     for cutoff in np.geomspace(highest, min(3.0, 0.5 * highest), 16):
         g, first, second = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * cutoff), dt)
         taps = inertia * (second + gains[0] / dt * first + gains[1] / dt * g)
-        every = max(1, int(1.0 / (5.0 * cutoff * dt)))
+        every = decimation(float(cutoff), dt)
         best = ResidualFilter(taps, g, every, gains, float(cutoff), dt)
         if best.noise_gain * noise <= goal * torque:
             break
@@ -136,13 +137,8 @@ def moving_average(d, b):
     return out
 
 
-LAGS = 20  # of the test of whiteness
-
-
 def whiteness(e: Array, name: str, n_params: int = 0) -> dict[str, Any]:
     """Ljung and Box's test of a whitened residual, as a row of the report; ``n_params`` as for `whiteness_test`."""
-    from scipy.stats import chi2
-
-    r, q = ljung_box(e - e.mean(), LAGS)
-    return {"test": f"Ljung-Box, {LAGS} lags, {name}", "statistic": q, "p_value": float(chi2.sf(q, LAGS - n_params)),
-            "largest": float(np.abs(r).max()), "band": correlation_band(e.size)}  # fmt: skip
+    found = whiteness_test(e, n_params=n_params)
+    return {"test": f"Ljung-Box, {found.lags.size} lags, {name}", "statistic": found.statistic,
+            "p_value": found.p_value, "largest": float(np.abs(found.r).max()), "band": found.band}  # fmt: skip

@@ -12,7 +12,7 @@ from sklearn.base import BaseEstimator
 from threadpoolctl import threadpool_limits
 
 from whsklearn.gap.conclude import conclude
-from whsklearn.gap.diagnosis import Diagnosis
+from whsklearn.gap.diagnosis import ALPHA, Diagnosis
 from whsklearn.gap.joined import joined
 from whsklearn.gap.plant import DEFAULT_TOLERANCE
 from whsklearn.gap.plants import Base, make_plant
@@ -90,7 +90,7 @@ class GapFinder(BaseEstimator):
         direct: int = 0,
         max_effects: int = 3,
         tolerance: float = DEFAULT_TOLERANCE,
-        alpha: float = 0.01,
+        alpha: float = ALPHA,
         random_state: int = 0,
         progress: Callable[[str], None] | None = None,
         on_round: Callable[[Step], None] | None = None,

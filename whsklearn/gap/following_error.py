@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from whsklearn.filtering.gaussian import CUTOFF_SIGMA, filtered, gaussian_derivatives
+from whsklearn.filtering.gaussian import CUTOFF_SIGMA, HIGHEST_CUTOFF, filtered, gaussian_derivatives
 from whsklearn.gap.record import Array, ServoRecord
 
 # Share of the residual without a delay, below which a delay of a position servo's command is accepted: a delay trades
@@ -39,7 +39,7 @@ def following_error(record: ServoRecord) -> tuple[Array, float]:
     """
     command, position, dt = record.reference, record.position, record.dt
     assert command is not None
-    kernels = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * min(CUTOFF, 0.08 / dt)), dt)
+    kernels = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * min(CUTOFF, HIGHEST_CUTOFF / dt)), dt)
     q, v, a = (record.by_piece(partial(filtered, taps=k, every=1), position - position.mean()) for k in kernels)
     q = q + position.mean()
     slow = 0.05 * float(np.std(v)) + 1e-12

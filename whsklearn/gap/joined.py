@@ -15,7 +15,6 @@ from whsklearn.gap.record import Array, ServoRecord
 
 LAW = ("viscous", "coulomb", "input_offset")
 UNEVEN = 0.01  # of a step by which two rates may differ and count as one
-HALF = 0.5  # samples
 APART = 1.0  # s between the end of a record and the start of the next; the value does not matter
 
 
@@ -88,7 +87,7 @@ def alike(records: Sequence[ServoRecord]) -> list[ServoRecord]:
 
 def later(drive: Array, shift: float, dt: float) -> Array:
     """A drive delayed by ``shift`` seconds, interpolated between samples; its ends are held."""
-    if abs(shift) < HALF * dt:  # the timing of a model absorbs it; interpolation would only smooth
+    if round(shift / dt) == 0:  # the timing of a model absorbs it; interpolation would only smooth
         return drive
     t = np.arange(drive.size) * dt
     return np.asarray(np.interp(t + shift, t, drive))

@@ -8,6 +8,7 @@ the Jacobian. SciPy's ``trf`` cannot update a Jacobian from step to step, so on 
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -17,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[Any]
-THREADS = 2  # columns of a Jacobian computed in parallel: kernels run without the interpreter's lock
 # Dampings tried from one point, each eight times the last: up to 1e5 of the curvature. If a valley of the cost bends
 # sharply (play, whose sides touch at one sample or the next), six dampings ended two fits of 26 at 2,300 times the
 # least sum of squares (benchmarks/least_squares.py).
@@ -50,7 +50,7 @@ class Fit:
 
 
 def jacobian(residual: Callable[[Array], Array], x: Array, r: Array, steps: Array, high: Array) -> Array:
-    """Forward differences, backward at an upper bound; two at a time, because the compiled passes release the GIL."""
+    """Forward differences, backward at an upper bound; one per core at a time: compiled passes release the GIL."""
 
     def column(j: int) -> Array:
         h = steps[j] if x[j] + steps[j] <= high[j] else -steps[j]
@@ -58,7 +58,7 @@ def jacobian(residual: Callable[[Array], Array], x: Array, r: Array, steps: Arra
         moved[j] += h
         return (residual(moved) - r) / h
 
-    with ThreadPoolExecutor(THREADS) as pool:
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
         return np.column_stack(list(pool.map(column, range(x.size))))
 
 

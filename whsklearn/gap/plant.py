@@ -36,6 +36,9 @@ DEFAULT_TOLERANCE = 0.004
 # Multiple of the residual that encoder noise causes in own records, below which nothing is missing: five records
 # determine that residual to a tenth.
 QUIET = 1.35
+# Share of what is left that learned curves must explain: of the cross-validated power when they are fitted, of the gap
+# in simulation to be kept (`benchmarks.learned`).
+LEARNED_SHARE = 0.1
 
 
 class Term(Protocol):

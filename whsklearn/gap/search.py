@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.gap.calibration import gain, n_effective, p_value, separable, vuong
+from whsklearn.gap.calibration import gain, least_lead, n_effective, p_value, separable, vuong
 from whsklearn.gap.tangent import Look
 
 Array = NDArray[Any]
@@ -148,8 +148,8 @@ class Search:
 
     plant: Any
     rng: np.random.Generator
-    alpha: float = 0.01
-    max_effects: int = 3
+    alpha: float
+    max_effects: int
     on_round: Callable[[Step], None] | None = None
 
     def run(self, base: Any) -> Found:
@@ -308,7 +308,7 @@ class Search:
         worse, better = (float(e @ e) for e in (other.errors, taken.errors))
         null = float(np.mean(taken.look.null) - np.mean(other.look.null))
         lead = max(lead, gain(worse, better, n_effective(other.errors)) - 2.0 * null)
-        if lead < 2.0 * np.log(1.0 / self.alpha):
+        if lead < least_lead(self.alpha):
             return False
         z = vuong(other.errors, taken.errors)
         if self.plant.exact and separable(lead, z, np.zeros(0), self.alpha):
@@ -339,7 +339,7 @@ class Search:
 
     def _as_good(self, taken: Named, looks: list[Look]) -> list[str]:
         """Names that are not significant, but to first order explain no less than the one taken."""
-        least = taken.look.gain - 2.0 * np.log(1.0 / self.alpha)
+        least = taken.look.gain - least_lead(self.alpha)
         names = [k.name for k in looks if k.name and k.p_value > self.alpha and k.gain >= least and meet(k, taken.look)]
         return [n for n in dict.fromkeys(names) if n != taken.name and n not in self.plant.aliases(taken.name)]
 
@@ -402,7 +402,7 @@ class Search:
         if self.plant.exact:
             shown = p_value(g, look.null, families) <= self.alpha
         else:  # strong slow effects hide in the colour of their own null records
-            shown = g >= 2.0 * np.log(1.0 / self.alpha)
+            shown = g >= least_lead(self.alpha)
         return bool(shown) and size >= self.plant.tolerance * self.plant.scale
 
     def _sized(self, found: Found) -> None:

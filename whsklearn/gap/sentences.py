@@ -6,9 +6,7 @@ from typing import Any
 
 from whsklearn.gap.diagnosis import spoken
 from whsklearn.gap.localisation import NOWHERE
-
-# Multiple of the floor that the floor's uncertainty cannot explain, so that the report does not call it noise.
-ABOVE_NOISE = 2.0
+from whsklearn.gap.plant import QUIET
 
 MENU = {
     frozenset(pair.split()): text
@@ -112,7 +110,7 @@ def summary(d: Any, plant: Any) -> str:
         )
     if d.verdict == "not_testable":
         return opening + "No gap was found, but most effects could not have been detected in this record."
-    if before > ABOVE_NOISE * floor:
+    if before > QUIET * floor:
         return opening + "That is more than noise but less than the tolerance: too little to name an effect."
     return opening + "The model explains the log to the noise floor: nothing is missing that this record could show."
 

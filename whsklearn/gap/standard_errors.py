@@ -86,7 +86,7 @@ def with_drive_error(diagnosis: Diagnosis, relative: float) -> None:
     >>> from whsklearn.effects import Cogging
     >>> from whsklearn.gap import NamedEffect
     >>> errors = {"amplitude_nm": 0.003, "order": 0.01}
-    >>> found = Diagnosis("named", "", effects=[NamedEffect(Cogging(0.05, 12.0), errors, 90.0, 1.0, 1.0)])
+    >>> found = Diagnosis("named", "", effects=[NamedEffect(Cogging(0.05, 12.0), errors, 90.0, 1.0)])
     >>> with_drive_error(found, 0.08)
     >>> found.effects[0].standard_errors
     {'amplitude_nm': 0.005, 'order': 0.01}

@@ -24,6 +24,7 @@ VISIBLE = 1e-3
 # parabola.
 RIDGE = 1e-5
 ROUNDING = 1e-14  # of the power of columns, far below what is `VISIBLE` of them
+AT_ONCE = 64  # shapes whose columns are held at once
 ALL = slice(None)
 
 

@@ -26,7 +26,7 @@ _DAYS = (2e4, 8e4)  # days since 1900, as in spreadsheets, between 1954 and 2119
 _FASTEST = 2e-6  # s; smaller steps are counted in a longer unit
 _COUNTERS = (2.0**16, 2.0**24, 2.0**32)  # ticks at which a counter overflows
 _FILETIME = (1e17, 2e17, 1e-7)  # 100 ns since 1601, between 1917 and 2234: stamps of Windows and TwinCAT
-_SLOWEST = 0.05  # s; no axis is logged more slowly, so integers with larger steps count ms or us
+SLOWEST = 0.05  # s; no axis is logged more slowly, so integers with larger steps count ms or us
 
 
 class Stamps(NamedTuple):
@@ -102,7 +102,7 @@ def _whole_numbers(values: Array, column: str) -> tuple[str, tuple[Finding, ...]
     usual = float(np.median(step)) if step.size else 0.0
     if usual < 1.0 or np.any(step != np.round(step)) or np.all(step == 1.0):
         return "s", ()
-    unit = "ms" if usual * 1e-3 <= _SLOWEST else "us"
+    unit = "ms" if usual * 1e-3 <= SLOWEST else "us"
     text = (
         f"Column {column!r} has integers {usual:g} apart and no unit; they were taken as {unit}. If they are not, "
         "add --unit time=UNIT."

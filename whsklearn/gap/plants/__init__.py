@@ -8,13 +8,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from whsklearn.gap.data_check import UNEVEN
 from whsklearn.logs.timebase import LONG_GAP
 from whsklearn.logs.units import factor_of, own_units, unit_of
 
 Array = NDArray[Any]
-
-
-BURSTS = 0.01  # share of long steps above which they are not holes: a clock whose samples come in bursts has more
 
 
 class Base(NamedTuple):
@@ -108,7 +106,7 @@ def sampling(log: Any, columns: dict[str, Any]) -> tuple[float, NDArray[np.intp]
     if time.size < 2 or not np.all(np.isfinite(steps)) or np.any(steps <= 0):
         return 1.0, None
     holes = steps >= LONG_GAP * np.median(steps)
-    if not 0.0 < np.mean(holes) <= BURSTS:
+    if not 0.0 < np.mean(holes) <= UNEVEN:  # a clock whose samples come in bursts has more long steps
         return float((time[-1] - time[0]) / (time.size - 1)), None
     dt = float(steps[~holes].sum() / np.count_nonzero(~holes))
     return dt, np.concatenate([[0], np.cumsum(np.where(holes, np.rint(steps / dt), 1.0))]).astype(np.intp)

@@ -48,6 +48,7 @@ from whsklearn.models.arm import ArmModel
 from whsklearn.models.files import as_arm
 from whsklearn.systems.arm import Arm, number_unit
 from whsklearn.systems.arm_files import STANDARD_GRAVITY
+from whsklearn.systems.servo import FEWEST_STEPS
 
 Array = NDArray[Any]
 # Largest ratio, at one joint, of the torque of an effect to the residual that it removes.  With a larger one, like that
@@ -61,7 +62,6 @@ BEYOND = 0.04
 # The same as long as it is less than what stays without a name: of a model that is no better than that, a shape is not
 # to be told.  Above a quarter (6 % of the power) the elementary law is no longer most of the effect.
 DOUBTFUL = 0.25
-SUBSTEPS = 4  # fine steps per sample in a proof
 SOME = 200  # positions at which the mass matrix is checked for being positive definite
 
 
@@ -354,7 +354,7 @@ class ArmPlant(PlantDefaults):
         try:
             run = arm.simulate_drive(
                 drive, sample_rate=self.lags.sample_rate, resync=horizon, position=moved.position,
-                velocity=moved.velocity, substeps=SUBSTEPS,
+                velocity=moved.velocity, substeps=FEWEST_STEPS,
             )  # fmt: skip
         except FloatingPointError:
             return np.full(path.size, np.nan)

@@ -12,14 +12,14 @@ from scipy.optimize import minimize
 
 from whsklearn.effects import ContactStop
 from whsklearn.gap.plants.arm_terms import AtJoint, JointTerm, Load
-from whsklearn.gap.plants.arm_view import LATEST, OLDEST, ArmView
+from whsklearn.gap.plants.arm_view import LATEST, ArmView
 from whsklearn.gap.plants.servo_families import generic_basis
-from whsklearn.gap.tangent import Family, Look, Tangent
+from whsklearn.gap.tangent import AT_ONCE, Family, Look, Tangent
+from whsklearn.identification.drive_lead import OLDEST
 from whsklearn.identification.payload import place_of, point_load
 
 Array = NDArray[Any]
 Blocks = Iterator[tuple[Any, Array, Array | float]]
-AT_ONCE = 64  # shapes in one matrix product
 N_STEPS, N_LIMITS, N_AGES = 25, 24, 16
 HIGHEST = 60.0  # order of a wave over a joint's angle
 LEAST_LEFT = 0.5  # share of a drive's rms that a limit or a dead zone must leave, or the joint cannot be fitted

@@ -23,8 +23,10 @@ from whsklearn.gap.calibration import N_NULL, coloured, n_effective, null_rows, 
 from whsklearn.gap.plants.arm_terms import AtJoint, JointInertia, JointTerm, Load, Weight
 from whsklearn.gap.plants.servo_candidates import ColumnSignals
 from whsklearn.gap.plants.servo_inverse import later, reaching
+from whsklearn.gap.plants.servo_own import N_RECORDS
 from whsklearn.gap.record import MAD, lattice, rms
-from whsklearn.identification.arm_fit import Known, held_out
+from whsklearn.identification.arm_fit import SAME, Known, held_out
+from whsklearn.identification.drive_lead import OLDEST
 from whsklearn.identification.payload import MASS
 from whsklearn.lags.rigid_body import RigidBodyLags
 from whsklearn.systems._arm_kernels import N_BODY
@@ -32,14 +34,11 @@ from whsklearn.systems.arm_files import STANDARD_GRAVITY, body_numbers
 
 Array = NDArray[Any]
 
-N_RECORDS = 5  # of the arm's own, as for an axis (`servo_own`)
 LATEST = 2.0  # samples: up to this age of a drive it is bookkeeping, beyond it a delay
-OLDEST = 0.06  # s: largest age of a drive in any logger
 # At rest, dry friction may have any value between both signs, and the model uses one of them: it is off by up to twice
 # its size.
 HELD = 2.0
 STANDS_OUT = 4.0  # standard deviations of the residual; chance puts 6e-5 of a normal one beyond
-SEEN = 1e-9  # of the largest singular value: a column that adds less is a combination of the others
 
 
 @dataclass(frozen=True)
@@ -76,7 +75,7 @@ class Own(NamedTuple):
     floor : ndarray of shape (n_joints,)
         Rms residual due to the noise of the encoders, as a share of each joint's drive.
     n_effective : float
-    apart : ndarray of shape (N_RECORDS, m, n_joints)
+    apart : ndarray of shape (k, m, n_joints)
         Residuals of single records by the noise of the encoders.
     """
 
@@ -194,7 +193,7 @@ class ArmView:
     def weighs(self, kind: AtJoint) -> bool:
         """Whether a drive tells mass or moments of a body at a link: at a vertical axis only its inertia acts."""
         power = np.linalg.norm(self.body(kind), axis=0)
-        return bool(power[:MASS].max() > SEEN * power.max())
+        return bool(power[:MASS].max() > SAME * power.max())
 
     def lost(self, kind: AtJoint, shape: tuple[float, ...]) -> Array:
         """The part of a joint's drive that an effect removes, shape (n,).
@@ -419,7 +418,7 @@ def solved(x: Array, y: Array, weight: Array, known: Array | None = None) -> Arr
     scale = np.linalg.norm(rows[:, :-1], axis=0)
     scale = np.where(scale > 0.0, scale, 1.0)
     r: Array = np.asarray(np.linalg.qr(np.column_stack([rows[:, :-1] / scale, rows[:, -1]]), mode="r"))
-    return np.asarray(np.linalg.lstsq(r[:, :-1], r[:, -1], rcond=SEEN)[0] / scale)
+    return np.asarray(np.linalg.lstsq(r[:, :-1], r[:, -1], rcond=SAME)[0] / scale)
 
 
 def law_of(names: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from whsklearn.effects import Quantization, get_effect
 from whsklearn.gap.calibration import GATE, p_value
-from whsklearn.gap.data_check import DataProblem, flat_share
+from whsklearn.gap.data_check import FLAT, DataProblem, flat_share
 from whsklearn.gap.diagnosis import NamedEffect
 from whsklearn.gap.filters import whiteness
 from whsklearn.gap.localisation import spectra
@@ -29,7 +29,7 @@ from whsklearn.gap.plants.chain_fit import (
 )
 from whsklearn.gap.plants.chain_looks import SLOPED, WRONG_SIDE, Seen, gained, kinds, look
 from whsklearn.gap.plants.chain_model import ChainCandidate, ChainModel, Record
-from whsklearn.gap.record import MAD, rms
+from whsklearn.gap.record import HELD_OUT, MAD, rms
 from whsklearn.gap.search import WORTH_FITTING
 from whsklearn.gap.tangent import Look
 from whsklearn.recursion.arrays import Array, Bools
@@ -45,9 +45,7 @@ ALIASES = {
     "asymmetric_coulomb": ("output_offset",),
     "input_offset": ("output_offset", "asymmetric_coulomb"),
 }
-MOST_MISSING = 1.0  # largest length of all holes, as a share of the logged samples: they cost time and show nothing
 SEARCHED = 8000  # samples of a longer record in which effects are searched for, to save time
-FITTED = 0.6  # share of the record to which models are fitted for the proof; the rest judges them
 NO_DOUBT = 1e-3  # p-value below which the look alone is sufficient
 UNEXPLAINED = 0.1  # of the output's rms: a free run that leaves less has blocks near the true ones
 FEW = 9  # own records in which the best candidate is fitted as well
@@ -57,15 +55,12 @@ AT_BOUND = 1.02  # ratio to the end of a range within which a shape counts as be
 BESIDE = 0.05
 NO_PEAK = 2.0**-0.5  # damping above which a second-order resonance has no peak and is a pair of poles like any other
 REMEMBERED = 8  # samples for which L2 remembers a sign; with a pole at 0.8 a sixth of it is left after them
-GRID_SEEN = 0.95  # confidence of a grid that is seen directly in the readings
 
 # --- what a record must have (`tests/gap/plants/test_chain.py`) -----------------------------
 
 FEWEST = 400  # samples: about twenty numbers are fitted to 60 % of them
 STANDING = 0.98  # share of samples that may repeat the one before; a signal that repeats more often is constant
-# Share of samples at an extreme above which the output is clipped, and the number of distinct values below which it is
-# a signal with a few levels and not a clipped one.
-CLIPPED, LEVELS = 0.02, 50
+LEVELS = 50  # distinct values of an output below which it is a signal with a few levels and not a clipped one
 FAR = 40.0  # multiple of the 0.99 quantile of the distance from the median; samples beyond are outliers of the file
 COARSE_READING = 0.003  # rms of rounding errors as a share of the output's: a finer grid is that of a normal converter
 ROUNDING = 0.15  # share of the errors' mean square that rounding must make up to be mentioned
@@ -119,7 +114,7 @@ class ChainPlant(PlantDefaults):
     def check(self) -> list[DataProblem]:
         """See `whsklearn.gap.plants.chain.check_chain`; holes may not be longer than what was logged."""
         found = check_chain(self.u, self.y)
-        if self.length > (1.0 + MOST_MISSING) * self.u.size:
+        if self.length - self.u.size > self.u.size:  # holes cost time and show nothing
             text = (
                 f"{self.length - self.u.size} samples are missing in the holes of the log, which has {self.u.size}. "
                 "Cut it at the longest hole and pass one part."
@@ -171,9 +166,9 @@ class ChainPlant(PlantDefaults):
         return self._parts[key][1]
 
     def _later(self) -> Bools:
-        """Samples behind the first `FITTED` of the logged ones."""
+        """The last `HELD_OUT` of the logged samples, which judge a model that is fitted to the others."""
         seen = self.everything.seen
-        return np.asarray(np.cumsum(seen) - seen >= FITTED * self.u.size)
+        return np.asarray(np.cumsum(seen) - seen >= (1.0 - HELD_OUT) * self.u.size)
 
     def errors(self, model: ChainModel) -> Array:
         """Whitened errors of the free run with outliers capped, in the unit of the output."""
@@ -355,7 +350,7 @@ class ChainPlant(PlantDefaults):
         """
         shortfall = falls_short(self.record, base, model) if self.follows(model) else ""
         step = coarse_grid(self.record, model)
-        grid = [NamedEffect(Quantization(step), {}, float(self.y.size), GRID_SEEN, 0.0)] if step else []
+        grid = [NamedEffect(Quantization(step), {}, float(self.y.size), 0.0)] if step else []
         return Reading(grid, shortfall)
 
     # --- report -----------------------------------------------------------------------------------
@@ -410,8 +405,8 @@ class ChainPlant(PlantDefaults):
             "distributions come from records simulated with the model.",
             "Errors before and after exclude samples on the wrong side of a sign (beyond six robust deviations, and "
             "while L2 remembers it): no fit can avoid a few of them, and they would make up most of the mean square.",
-            f"For the proof all numbers are fitted to the first {100 * FITTED:.0f} % of the record; the rest judges "
-            "them. Which effects are present was decided on the whole record.",
+            f"For the proof all numbers are fitted to the first {100 * (1.0 - HELD_OUT):.0f} % of the record; the rest "
+            "judges them. Which effects are present was decided on the whole record.",
         ]
 
     def _pictures(self, base: ChainModel, model: ChainModel) -> dict[str, Any]:
@@ -469,7 +464,7 @@ def check_chain(u: Array, y: Array) -> list[DataProblem]:
         return [DataProblem("data-not-moving", "The output does not change", text)]
     out = []
     share = flat_share(y)
-    if share > CLIPPED and np.unique(y).size > LEVELS:
+    if share > FLAT and np.unique(y).size > LEVELS:
         text = (
             f"The output is at its extreme for {100 * share:.0f} % of the record. Either the log clips it, or the "
             "plant stops there, like a tank that overflows. A chain of this kind does not: pass the part before it."

@@ -16,13 +16,13 @@ from scipy.signal import lfilter
 
 from whsklearn.gap.calibration import N_NULL, gain
 from whsklearn.gap.plants import chain_model as cm
-from whsklearn.gap.plants.chain_fit import climb, coloured, sharpened
+from whsklearn.gap.plants.chain_fit import SOFT, climb, coloured, sharpened
 from whsklearn.gap.plants.chain_model import ChainCandidate, ChainModel, Record, Sizes, Term, catalogue
 from whsklearn.gap.record import rms
 from whsklearn.gap.tangent import Family, Look, Tangent, with_p_values
 from whsklearn.recursion.arrays import Array
 
-SLOPED = 30.0  # kappa times rms dx at which a sign has a slope
+SLOPED = SOFT[-1]  # kappa times rms dx at which a sign has a slope
 VERY_SOFT = 8.0  # the same for a sign that still resolves an eighth of rms dx
 SMALL = 1e-6  # of the size of v: a linear effect is tried at this size
 WRONG_SIDE = 6.0  # deviations beyond which a sample is on the wrong side of a sign; none of 1e8 Gaussian samples is

@@ -214,8 +214,8 @@ def catalogue(law: FrictionLaw) -> list[ChainCandidate]:
 SKIP = 40  # samples at a record's start and after a hole that do not count: the state before them is not known
 AR_ORDER = 6  # two for the denominator of L2, through which equation noise passes, and some for the noise itself
 LONGEST_COLOUR = 0.95  # largest modulus of A's roots; closer to one, A would treat a tone or an offset as noise
-CAP = 16.0  # largest cost of a sample, in variances
 HELD_TO = 4.0  # robust deviations at which an error is clipped; six of 1e5 Gaussian ones are larger
+CAP = HELD_TO * HELD_TO  # largest cost of a sample, in variances: that of an error that is clipped
 SHARPEST = 1000.0  # kappa times rms dx on the last rung of a fit: only one sample in a thousand differs from a sign
 HARD = (100.0, 300.0, SHARPEST)  # rungs from the first resolved sign up to the sign itself
 

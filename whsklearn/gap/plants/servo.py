@@ -69,8 +69,8 @@ class ServoPlant(PlantDefaults):
     inverse: InverseView
     observer: ObserverView
     whole = "drive"
-    horizons: tuple[float, ...] = (0.1, 0.5, 2.0)
     headline = rules.LONGEST_RUN
+    horizons = servo_run.horizons_around(headline)
 
     def __init__(self, record: ServoRecord, law: tuple[str, ...], given_model: Any, tolerance: float):
         self.record, self.law, self.given_model, self.tolerance = record, law, given_model, tolerance
@@ -176,7 +176,7 @@ class ServoPlant(PlantDefaults):
         made = self.made(model, np.random.default_rng(0))
         longest = servo_run.horizon_of(model, model.scene, self.tolerance)
         headline = servo_run.predictable(made.observer, model, longest)
-        return headline, (headline / 5.0, headline, 4.0 * headline)
+        return headline, servo_run.horizons_around(headline)
 
     def learn(self, model: AxisModel) -> Learned | None:
         """Learn curves in the inverse view; the age of the drive is the one with the best free run on fitted samples.
@@ -199,7 +199,7 @@ class ServoPlant(PlantDefaults):
         other = ServoPlant(observer.record, self.law, None, self.tolerance)
         other.observer = observer
         effect = get_effect("sensor_rectification")(fraction=1.0)  # type: ignore[call-arg]
-        named = NamedEffect(effect, {}, float(len(self.record)), rules.SIGN_SEEN, 1.0)
+        named = NamedEffect(effect, {}, float(len(self.record)), 1.0)
         return Reading([] if model.added else [named], given=(other, folded))
 
     def aliases(self, name: str) -> tuple[str, ...]:

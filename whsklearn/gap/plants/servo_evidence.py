@@ -8,14 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from whsklearn.gap.calibration import least_lead
+from whsklearn.gap.diagnosis import ALPHA
 from whsklearn.gap.record import MAD as MAD  # for the modules of this plant
+from whsklearn.identification.drive_lead import KNOWN as KNOWN
 from whsklearn.identification.drive_lead import LATEST as LATEST
 from whsklearn.identification.drive_lead import OLDEST as OLDEST
-
-# --- which view can be trusted ("real", "blind") --------------------------------------------------
-
-# Largest rms residual, as a share of the rms drive, at which the model's torque may replace the drive.
-DRIVE_KNOWN = 0.35
 
 # --- how much of the motion a filter lets through ("real") ----------------------------------------
 
@@ -36,8 +34,9 @@ DRIVE_NOISE = 2.5
 GRID_AS_NOISE = 0.2
 # Ratio to the previous cut-off that is worth a second pass of inverse dynamics.
 WIDER = 1.25
-# Gain per number above which numbers that a first look holds are freed: 2 ln(1 / alpha) at one percent.
-PAYS = 9.2
+# Gain per number above which numbers that a first look holds are freed, and a learned curve is better than a simpler
+# one: the lead that parts two explanations at the level alpha (`whsklearn.gap.calibration.least_lead`).
+PAYS = least_lead(ALPHA)
 
 # Judged samples; with fewer, rests are used too: a record at rest has no others. Ten numbers with ten samples each.
 FEWEST_JUDGED = 100
@@ -100,10 +99,6 @@ STOP_MINOR = 0.05
 
 # --- effects read directly from the record ("blind" with quantization and sensor_rectification) ---
 
-# Confidence of effects that are seen directly in the readings: a grid, a lost sign.
-GRID_SEEN, SIGN_SEEN = 0.95, 0.99
-# Ratio of gap to floor up to which an encoder's grid explains the whole residual.
-NEAR_GRID = 1.3
 # Step of the grid as a share of half the travel; every encoder has a finer one.
 COARSE_GRID = 2.5e-4
 # Multiple of the encoder's stated step: one lost bit doubles it.

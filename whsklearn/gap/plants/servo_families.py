@@ -36,10 +36,9 @@ from whsklearn.gap.plants.servo_inverse import later, reaching
 from whsklearn.gap.plants.servo_model import AxisModel, Term
 from whsklearn.gap.plants.servo_own import N_NULL, Own
 from whsklearn.gap.search import HALF
-from whsklearn.gap.tangent import Family, Look, Tangent, chance, with_p_values
+from whsklearn.gap.tangent import AT_ONCE, Family, Look, Tangent, chance, with_p_values
 
 Array = NDArray[Any]
-AT_ONCE = 64  # shapes in one matrix product
 N_AGES = 24
 Blocks = Iterator[tuple[Any, Array, Array | float]]
 

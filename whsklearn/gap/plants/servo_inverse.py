@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from whsklearn.effects import EndStop, Scales, codes
-from whsklearn.filtering.gaussian import CUTOFF_SIGMA, filtered, gaussian_derivatives
+from whsklearn.filtering.gaussian import CUTOFF_SIGMA, decimation, filtered, gaussian_derivatives
 from whsklearn.gap.least_squares import jacobian
 from whsklearn.gap.plant import Linearised
 from whsklearn.gap.plants import inverse_dynamics as ols
@@ -30,7 +30,6 @@ from whsklearn.gap.plants.servo_model import AxisModel, Term
 from whsklearn.gap.record import ServoRecord, lattice, noise_level, rms
 
 Array = NDArray[Any]
-PER_CUTOFF = 5.0  # samples per period of the cut-off that decimation keeps
 KEPT = 40  # columns cached, because a polish moves one shape and not the others
 
 
@@ -75,7 +74,7 @@ class InverseView:
         self.noise = max(noise_level(y), rules.GRID_AS_NOISE * self.quantum)
         sigma = CUTOFF_SIGMA / (2 * np.pi * cutoff)
         self.g, _, g2 = gaussian_derivatives(sigma, dt)
-        self.every = max(1, int(1.0 / (PER_CUTOFF * cutoff * dt)))
+        self.every = decimation(cutoff, dt)
         fine = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * min(2 * cutoff, 0.1 / dt)), dt)
         centre = float(np.mean(y))
         q, v, a = record.smoothed(
@@ -260,7 +259,7 @@ class InverseView:
         sizes = self.sizes(model)
         predicted = x @ sizes
         left = self.rms((self.target(model)[0] - predicted)[self.at])
-        if left > rules.DRIVE_KNOWN * self.scene.torque:
+        if left > rules.KNOWN * self.scene.torque:
             return None
         return np.interp(self.time, self.time[:: self.every], predicted)
 

@@ -22,7 +22,7 @@ from whsklearn.effects import LearnedTorque
 from whsklearn.effects.equations import hill
 from whsklearn.filtering.gaussian import filtered
 from whsklearn.gap.diagnosis import Curve
-from whsklearn.gap.plant import Learned
+from whsklearn.gap.plant import LEARNED_SHARE, Learned
 from whsklearn.gap.plants import inverse_dynamics as ols
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, Candidate, ColumnSignals
@@ -30,12 +30,8 @@ from whsklearn.gap.plants.servo_model import AxisModel, Term
 
 Array = NDArray[Any]
 
-# Delta BIC to the runner-up: "very strong" of Kass and Raftery 1995, JASA 90(430).
-LEAST_MARGIN = 10.0
 # Learned curves of one record: each is a function of one or two signals (`benchmarks.learned`).
 MOST_CURVES = 2
-# Share of the cross-validated power left over that a learned curve must explain (`benchmarks.learned`).
-LEARNED_SHARE = 0.1
 N_BLOCKS = 10  # of cross-validation, contiguous: neighbouring samples depend on each other
 KNOTS = (16, 48, 120)  # hills over the range of a signal; the finest are half a percent of the travel wide
 PENALTIES = np.geomspace(1e-5, 1.0, 6)  # of second differences, as a share of the columns' power
@@ -135,7 +131,7 @@ def learn(view: Any, model: AxisModel) -> Learned | None:
         gain = problem.gain(best)
         if gain < LEAST_GAIN or 1.0 - best / problem.error < LEARNED_SHARE:
             break
-        chosen = next(f for f in fits if problem.gain(f.error) > gain - LEAST_MARGIN)  # the simplest of the best
+        chosen = next(f for f in fits if problem.gain(f.error) > gain - rules.PAYS)  # the simplest of the best
         found.append(chosen)
         problem = CurveProblem(view, model, torque, tuple(found))
     if not found:

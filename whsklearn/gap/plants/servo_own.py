@@ -21,6 +21,7 @@ from whsklearn.gap.plants.servo_candidates import ColumnSignals as Motion
 from whsklearn.gap.plants.servo_model import AxisModel
 from whsklearn.systems._servo_kernel import DRIVE, MEASURED, N_SIGNALS, How, PassInputs, run
 from whsklearn.systems._servo_torques import DELAY, RESOLUTION
+from whsklearn.systems.servo import FEWEST_STEPS
 
 Array = NDArray[Any]
 
@@ -30,10 +31,8 @@ LOOP = 5.0
 # Largest lag, in rad, of an old drive at the loop's natural frequency: the loop crosses over at 1.5 times that
 # frequency with a phase margin of 65 degrees.
 STEADY = 0.4
-LOST = 1.0  # half travels away from the measured path, beyond which it is a different experiment
 N_RECORDS = 5  # own records; their mean is known to 0.45 of their spread
 N_NULL = 60  # null rows from which the effect of chance is taken: the moments of a Gumbel law to within an eighth
-PER_SAMPLE = 4  # fine steps, of an axis with one body: a readable record shows its motion from sample to sample
 
 
 class Own(NamedTuple):
@@ -81,11 +80,11 @@ def own_record(view: Any, model: AxisModel, rng: np.random.Generator, feed: Arra
     path, speed = view.motion.position, view.motion.velocity
     noise = sigma * rng.standard_normal(len(record))
     soft = (model.inertia * w * w, 0.0, 1.4 * model.inertia * w, 0.0, 1.0, np.inf, 0.0, 0.1 / w)
-    how = How(dt, max(PER_SAMPLE, int(np.ceil(dt / model.longest_step))), closed=True)
+    how = How(dt, max(FEWEST_STEPS, int(np.ceil(dt / model.longest_step))), closed=True)
     out = run_by_piece(record, plant, soft, how, (path, speed, feed), noise)
     drive, position = np.roll(out[DRIVE], late), out[MEASURED]
-    if not np.all(np.isfinite(position)) or np.abs(position - path).max() > LOST * view.scene.reach:
-        # for a model that diverges even under a controller: the torque that it needs along the measured path
+    if not np.all(np.isfinite(position)) or np.abs(position - path).max() > view.scene.reach:
+        # half the travel away it is a different experiment: the torque that it needs along the measured path
         motion = Motion(record.clock, path, speed, np.gradient(speed, dt), record.drive)
         asked = (t.effect.contribution(motion) for t in model.terms if t.effect.port in ("torque", "input"))
         drive = model.inertia * motion.acceleration + sum(asked)

@@ -17,16 +17,15 @@ from numpy.typing import NDArray
 
 from whsklearn.effects import Scales
 from whsklearn.effects import codes as k
-from whsklearn.gap.filters import ResidualFilter, solve_whitening, whiten
+from whsklearn.gap.filters import WHITENING, ResidualFilter, solve_whitening, whiten
 from whsklearn.gap.least_squares import Fit, gain_of, least_squares
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants.servo_candidates import Candidate
 from whsklearn.gap.plants.servo_model import LONGEST_STEP, AxisModel, Term
 from whsklearn.gap.record import ServoRecord, held_out_blocks, rms
+from whsklearn.systems.servo import FEWEST_STEPS
 
 Array = NDArray[Any]
-AR_ORDER = 12  # of the whitening polynomial
-SUBSTEPS = 4  # fine steps per sample, at least, with a step longer than `LONGEST_STEP`
 STEP_ERROR = 0.01  # share of the tolerance by which a longer fine step may change the gap
 LOST = 1e3  # times the travel or the speed of the record: a run beyond that has diverged
 
@@ -109,8 +108,8 @@ class ObserverView:
         Only the size of the gap is used, so no tone and no slow drift is whitened away.
         """
         taps, every = self.filter.taps, self.filter.every
-        full = np.concatenate([taps, np.zeros(AR_ORDER * every)])
-        r = np.array([taps @ full[i * every : i * every + taps.size] for i in range(AR_ORDER + 1)])
+        full = np.concatenate([taps, np.zeros(WHITENING * every)])
+        r = np.array([taps @ full[i * every : i * every + taps.size] for i in range(WHITENING + 1)])
         white = max(gap, 0.5 * self.tolerance * self.scene.torque) ** 2
         self.ar = solve_whitening(self.noise**2 * r, white)
 
@@ -122,7 +121,7 @@ class ObserverView:
         A record at 50 Hz does not need a step of a millisecond if its axis is slow (arm joints: 5 ms change the gap by
         5e-6 of the drive), but does if it is fast (a jaw with a mechanical time constant of 2 ms: 2e-3).
         """
-        step, longest = LONGEST_STEP, self.scene.dt / SUBSTEPS
+        step, longest = LONGEST_STEP, self.scene.dt / FEWEST_STEPS
         if 2.0 * step > longest:
             return self
         gap = self.gap(dataclasses.replace(model, step=step))
@@ -301,6 +300,11 @@ def horizon_of(model: AxisModel, scene: Any, tolerance: float) -> float:
     longest = 2.0 * rules.OFF_PATH * scene.speed * model.inertia / error
     digits = 10.0 ** np.floor(np.log10(longest))
     return float(np.clip(round(longest / digits) * digits, 10 * scene.dt, rules.LONGEST_RUN))
+
+
+def horizons_around(headline: float) -> tuple[float, ...]:
+    """The horizons of a proof: the headline one, a fifth of it and four times it."""
+    return headline / 5.0, headline, 4.0 * headline
 
 
 def predictable(surrogate: Any, model: AxisModel, longest: float) -> float:

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from scipy.signal import fftconvolve
 
 from whsklearn.effects import Scales, get_effect
-from whsklearn.filtering.gaussian import CUTOFF_SIGMA, gaussian_derivatives
+from whsklearn.filtering.gaussian import CUTOFF_SIGMA, HIGHEST_CUTOFF, gaussian_derivatives
 from whsklearn.gap.diagnosis import NamedEffect
 from whsklearn.gap.filters import residual_filter
-from whsklearn.gap.plant import DEFAULT_TOLERANCE
+from whsklearn.gap.plant import DEFAULT_TOLERANCE, QUIET
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants.servo_candidates import candidate
 from whsklearn.gap.plants.servo_inverse import InverseView
@@ -23,7 +23,7 @@ from whsklearn.gap.record import ServoRecord, held_out_blocks, lattice, noise_le
 from whsklearn.identification.drive_lead import drive_lead, earlier
 
 Array = NDArray[Any]
-HIGHEST_CUTOFF, LOWEST_CUTOFF = 0.08, 2.0  # share of the sampling rate; Hz: limits of the search for the filter
+LOWEST_CUTOFF = 2.0  # Hz, of the search for the filter
 FIRST_CUTOFF = 8.0  # Hz, for the first guess of the inertia: above any reference, below most noise
 
 
@@ -76,7 +76,7 @@ def start_of(record: ServoRecord, law: tuple[str, ...], goal: float) -> tuple[In
     The cut-off is chosen for the gap and the inertia of a first fit at a few hertz.
     """
     dt, y = record.dt, record.position
-    first = min(FIRST_CUTOFF, 0.04 / dt)
+    first = min(FIRST_CUTOFF, 0.5 * HIGHEST_CUTOFF / dt)
     q, v, a = record.smoothed(lambda x: filtered_motion(x, dt, first), y, round(1.0 / (first * dt)))
     torque = rms(record.drive)
     scene = Scales(
@@ -169,9 +169,9 @@ def coarse_encoder(view: Any, base: Any) -> list[Any]:
     if step < rules.COARSER_THAN_STATED * view.record.resolution:
         return []
     effect = get_effect("quantization")(step=step)  # type: ignore[call-arg]
-    if view.rms(view.gap(base)) > rules.NEAR_GRID * view.floor():
+    if view.rms(view.gap(base)) > QUIET * view.floor():
         return []
-    return [NamedEffect(effect, {}, 0.0, rules.GRID_SEEN, 1.0)]
+    return [NamedEffect(effect, {}, 0.0, 1.0)]
 
 
 def unfold(position: NDArray[np.float64], dt: float) -> NDArray[np.float64] | None:

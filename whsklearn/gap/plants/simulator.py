@@ -30,16 +30,15 @@ from numpy.typing import NDArray
 from whsklearn.effects import effect_names, get_effect
 from whsklearn.gap.calibration import GATE, gain, n_effective, p_value
 from whsklearn.gap.data_check import DataProblem, check_servo
-from whsklearn.gap.filters import autoregression, whiten, whiteness
+from whsklearn.gap.filters import WHITENING, autoregression, whiten, whiteness
 from whsklearn.gap.localisation import since_reversal, spectra
 from whsklearn.gap.plant import Figures, Gap, Linearised, PlantDefaults, Told
 from whsklearn.gap.plants.simulator_look import Motion, Seen, accelerations, catalogue, gone, motion, slopes, whole
-from whsklearn.gap.plants.simulator_model import PROMISING, SimulatorFit, SimulatorModel, refine
+from whsklearn.gap.plants.simulator_model import SimulatorFit, SimulatorModel, refine
 from whsklearn.gap.record import SPLIT, Array, ServoRecord, held_out_blocks, lattice, noise_level, rms
-from whsklearn.gap.search import MOST_FITTED, WORTH_FITTING
+from whsklearn.gap.search import HALF, MOST_FITTED, WORTH_FITTING
 from whsklearn.gap.tangent import Look, with_p_values
 
-AR_ORDER = 12  # of the whitening polynomial
 FAR_ABOVE = 3.0  # multiple of the noise, whose level is known from sixth differences to within a few percent
 
 
@@ -159,7 +158,7 @@ class SimulatorPlant(PlantDefaults):
             fitted += 1
             left = self.errors(grown)
             looks[i] = dataclasses.replace(k, start=grown, size=self.size(before, left))
-            if far and rms(left) < PROMISING * rms(before):
+            if far and rms(left) < HALF * rms(before):
                 g = gain(float(before @ before), float(left @ left), n_effective(before))
                 looks[i] = dataclasses.replace(looks[i], p_value=p_value(g, k.null, len(looks) + len(nameless)))
             if not self.objection(model, grown):
@@ -203,7 +202,7 @@ class SimulatorPlant(PlantDefaults):
 
     def tune(self, error: Array) -> None:
         """Set the whitening to the colour of the error, but not below the noise."""
-        self.ar = autoregression(error[self.train], AR_ORDER, self.noise**2)
+        self.ar = autoregression(error[self.train], WHITENING, self.noise**2)
 
     def weighed(self, error: Array) -> Array:
         """Whitened training samples of errors, shape (n,) or (n, k); k may be 0."""

@@ -20,10 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.effects import ContactStop, Coulomb, Effect, Scales, Viscous, effect_names, get_effect
-from whsklearn.filtering.gaussian import CUTOFF_SIGMA, filtered, gaussian_derivatives
+from whsklearn.filtering.gaussian import CUTOFF_SIGMA, HIGHEST_CUTOFF, decimation, filtered, gaussian_derivatives
 from whsklearn.gap.calibration import N_NULL, coloured, n_effective, smoothed_power
 from whsklearn.gap.record import Array, noise_level, rms
-from whsklearn.gap.tangent import Family, Look, Tangent
+from whsklearn.gap.tangent import AT_ONCE, Family, Look, Tangent
 
 HIGHEST = 25.0  # Hz; above it, a second derivative contains only encoder noise
 CENTRES = np.array([0.0, -0.5, 0.5, -1.0, 1.0, -1.5, 1.5])  # of a spring, in half strokes from the middle
@@ -57,7 +57,7 @@ def motion(record: Any) -> Motion:
     """Smooth position, velocity and acceleration of a record; ``usable`` are the decimated samples away from edges."""
     from scipy.signal import fftconvolve
 
-    cutoff = min(HIGHEST, 0.08 / record.dt)
+    cutoff = min(HIGHEST, HIGHEST_CUTOFF / record.dt)
     kernels = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * cutoff), record.dt)
     half = kernels[0].size // 2
 
@@ -71,7 +71,7 @@ def motion(record: Any) -> Motion:
         time=record.time - record.time[0], position=q, velocity=v, acceleration=a, drive=record.drive,
         kappa=1.0 / max(still, 0.01 * rms(v), 1e-12),
     )  # fmt: skip
-    every = max(1, int(1.0 / (5.0 * cutoff * record.dt)))
+    every = decimation(cutoff, record.dt)
     at = np.arange(0, len(record), every)
     edge = half // every + 1
     usable = (at >= edge * every) & (at < (at.size - edge) * every)
@@ -260,7 +260,6 @@ def smallest(plant: Any, model: Any, start: Any) -> tuple[Any, dict[str, Any]]:
 # --- looks ----------------------------------------------------------------------------------------
 STANDING_OUT = 2.0  # multiple of the noise's power up to which a line of the error counts as noise
 FEW_SHAPES = 8  # of an effect that is also tried by simulation, one run each
-BLOCK = 64  # shapes whose columns are held at once
 BUMPS = 15  # hills of a nameless function of the position, and of the speed
 WAVES = 8  # of the position in its own unit, in addition to them
 
@@ -372,8 +371,8 @@ def _scanned(name: str, shapes: list[Any], column: Any) -> Family:
     """One effect with all its shapes."""
 
     def blocks(_: Tangent) -> Iterable[tuple[Any, Array, float]]:
-        for i in range(0, len(shapes), BLOCK):
-            some = shapes[i : i + BLOCK]
+        for i in range(0, len(shapes), AT_ONCE):
+            some = shapes[i : i + AT_ONCE]
             yield some, np.stack([column(e) for e in some], axis=1), 1.0
 
     e = shapes[0]

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from whsklearn.effects import Effect
 from whsklearn.gap.plants.simulator_look import gone, sized_by_drive, smallest
+from whsklearn.gap.search import HALF
 from whsklearn.gap.tangent import Look
 
 Array = NDArray[Any]
@@ -362,10 +363,6 @@ def _spanned(columns: list[Array], n: int) -> Array:
 
 
 # --- the fit of one effect: its size first, then all its numbers together --------------------------
-# Share of the error.  An effect with a smaller residual is fitted again under the weights of that residual, because the
-# previous weights hid the effect's own spectrum.  If a look promised as much but the fit has a larger residual, the fit
-# is restarted.
-PROMISING = 0.5
 # Number of such fits at most, and the share of the error that the last one may leave: a stop takes three.
 AGAIN, SETTLED = 4, 0.8
 
@@ -388,10 +385,10 @@ def refine(plant: Any, model: SimulatorModel, look: Look) -> SimulatorModel:
         refused = (*model.terms, EffectTerm(look.start[0].resized(0.0)))
         return SimulatorModel(model.simulator, refused, model.error)
     whole = plant.scale * gone(plant.motion, model.error, np.zeros_like(model.error), plant.record)
-    if look.size**2 > PROMISING * whole**2 and plant.left(best) > PROMISING * plant.left(model):
+    if look.size**2 > HALF * whole**2 and plant.left(best) > HALF * plant.left(model):
         best = min((best, anew(plant, model, look.start[0])), key=plant.left)
     left = plant.left(model)
-    if plant.left(best) < PROMISING * left:
+    if plant.left(best) < HALF * left:
         for _ in range(AGAIN):
             plant.tune(best.error)  # weighted by the residual; the previous weights hid the effect's own spectrum
             left, best = plant.left(best), plant.fits.grow(model, best, plant.weighed, again=True)
