@@ -71,6 +71,24 @@ def test_simulate_and_export_take_the_model(folder):
     assert "armature" in (out / "again.xml").read_text()
 
 
+def test_all_segments_of_a_log_with_holes_are_used(folder):
+    out, _ = folder
+    pieces = [make_arm_log(duration=s, random_state=k) for k, s in enumerate((4.0, 5.0, 1.0))]
+    for k, piece in enumerate(pieces):
+        piece["time_s"] += 10.0 * k
+    pd.concat(pieces).to_csv(out / "pieces.csv", index=False)
+    done = run(gap, out / "pieces.csv", "--robot", out / "arm.xml", "--report", out / "pieces", "--no-track")
+    assert done.exit_code == 0, done.output
+    assert "4500 of 5000 samples are used" in " ".join(done.output.split())
+    assert json.loads((out / "pieces" / "gap.json").read_text())["rows"]["used"] == 4500
+    done = run(simulate, out / "model" / "model.json", out / "pieces.csv", "--out", out / "run.csv", "--no-track")
+    assert done.exit_code == 0, done.output
+    table = np.genfromtxt(out / "run.csv", delimiter=",", names=True)
+    assert len(table) == 4500
+    error = table["pitch_simulated"] - table["pitch_measured"]
+    assert np.abs(error[2000:2250]).max() < 0.3  # behind the hole a run starts from the motion there
+
+
 def test_columns_may_be_named_and_drives_be_currents(folder):
     out, _ = folder
     named = "--joints", "pitch:p2,u2;yaw:p1,u1", "--gains", "yaw:2;pitch:2"

@@ -13,7 +13,7 @@ import click
 
 from whsklearn.cli.arm_log import checked_gains, columns_of, gains_of, read_arm, robot_of, to_si
 from whsklearn.cli.job import say_where, table, tracker_for, wrapped, writable_file, writable_folder
-from whsklearn.cli.records import long_segments, longest, note
+from whsklearn.cli.records import long_segments, note
 
 if TYPE_CHECKING:
     from sklearn.utils import Bunch
@@ -54,8 +54,9 @@ def gap_log(options: dict[str, Any]) -> Bunch:
     if options["loaded"] and not options["load"]:
         options["known"] = identified(long_segments(log), arm).model
         log = read_arm(options["loaded"], options, arm)
-    whole, log = log, longest(log)
-    rows = {"used": len(log.y), "given": len(whole.y), "taken": 1, "segments": int(whole.groups[-1]) + 1}
+    whole, log = log, long_segments(log)
+    used, given = (len(set(x.groups.tolist())) for x in (log, whole))
+    rows = {"used": len(log.y), "given": len(whole.y), "taken": used, "segments": given}
     errors = [e / g for g, e in gains_of(options["gains"] or "").values() if g]
     log.update(units={"drive": "Nm", "position": "rad"}, rows=rows, drive_error=max(errors, default=0.0))
     return log
@@ -77,9 +78,9 @@ def gains_by_load(options: dict[str, Any], arm: Arm) -> str:
             f"--load is {options['load']!r}; expected KG or KG:X,Y,Z, such as 2.8 or 2.8:0,0,0.1."
         ) from None
     raw = options | {"gains": ";".join(f"{j}:1" for j in arm.joints)}
-    pair = [longest(read_arm(options[name], raw, arm)) for name in ("log_file", "loaded")]
+    pair = [long_segments(read_arm(options[name], raw, arm)) for name in ("log_file", "loaded")]
     lags = RigidBodyLags(arm, pair[0].sample_rate)
-    empty, loaded = ((log.y, log.X) for log in pair)
+    empty, loaded = ((log.y, log.X, log.groups) for log in pair)
     found = gains_from_load(lags, empty, loaded, joint=arm.joints[-1], numbers=numbers)
     if untold := [j for j, (g, _) in found.items() if g != g]:
         note(f"The load does not change the drive of {', '.join(untold)}; each keeps its own unit.")
@@ -230,22 +231,25 @@ def simulate(options: dict[str, Any], model: Any) -> None:
     import pandas as pd
 
     from whsklearn.filtering import motion
+    from whsklearn.lags.axis_rows import runs
     from whsklearn.logs.files import atomic_write
 
     out, arm = writable_file(options["out"]), model.arm
-    log = longest(read_arm(options["log_file"], options, arm))
+    log = long_segments(read_arm(options["log_file"], options, arm))
     rate, ours = log.sample_rate, 1.0 / model.dt
     if abs(rate / ours - 1.0) > 0.01:
         note(f"The model was fitted at {ours:.6g} Hz, the log has {rate:.6g} Hz; the log's rate is taken.")
-    smooth = [motion(x, rate, 0.1 * rate) for x in log.y.T]
-    begin = {k: np.column_stack([getattr(m, k) for m in smooth]) for k in ("position", "velocity")}
-    run = arm.simulate_drive(log.X, sample_rate=rate, resync=WINDOW, **begin)
+    path, judged = np.empty_like(log.y), np.ones(len(log.y), dtype=bool)
+    for s in runs(log.groups, len(log.y)):
+        smooth = [motion(x, rate, 0.1 * rate) for x in log.y[s].T]
+        begin = {k: np.column_stack([getattr(m, k) for m in smooth]) for k in ("position", "velocity")}
+        path[s] = arm.simulate_drive(log.X[s], sample_rate=rate, resync=WINDOW, **begin).position
+        judged[s][: round(WINDOW * rate)] = False  # the first run begins before the velocity filter has settled
     columns: dict[str, Any] = {"time": log.time}
     rows = []
     for j, (name, slides) in enumerate(zip(arm.joints, arm.slides, strict=True)):
-        # the first run begins before the velocity filter has settled and is not judged
-        error = (log.y[:, j] - run.position[:, j])[round(WINDOW * rate) :]
-        columns |= {f"{name}_drive": log.X[:, j], f"{name}_simulated": run.position[:, j]}
+        error = (log.y[:, j] - path[:, j])[judged]
+        columns |= {f"{name}_drive": log.X[:, j], f"{name}_simulated": path[:, j]}
         columns |= {f"{name}_measured": log.y[:, j]}
         rows.append([name, float(np.sqrt(np.mean(error**2))), float(np.std(log.y[:, j])), "m" if slides else "rad"])
     atomic_write(out, pd.DataFrame(columns).to_csv(index=False).encode())

@@ -332,11 +332,13 @@ def as_record(options: dict[str, Any], log: Bunch) -> tuple[Any, dict[str, Any]]
     import pandas as pd
 
     from whsklearn.gap.following_error import following_error
+    from whsklearn.gap.plants.arm_view import ArmRecord
     from whsklearn.gap.record import ServoRecord
     from whsklearn.logs.units import UNKNOWN, factor_between
 
+    starts = tuple(int(k) + 1 for k in np.flatnonzero(np.diff(log.groups)))
     if options["robot"]:
-        return (log.time, log.y, log.X), {}
+        return ArmRecord(log.time, log.y, log.X, starts), {}
     if options["kind"] != "servo":
         u, y = (f"{name} [{log.units.get(role, '')}]" for name, role in (("u", "drive"), ("y", "position")))
         frame = pd.DataFrame({"time": log.time, u: log.X[:, 0], y: log.y})
@@ -352,7 +354,7 @@ def as_record(options: dict[str, Any], log: Bunch) -> tuple[Any, dict[str, Any]]
     record = ServoRecord(
         log.time, drive, log.y, reference, units, resolution=1.0 if unit.startswith("counts") else 0.0,
         error_for_drive=log.command is not None, logged=(drive_unit, unit),
-        starts=tuple(int(k) + 1 for k in np.flatnonzero(np.diff(log.groups))),
+        starts=starts,
     )  # fmt: skip
     if log.command is not None:
         error, delay = following_error(record)

@@ -48,8 +48,48 @@ def _unit(role: str, column: str, default: str) -> str:
     return unit if factor_of(unit)[1] in KINDS.get(role, MOTIONS) else default
 
 
+class Segmented:
+    """A record with holes: its time (n,), and the samples before which it has one, ``starts``."""
+
+    time: Array
+    starts: tuple[int, ...]
+
+    @property
+    def dt(self) -> float:
+        """Sampling time in s."""
+        spans = sum(float(self.time[s.stop - 1] - self.time[s.start]) for s, _ in self.pieces)
+        return spans / (self.time.size - 1 - len(self.starts))
+
+    @property
+    def clock(self) -> Array:
+        """Time of every sample since the first, shape (n,), in steps of `dt` where there is no hole (s)."""
+        return np.concatenate([t + np.arange(s.stop - s.start) * self.dt for s, t in self.pieces])
+
+    @property
+    def pieces(self) -> list[tuple[slice, float]]:
+        """The samples of every segment, and the time of its first sample (s since the start of the record)."""
+        bounds = (0, *self.starts, self.time.size)
+        return [(slice(a, b), float(self.time[a] - self.time[0])) for a, b in pairwise(bounds)]
+
+    def by_piece(self, function: Callable[..., Any], *signals: Array) -> Any:
+        """Results of a function for every segment of signals, concatenated: an array or a tuple.
+
+        Parameters
+        ----------
+        function : callable
+            Takes as many arrays as there are signals.
+        *signals : ndarray of shape (n, ...)
+        """
+        found = [function(*(x[s] for x in signals)) for s, _ in self.pieces]
+        if len(found) == 1:
+            return found[0]
+        if isinstance(found[0], tuple):
+            return tuple(np.concatenate(parts) for parts in zip(*found, strict=True))
+        return np.concatenate(found)
+
+
 @dataclass(frozen=True)
-class ServoRecord:
+class ServoRecord(Segmented):
     """Time, drive, position and, if logged, the reference; shape (n,) each, evenly sampled, converted to SI.
 
     Parameters
@@ -188,45 +228,12 @@ class ServoRecord:
         return cls(**picked, units=(units["drive"], units["position"]), resolution=resolution)
 
     @property
-    def dt(self) -> float:
-        """Sampling time in s."""
-        spans = sum(float(self.time[s.stop - 1] - self.time[s.start]) for s, _ in self.pieces)
-        return spans / (self.time.size - 1 - len(self.starts))
-
-    @property
-    def clock(self) -> Array:
-        """Time of every sample since the first, shape (n,), in steps of `dt` where there is no hole (s)."""
-        return np.concatenate([t + np.arange(s.stop - s.start) * self.dt for s, t in self.pieces])
-
-    @property
-    def pieces(self) -> list[tuple[slice, float]]:
-        """The samples of every segment, and the time of its first sample (s since the start of the record)."""
-        bounds = (0, *self.starts, self.time.size)
-        return [(slice(a, b), float(self.time[a] - self.time[0])) for a, b in pairwise(bounds)]
-
-    @property
     def segments(self) -> list[ServoRecord]:
         """Every segment as a separate record, with the times of the whole; the record itself if it has no hole."""
         if not self.starts:
             return [self]
         signals = {k: x for k in ("time", "drive", "position", "reference") if (x := getattr(self, k)) is not None}
         return [replace(self, starts=(), **{k: x[s] for k, x in signals.items()}) for s, _ in self.pieces]
-
-    def by_piece(self, function: Callable[..., Any], *signals: Array) -> Any:
-        """Results of a function for every segment of signals, concatenated: an array or a tuple.
-
-        Parameters
-        ----------
-        function : callable
-            Takes as many arrays as there are signals.
-        *signals : ndarray of shape (n, ...)
-        """
-        found = [function(*(x[s] for x in signals)) for s, _ in self.pieces]
-        if len(found) == 1:
-            return found[0]
-        if isinstance(found[0], tuple):
-            return tuple(np.concatenate(parts) for parts in zip(*found, strict=True))
-        return np.concatenate(found)
 
     def smoothed(self, function: Callable[..., Any], x: Array, reach: int) -> Any:
         """`by_piece` for a filter that reaches ``reach`` samples either way; every segment is extended beyond its ends.

@@ -14,6 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from whsklearn.effects import Coulomb, InputOffset, LoadFriction, Viscous
 from whsklearn.estimators.rls import RLSRegressor
+from whsklearn.lags.axis_rows import runs
 from whsklearn.lags.rigid_body import RigidBodyLags
 from whsklearn.models.arm import ArmModel
 from whsklearn.systems.arm import Arm
@@ -118,7 +119,7 @@ def identify_arm(
             lags.set_params(effects=effects)
             rows = lags.joint_rows(q, torque, groups)
     phi, target, keep = rows
-    for text in (*suspicions(lags.arm_, q, torque), *swapped(lags, q, torque, rows)):
+    for text in (*suspicions(lags.arm_, q, torque), *swapped(lags, q, torque, rows, groups)):
         warnings.warn(text, UserWarning, stacklevel=3)
     weights = lags.weights_ = lags._weights(phi, target, keep)
     names = lags.base_.names
@@ -501,7 +502,10 @@ def suspicions(arm: Arm, q: Array, torque: Array) -> list[str]:
     return out
 
 
-def swapped(lags: RigidBodyLags, q: Array, torque: Array, rows: tuple[Array, Array, NDArray[np.bool_]]) -> list[str]:
+def swapped(
+    lags: RigidBodyLags, q: Array, torque: Array, rows: tuple[Array, Array, NDArray[np.bool_]],
+    groups: ArrayLike | None = None,
+) -> list[str]:  # fmt: skip
     """A sentence if the drives fit far better with the columns of the joints in another order, else none.
 
     A joint's own columns explain its own drive best, whatever the others are.  If the numbers that all joints share
@@ -516,6 +520,8 @@ def swapped(lags: RigidBodyLags, q: Array, torque: Array, rows: tuple[Array, Arr
     q, torque : ndarray of shape (n, n_joints)
     rows : tuple
         As `RigidBodyLags.joint_rows` makes them of these.
+    groups : array-like of shape (n,), optional
+        Marks experiments.
     """
     names = lags.arm_.joints
     given = places = np.arange(len(names))
@@ -528,8 +534,9 @@ def swapped(lags: RigidBodyLags, q: Array, torque: Array, rows: tuple[Array, Arr
 
     bad = np.flatnonzero(left > MUCH)
     if bad.size and not clearly():
-        trial, middle = clone(lags).set_params(cutoff=lags.cutoff_), max((len(q) - SOME) // 2, 0)
-        part = slice(middle, middle + SOME)
+        trial, whole = clone(lags).set_params(cutoff=lags.cutoff_), max(runs(groups, len(q)), key=_length)
+        middle = whole.start + max((_length(whole) - SOME) // 2, 0)
+        part = slice(middle, min(middle + SOME, whole.stop))
         moves = [given[::-1], np.roll(given, 1), np.roll(given, -1)]
         for i, j in itertools.combinations(range(len(names)), 2):
             if i in bad or j in bad:
@@ -554,6 +561,10 @@ def swapped(lags: RigidBodyLags, q: Array, torque: Array, rows: tuple[Array, Arr
         for what, to in orders for j in np.flatnonzero(to != given)
     ]  # fmt: skip
     return [f"The drives fit far better in another order ({', '.join(told)}); name the columns with --joints."]
+
+
+def _length(s: slice) -> int:
+    return int(s.stop - s.start)
 
 
 def _left(phi: Array, target: Array, keep: NDArray[np.bool_]) -> Array:

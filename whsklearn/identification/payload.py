@@ -202,8 +202,8 @@ class Beside:
 
 
 def gains_from_load(
-    lags: RigidBodyLags, empty: tuple[ArrayLike, ArrayLike], loaded: tuple[ArrayLike, ArrayLike], *,
-    joint: str, numbers: ArrayLike,
+    lags: RigidBodyLags, empty: tuple[ArrayLike, ...], loaded: tuple[ArrayLike, ...], *, joint: str,
+    numbers: ArrayLike,
 ) -> dict[str, tuple[float, float]]:  # fmt: skip
     """Nm per unit of the drive and its standard error, by joint, from a pair of records with a known load.
 
@@ -211,8 +211,9 @@ def gains_from_load(
     ----------
     lags : RigidBodyLags
         With robot and sampling rate.
-    empty, loaded : pair of array-like of shape (n, n_joints)
-        Positions and drives without and with the load, the drives in the same unit, such as A.
+    empty, loaded : tuple of array-like of shape (n, n_joints)
+        Positions and drives without and with the load, the drives in the same unit, such as A; a third array, of shape
+        (n,), marks experiments.
     joint : str
         That carries the load.
     numbers : array-like of shape (10,)

@@ -60,7 +60,7 @@ class ArmRowState(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """One record behind the filters.
+    """Records behind the filters, one after the other.
 
     Attributes
     ----------
@@ -287,8 +287,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
             As for `rows`.
         """
         if not self.causal:
-            phis, targets, keeps = zip(*(seen[:3] for seen in self._views(X, y, groups)), strict=True)
-            return np.concatenate(phis), np.concatenate(targets), np.concatenate(keeps)
+            return self._views(X, y, groups)[:3]
         X = np.asarray(check_array(X, dtype=np.float64))
         self.fit(X)
         target = self._checked_drives(y, len(X))
@@ -297,7 +296,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         phi, late = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
         return phi, late, np.ones(late.shape, dtype=bool)
 
-    def _views(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> list[Seen]:
+    def _views(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> Seen:
         """Experiments behind the filters: their unweighted rows, and the motion from which they are computed.
 
         Parameters
@@ -314,7 +313,13 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
             self._set_cutoff(self._cutoff_of(longest, len(X)))
         along = [self._columns_along(X[s], drive[s]) for s in pieces]
         limits = self._limits(longest, np.concatenate([moved.velocity for _, moved in along]))
-        return [self._seen(*one, target[s], limits) for one, s in zip(along, pieces, strict=True)]
+        each = [self._seen(*one, target[s], limits) for one, s in zip(along, pieces, strict=True)]
+        if len(each) == 1:
+            return each[0]
+        moved = Motion(*map(np.concatenate, zip(*(one.moved for one in each), strict=True)))
+        kept = np.concatenate([one.kept + s.start for one, s in zip(each, pieces, strict=True)])
+        phi, target, keep = map(np.concatenate, zip(*(one[:3] for one in each), strict=True))
+        return Seen(phi, target, keep, moved, kept)
 
     def _filtered(self, signals: Array) -> Array:
         """Signals (n, ...) of a record, filtered like the columns."""

@@ -14,6 +14,7 @@ from whsklearn.datasets import default_arm, make_arm_log
 from whsklearn.effects import CableSpring, Cogging, Coulomb, LoadFriction, Stribeck, Viscous
 from whsklearn.gap import GapFinder
 from whsklearn.gap.plants.arm import ArmRecord, arm_plant
+from whsklearn.gap.plants.arm_terms import candidates, present
 from whsklearn.identification import identify_arm
 
 pytestmark = pytest.mark.usefixtures("library_effects")
@@ -143,6 +144,45 @@ def test_a_law_with_a_shape_must_explain_more_than_one_without():
     assert plant.objection(model, soft) == "coulomb explains as much with fewer numbers"
 
 
+def trajectories(*pieces, hole=1.0):
+    """Records of one log: time (s), positions and drives of all, with holes between them."""
+    ends = np.cumsum([0.0] + [p.time[-1] + hole for p in pieces])
+    time = np.concatenate([p.time + begin for p, begin in zip(pieces, ends, strict=False)])
+    return time, *(np.vstack([getattr(p, k) for p in pieces]) for k in ("position", "drive"))
+
+
+def test_nothing_is_named_in_a_log_of_several_trajectories_in_which_nothing_is_missing():
+    log = trajectories(*(record(duration=5.0, random_state=k) for k in (1, 2, 3)))
+    found = GapFinder(ARM).fit(log)
+    assert found.plant_.record.starts == (2500, 5000)
+    assert found.verdict_ == "no_gap"
+
+
+def test_a_log_is_used_beyond_its_longest_piece():
+    seen = [record({"pitch": [Cogging(0.2, order=7.0)]}, duration=5.0, random_state=k) for k in (4, 5, 6, 7)]
+    one, all_four = (GapFinder(ARM).fit(log) for log in (seen[0], trajectories(*seen)))
+    assert names(one) == names(all_four) == ["cogging at pitch"]
+    assert all_four.effects_[0].effect.magnitude == pytest.approx(0.2, rel=0.02)
+    assert all_four.plant_.view.n_rows > 3.5 * one.plant_.view.n_rows
+
+
+def test_a_memory_begins_anew_at_each_piece():
+    one = record(duration=5.0, random_state=1)
+    plants = [arm_plant(ARM, log, law=None, tolerance=0.004) for log in (one, trajectories(one, one))]
+    lengths = []
+    for plant in plants:
+        plant.check()
+        view, model = plant.view, plant.base(np.random.default_rng(0))
+        kinds = list(candidates(view.arm, present({"pitch": ("coulomb",)}, ()), frozen=False, weight=0))
+        for name, size in (("presliding_hysteresis", 1.0), ("actuator_lag", 0.05), ("input_delay", 0.05)):
+            kind = next(k for k in kinds if k.name == f"{name} at pitch")
+            lengths.append(view.columns_at(kind, (size,)))
+        lengths.append(plant.simulate(model, 0.5).reshape(-1, 2))
+    for alone, twice in zip(lengths[:4], lengths[4:], strict=True):
+        np.testing.assert_allclose(twice[: len(alone)], alone, atol=0.02 * np.std(alone))
+        np.testing.assert_allclose(twice[len(alone) :], alone, atol=0.02 * np.std(alone))
+
+
 def test_the_report_tells_every_joint(tmp_path):
     pytest.importorskip("matplotlib")
     found = GapFinder(ARM).fit(record({"pitch": [Cogging(0.1, order=7.0)]}, duration=12.0))
@@ -153,7 +193,8 @@ def test_the_report_tells_every_joint(tmp_path):
     assert rows["pitch"]["names"] == ["cogging at pitch"]
     missing = rows["pitch"]["missing"]
     assert missing["before"] > 5 * missing["after"]
-    fitted = identify_arm(*record({"pitch": [Cogging(0.1, order=7.0)]}, duration=12.0)[1:], dt=0.002, robot=ARM)
+    same = record({"pitch": [Cogging(0.1, order=7.0)]}, duration=12.0)
+    fitted = identify_arm(same.position, same.drive, dt=0.002, robot=ARM)
     assert missing["before"] == pytest.approx(fitted.missing["pitch"], rel=0.2)  # of held-out blocks, as identify's
     assert "Joint yaw" in page
     assert (tmp_path / "repaired.json").exists()
@@ -161,16 +202,16 @@ def test_the_report_tells_every_joint(tmp_path):
 
 def test_a_joint_that_does_not_move_is_told():
     r = record(duration=12.0)
-    still = r._replace(position=r.position * [1.0, 0.0])
+    still = dataclasses.replace(r, position=r.position * [1.0, 0.0])
     plant = arm_plant(ARM, still, law=None, tolerance=0.004)
     assert any("does not move" in p.explanation for p in plant.check())
 
 
 def test_degrees_and_other_orders_are_told():
     r = record(duration=12.0)
-    degrees = arm_plant(ARM, r._replace(position=np.rad2deg(r.position)), law=None, tolerance=0.004).check()
+    degrees = arm_plant(ARM, dataclasses.replace(r, position=np.rad2deg(r.position)), law=None, tolerance=0.004).check()
     assert any("degrees" in p.explanation for p in degrees)
-    crossed = arm_plant(ARM, r._replace(drive=r.drive[:, ::-1]), law=None, tolerance=0.004).check()
+    crossed = arm_plant(ARM, dataclasses.replace(r, drive=r.drive[:, ::-1]), law=None, tolerance=0.004).check()
     assert any("order" in p.explanation for p in crossed)
 
 
@@ -190,5 +231,6 @@ def test_a_model_of_another_law_is_refused():
     ],
 )
 def test_a_log_that_is_none_is_refused_in_a_sentence(change, told):
+    r = record(duration=2.0)
     with pytest.raises(ValueError, match=told):
-        GapFinder(ARM).fit(change(*record(duration=2.0)))
+        GapFinder(ARM).fit(change(r.time, r.position, r.drive))

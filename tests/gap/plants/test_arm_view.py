@@ -9,7 +9,7 @@ from whsklearn import RigidBodyLags
 from whsklearn.datasets import default_arm, make_arm_log
 from whsklearn.effects import CableSpring
 from whsklearn.gap.plants.arm_terms import AtJoint, JointInertia, JointTerm, Load, candidates
-from whsklearn.gap.plants.arm_view import LATEST, ArmState, ArmView, law_of, point, solved
+from whsklearn.gap.plants.arm_view import LATEST, ArmRecord, ArmState, ArmView, law_of, point, solved
 
 pytestmark = pytest.mark.usefixtures("library_effects")
 
@@ -20,7 +20,7 @@ def view_of(effects=None, *, late=0, seed=0):
     q, u = make_arm_log(ARM, effects, duration=12.0, random_state=seed, return_arrays=True)
     u = np.vstack([u[late:], np.repeat(u[-1:], late, axis=0)]) if late else u  # drives that act ``late`` samples on
     lags = RigidBodyLags(ARM, 500.0, law="viscous,coulomb").fit(q, u)
-    view = ArmView(lags, q, u)
+    view = ArmView(lags, ArmRecord(np.arange(len(q)) / 500.0, q, u))
     model = view.fit(ArmState(np.zeros(len(lags.base_.names)), np.zeros(ARM.n_joints)))
     view.weigh(model)
     return view, view.fit(model)
@@ -89,7 +89,7 @@ def test_own_records_of_a_complete_model_are_as_large_as_what_it_leaves(plain):
 def test_the_encoders_read_on_their_grid(plain):
     q, u = (plain[0].position, plain[0].drive)
     step = 2 * np.pi / 4096
-    view = ArmView(plain[0].lags, np.round(q / step) * step, u)
+    view = ArmView(plain[0].lags, ArmRecord(np.arange(len(q)) / 500.0, np.round(q / step) * step, u))
     read = view.read(view.moved.position, np.random.default_rng(0))
     for x, grid in zip(read.T, view.grid, strict=True):
         assert grid == pytest.approx(step)

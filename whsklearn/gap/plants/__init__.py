@@ -91,6 +91,12 @@ def _chain(
     return ChainPlant(u, y, (law_choice(law), orders, direct), tolerance=tolerance, dt=dt, at=at, given_model=system)
 
 
+def holes_in(steps: Array) -> NDArray[np.bool_]:
+    """Which steps of a clock are holes, shape (n,); none if so many are long that its samples come in bursts."""
+    holes = steps >= LONG_GAP * np.median(steps)
+    return np.asarray(holes & (np.mean(holes) <= UNEVEN))
+
+
 def sampling(log: Any, columns: dict[str, Any]) -> tuple[float, NDArray[np.intp] | None]:
     """(mean step of an increasing time column, place of each sample on that grid if there are holes).
 
@@ -105,8 +111,8 @@ def sampling(log: Any, columns: dict[str, Any]) -> tuple[float, NDArray[np.intp]
     steps = np.diff(time)
     if time.size < 2 or not np.all(np.isfinite(steps)) or np.any(steps <= 0):
         return 1.0, None
-    holes = steps >= LONG_GAP * np.median(steps)
-    if not 0.0 < np.mean(holes) <= UNEVEN:  # a clock whose samples come in bursts has more long steps
+    holes = holes_in(steps)
+    if not holes.any():
         return float((time[-1] - time[0]) / (time.size - 1)), None
     dt = float(steps[~holes].sum() / np.count_nonzero(~holes))
     return dt, np.concatenate([[0], np.cumsum(np.where(holes, np.rint(steps / dt), 1.0))]).astype(np.intp)

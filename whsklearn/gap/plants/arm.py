@@ -11,7 +11,7 @@ import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ from whsklearn.gap.data_check import DataProblem
 from whsklearn.gap.filters import whiteness
 from whsklearn.gap.localisation import spectra
 from whsklearn.gap.plant import Figures, Gap, Linearised, PlantDefaults, Told
+from whsklearn.gap.plants import holes_in
 from whsklearn.gap.plants.arm_families import families, look_at_limit, nameless, polished
 from whsklearn.gap.plants.arm_terms import (
     AtJoint,
@@ -33,7 +34,7 @@ from whsklearn.gap.plants.arm_terms import (
     candidates,
     present,
 )
-from whsklearn.gap.plants.arm_view import LATEST, ArmState, ArmView, law_of
+from whsklearn.gap.plants.arm_view import LATEST, ArmRecord, ArmState, ArmView, law_of
 from whsklearn.gap.plants.servo_candidates import aliases as of_axis
 from whsklearn.gap.plants.servo_candidates import candidate
 from whsklearn.gap.plants.servo_evidence import OWN_MOTION
@@ -63,14 +64,6 @@ BEYOND = 0.04
 # to be told.  Above a quarter (6 % of the power) the elementary law is no longer most of the effect.
 DOUBTFUL = 0.25
 SOME = 200  # positions at which the mass matrix is checked for being positive definite
-
-
-class ArmRecord(NamedTuple):
-    """Time (n,) in s, positions and drives (n, n_joints) in rad and Nm (m and N), in the order of the joints."""
-
-    time: Array
-    position: Array
-    drive: Array
 
 
 class ArmPlant(PlantDefaults):
@@ -107,17 +100,17 @@ class ArmPlant(PlantDefaults):
     # --- the base model ----------------------------------------------------------------------
     def check(self) -> list[DataProblem]:
         """Check for degrees, mA, a wrong order of the columns, and joints that do not move."""
-        arm, (_, q, u) = as_arm(self.lags.robot), self.record
+        arm, q, u = as_arm(self.lags.robot), self.record.position, self.record.drive
         with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always", UserWarning)
             try:
-                self.view = ArmView(self.lags, q, u, self.known)
+                self.view = ArmView(self.lags, self.record, self.known)
             except ValueError as error:
                 return [DataProblem("data-arm", "The log cannot be used", str(error))]
         v = self.view
         texts = [*(str(w.message) for w in said if w.category is UserWarning), *suspicions(arm, q, u)]
         problems = [DataProblem("data-arm", "Check the log", text, fatal=False) for text in texts]
-        order = swapped(self.lags, q, u, (v.phi, v.target, v.keep))
+        order = swapped(self.lags, q, u, (v.phi, v.target, v.keep), self.record.groups)
         return [*(DataProblem("data-order", "The joints are in another order", text) for text in order), *problems]
 
     def base(self, rng: np.random.Generator) -> ArmState:
@@ -331,8 +324,8 @@ class ArmPlant(PlantDefaults):
         """The plant of a record that the model itself makes along the measured motion."""
         view = self.view
         other = ArmPlant(self.record, self.lags, None, self.tolerance, self.known)
-        record = ArmRecord(self.record.time, view.read(view.moved.position, rng), view.along(model, view.moved))
-        other.record, other.view = record, view
+        path, drive = view.read(view.moved.position, rng), view.along(model, view.moved)
+        other.record, other.view = replace(self.record, position=path, drive=drive), view
         other._made = True
         return other
 
@@ -345,20 +338,21 @@ class ArmPlant(PlantDefaults):
         """
         view = self.view
         drive, path = self.record.drive, self.record.position
-        moved = view.moved if not self._made else self.lags._moved(path)
+        moved = view.moved if not self._made else view.motion_of(path)
         if not self._made:
             for t in (t for t in model.terms if t.kind.cls is Weight):
                 rows = view.time[view.kept]
                 drive = drive - np.column_stack([np.interp(view.time, rows, x) for x in view.contribution(t).T])
         arm = self._arm(model)
+
+        def run(u: Array, q: Array, v: Array) -> Any:
+            options = {"sample_rate": self.lags.sample_rate, "resync": horizon, "substeps": FEWEST_STEPS}
+            return arm.simulate_drive(u, position=q, velocity=v, **options).position
+
         try:
-            run = arm.simulate_drive(
-                drive, sample_rate=self.lags.sample_rate, resync=horizon, position=moved.position,
-                velocity=moved.velocity, substeps=FEWEST_STEPS,
-            )  # fmt: skip
+            return np.asarray(self.record.by_piece(run, drive, moved.position, moved.velocity).ravel())
         except FloatingPointError:
             return np.full(path.size, np.nan)
-        return np.asarray(run.position.ravel())
 
     def _arm(self, model: ArmState) -> Arm:
         """The arm that moves as the model does."""
@@ -385,10 +379,10 @@ class ArmPlant(PlantDefaults):
 
     def measured(self, *models: ArmState) -> tuple[Array, NDArray[np.bool_]]:
         """Positions of all joints, one after the other, and the mask of held-out samples away from the ends."""
-        n = len(self.record.time)
-        _, train = held_out_blocks(n)
+        _, train = held_out_blocks(len(self.record.time))
         edge = max(int(self.view.kept[0]), round(max(self.horizons) * self.lags.sample_rate))
-        train[:edge] = train[n - edge :] = True
+        for s, _ in self.record.pieces:
+            train[s][:edge] = train[s][-edge:] = True
         return self.record.position.ravel(), np.repeat(~train, self.view.n_joints)
 
     def figures(self, base: ArmState, model: ArmState, nameless: float = 0.0) -> Figures:
@@ -482,7 +476,7 @@ class ArmPlant(PlantDefaults):
             heavy = replace(as_arm(self.lags.robot), gravity=STANDARD_GRAVITY)
             lags = RigidBodyLags(heavy, self.lags.sample_rate, self.lags.law, self.lags.effects)
             other = ArmPlant(self.record, lags, None, self.tolerance)
-            other.view = ArmView(lags, self.record.position, self.record.drive)
+            other.view = ArmView(lags, self.record)
             none = ArmState(np.zeros(len(lags.base_.names)), model.timing)
             return other.system(
                 other.settled(none.with_terms(tuple(t for t in model.terms if t.kind.cls is not Weight)))
@@ -517,27 +511,31 @@ def completed(arm: Arm, terms: Iterable[JointTerm]) -> Arm:
 def record_of(log: Any, arm: Arm) -> ArmRecord:
     """Return the record of an arm; raise an error that says what is wrong with the log."""
     wanted = f"expected time (n,), positions and drives (n, {arm.n_joints}) of {', '.join(arm.joints)}, in that order"
+    starts = None
+    if isinstance(log, ArmRecord):
+        log, starts = (log.time, log.position, log.drive), log.starts
     if not isinstance(log, tuple) or len(log) != 3:
         raise ValueError(f"The log of an arm is a {type(log).__name__}, {wanted}; give fit((time, positions, drives)).")
-    record = ArmRecord(*(np.asarray(x, dtype=float) for x in log))
-    n = record.time.size
-    shapes = [x.shape for x in record]
+    time, position, drive = signals = [np.asarray(x, dtype=float) for x in log]
+    n, shapes = time.size, [x.shape for x in signals]
     if shapes != [(n,), (n, arm.n_joints), (n, arm.n_joints)] or n < 2:
         raise ValueError(f"The log has shapes {', '.join(map(str, shapes))}, {wanted}.")
-    if not all(np.isfinite(x).all() for x in record) or np.any(np.diff(record.time) <= 0.0):
+    steps = np.diff(time)
+    if not all(np.isfinite(x).all() for x in signals) or np.any(steps <= 0.0):
         raise ValueError("The log has missing values or a time that does not increase; repair or remove those rows.")
-    return record
+    if starts is None:
+        starts = tuple((np.flatnonzero(holes_in(steps)) + 1).tolist())
+    return ArmRecord(time, position, drive, starts)
 
 
 def arm_plant(model: Any, log: Any, *, law: str | None, tolerance: float) -> ArmPlant:
-    """The plant of a log.
+    """The plant of a log; where its time has holes, it falls into segments.
 
     The effects at the joints of an `Arm` are its base law; the numbers of an `ArmModel` stay fixed.
     """
     arm = model.arm if isinstance(model, ArmModel) else model
     record = record_of(log, arm)
-    rate = (len(record.time) - 1) / float(record.time[-1] - record.time[0])
-    lags = RigidBodyLags.of_arm(arm, rate, law)
+    lags = RigidBodyLags.of_arm(arm, 1.0 / record.dt, law)
     if not isinstance(model, ArmModel):
         return ArmPlant(record, lags, model, tolerance)
     lags._settle()

@@ -137,12 +137,14 @@ def _orders(view: ArmView, kind: AtJoint) -> Blocks:
 
 
 def _tones(view: ArmView, kind: AtJoint, tangent: Tangent) -> Blocks:
-    """The strongest line of the record at a joint and of every null row, from their spectra."""
+    """The strongest line of the record at a joint and of every null row, from their spectra (holes are zeros)."""
     c = kind.catalogued
     assert c is not None
     assert kind.index is not None
     low = c.ranged(view.scene(kind))[0][0]
-    rows = tangent.rows[kind.rows].T
+    at = np.rint(view.time[view.kept] / view.step).astype(int)
+    rows = np.zeros((tangent.rows.shape[1], at[-1] + 1))
+    rows[:, at] = tangent.rows[kind.rows].T
     n = 4 * rows.shape[1]
     frequency = np.fft.rfftfreq(n, view.step)
     inside = np.flatnonzero((frequency >= low) & (frequency <= min(1.5 * view.lags.cutoff_, 0.5 / view.step)))

@@ -8,9 +8,9 @@ filters, plus noise with the colour of the unexplained part, joint by joint.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,9 +22,9 @@ from whsklearn.filtering.encoder import encoder_noise
 from whsklearn.gap.calibration import N_NULL, coloured, n_effective, null_rows, smoothed_power
 from whsklearn.gap.plants.arm_terms import AtJoint, JointInertia, JointTerm, Load, Weight
 from whsklearn.gap.plants.servo_candidates import ColumnSignals
-from whsklearn.gap.plants.servo_inverse import later, reaching
+from whsklearn.gap.plants.servo_inverse import later
 from whsklearn.gap.plants.servo_own import N_RECORDS
-from whsklearn.gap.record import MAD, lattice, rms
+from whsklearn.gap.record import MAD, Segmented, lattice, rms
 from whsklearn.identification.arm_fit import SAME, Known, held_out
 from whsklearn.identification.drive_lead import OLDEST
 from whsklearn.identification.payload import MASS
@@ -63,6 +63,24 @@ class ArmState:
         return self.with_terms(self.terms[:index] + self.terms[index + 1 :])
 
 
+@dataclass(frozen=True)
+class ArmRecord(Segmented):
+    """Time (n,) in s, positions and drives (n, n_joints) in rad and Nm (m and N), in the order of the joints.
+
+    ``starts`` are the samples before which the log has a hole.
+    """
+
+    time: Array
+    position: Array
+    drive: Array
+    starts: tuple[int, ...] = ()
+
+    @property
+    def groups(self) -> NDArray[np.intp]:
+        """Number of the segment of every sample, shape (n,)."""
+        return np.searchsorted(self.starts, np.arange(self.time.size), side="right")
+
+
 class Own(NamedTuple):
     """The residuals of a model on its own records.
 
@@ -92,27 +110,31 @@ class ArmView:
     Parameters
     ----------
     lags : RigidBodyLags
-    position, drive : ndarray of shape (n, n_joints)
+    record : ArmRecord
+        Filters, and effects with a memory, begin anew at each of its segments.
     known : Known, optional
         What another record knows of the numbers: they move only as far as it allows.
     """
 
-    def __init__(self, lags: RigidBodyLags, position: Array, drive: Array, known: Known | None = None):
-        self.lags, self.position, self.drive, self.known = lags, position, drive, known
-        self.phi, self.target, self.keep, self.moved, self.kept = lags._views(position, drive)[0]
+    def __init__(self, lags: RigidBodyLags, record: ArmRecord, known: Known | None = None):
+        self.lags, self.record, self.known = lags, record, known
+        self.position, self.drive = record.position, record.drive
+        self.phi, self.target, self.keep, self.moved, self.kept = lags._views(self.position, self.drive, record.groups)
         self.arm, self.dt = lags.arm_, 1.0 / lags.sample_rate
         self.n_rows, self.n_joints = self.target.shape
-        self.time = np.arange(len(position)) * self.dt
+        self.time = record.clock
         self.step = float(self.kept[1] - self.kept[0]) * self.dt
         n = len(lags.base_.names)
         self.expected = np.zeros(n) if known is None else known.values
         self.root = np.zeros((0, n)) if known is None else known.root
-        self.noise = np.array([encoder_noise(x, lags.sample_rate) for x in position.T])
-        self.grid = np.array([lattice(x) for x in position.T])
+        longest = self.position[max((s for s, _ in record.pieces), key=lambda s: s.stop - s.start)]
+        self.noise = np.array([encoder_noise(x, lags.sample_rate) for x in longest.T])
+        self.grid = np.array([lattice(x) for x in self.position.T])
         self.weight = lags._weights(self.phi, self.target, self.keep)
         self.repeats = self._repeats()
         self.artefact = np.zeros_like(self.target)
-        self.torque = zero_phase(drive, lags.sample_rate, lags._fine)  # replaced by a model's torque
+        # replaced by a model's torque
+        self.torque = record.by_piece(lambda u: zero_phase(u, lags.sample_rate, lags._fine), self.drive)
         self.rate = np.zeros_like(self.target)
         self._columns: dict[Any, Array] = {}
         self._signals: dict[Any, ColumnSignals] = {}
@@ -128,7 +150,15 @@ class ArmView:
 
     def blur(self, x: Array) -> Array:
         """Signals of all samples, shape (n, ...), filtered and taken at the rows."""
-        return self.lags._filtered(x)[self.kept]
+        return np.asarray(self.record.by_piece(self.lags._filtered, x)[self.kept])
+
+    def motion_of(self, path: Array) -> Motion:
+        """The motion along a path, (n, n_joints) each, behind the finer filter."""
+        return Motion(*self.record.by_piece(self.lags._moved, path))
+
+    def along_pieces(self, function: Callable[[ColumnSignals], Any], signals: ColumnSignals) -> Array:
+        """A function of signals, such as an effect's columns; a memory in it begins anew at each segment."""
+        return np.asarray(self.record.by_piece(lambda *x: function(ColumnSignals(*x)), *signals[:5]))
 
     def flat_weight(self) -> Array:
         """Weight of every row, ordered by joint, then by instant; zero where the row does not count."""
@@ -179,7 +209,7 @@ class ArmView:
             along = self.lost(kind, shape)[:, None]
         else:
             assert kind.catalogued is not None
-            along = kind.catalogued.unit_columns(shape, self.signals(kind))
+            along = self.along_pieces(partial(kind.catalogued.unit_columns, shape), self.signals(kind))
         seen = self.blur(along)
         if kind.index is not None:
             return seen
@@ -201,12 +231,12 @@ class ArmView:
         A limit or a dead zone removes it from the logged drive.  A delay is applied to the torque that the model
         predicts, because a logged drive would explain its own noise.
         """
+        assert kind.catalogued is not None
         if kind.delays:
-            assert kind.catalogued is not None
-            asked = (self.torque @ np.array(kind.direction))[::-1]
-            return np.asarray((later(kind.catalogued.code, asked, shape[0], self.dt) - asked)[::-1])
-        u = self.drive @ np.array(kind.direction)
-        return np.asarray(u - reaching(JointTerm(kind.catalogued, shape), u, self.signals(kind), self.dt))  # type: ignore[arg-type]
+            code, asked = kind.catalogued.code, self.torque @ np.array(kind.direction)
+            return np.asarray(self.record.by_piece(lambda u: later(code, u[::-1], shape[0], self.dt)[::-1] - u, asked))
+        u, effect = self.drive @ np.array(kind.direction), kind.catalogued.effect(shape)
+        return self.along_pieces(effect.contribution, self.signals(kind)._replace(drive=u))
 
     @cached_property
     def weights_of_links(self) -> Array:
@@ -313,7 +343,7 @@ class ArmView:
             left = self.by_joint(self.left(model))
             self.weight = 1.0 / np.maximum(left, 1e-6 * np.maximum(self.drive_rms, 1e-12))
         self.torque = self.along(model, self.moved)
-        self.rate = self.blur(np.gradient(self.torque, self.dt, axis=0))
+        self.rate = self.blur(self.record.by_piece(lambda u: np.gradient(u, self.dt, axis=0), self.torque))
         self._forget()
 
     def hear_stops(self, model: ArmState) -> None:
@@ -342,7 +372,7 @@ class ArmView:
         for k, (name, effects) in enumerate({**dict(zip(arm.joints, arm.effects, strict=True)), **arm.sums}.items()):
             d = arm._every_direction()[k]
             s = self.signals(AtJoint(JointInertia, name, tuple(d)), moved, self.torque)
-            out += np.outer(sum((e.contribution(s) for e in effects), np.zeros(len(out))), d)
+            out += np.outer(sum((self.along_pieces(e.contribution, s) for e in effects), np.zeros(len(out))), d)
         for t in model.terms:
             d = np.array(t.kind.direction)
             if t.kind.cls is Load:
@@ -355,7 +385,7 @@ class ArmView:
             elif t.kind.cls is JointInertia:
                 out += t.q[0] * (moved.acceleration @ d)[:, None] * d
             elif t.kind.catalogued is not None and not t.kind.transforms:
-                out += t.effect.contribution(self.signals(t.kind, moved))[:, None] * d
+                out += self.along_pieces(t.effect.contribution, self.signals(t.kind, moved))[:, None] * d
         return np.asarray(out)
 
     def read(self, path: Array, rng: np.random.Generator) -> Array:
@@ -372,8 +402,8 @@ class ArmView:
         one after the finer filter.  It passes that filter again with and without noise, because the noise that the
         second pass removes is not an artefact.
         """
-        asked = self.blur(self.along(model, self.lags._moved(self.moved.position)))
-        made = [self.along(model, self.lags._moved(self.read(self.moved.position, rng))) for _ in range(N_RECORDS)]
+        asked = self.blur(self.along(model, self.motion_of(self.moved.position)))
+        made = [self.along(model, self.motion_of(self.read(self.moved.position, rng))) for _ in range(N_RECORDS)]
         rows = np.where(self.keep, asked - np.array([self.blur(x) for x in made]), 0.0)
         mean = rows.mean(axis=0)
         apart = (rows - mean) * np.sqrt(N_RECORDS / (N_RECORDS - 1.0))
