@@ -16,7 +16,7 @@ from whsklearn.gap.plant import DEFAULT_TOLERANCE
 from whsklearn.gap.plants import inverse_dynamics as ols
 from whsklearn.gap.plants import servo_stop as stop
 from whsklearn.gap.plants.servo_candidates import Candidate
-from whsklearn.gap.plants.servo_families import Scene, family, inverse_kinds
+from whsklearn.gap.plants.servo_families import Scene, family, inverse_kinds, resolved
 from whsklearn.gap.plants.servo_inverse import InverseView
 from whsklearn.gap.plants.servo_model import AxisModel, Term
 from whsklearn.gap.plants.servo_own import own as own_records
@@ -172,7 +172,8 @@ def looks_of(view: InverseView, model: AxisModel, rng: np.random.Generator) -> d
     null = coloured(power, (N_NULL, left.size), rng)
     time = view.time[:: view.every][view.at]
     slow, _ = drifting(np.ones((time.size, 1)), ("input_offset",), time, slowest_of(path_of(view), time))
-    tangent = Tangent(left, null, np.column_stack([x[view.at], slow]), n_effective(null[0], view.n_effective))
+    beside = np.column_stack([x[view.at], by_shape(view, model)[view.at], slow])
+    tangent = Tangent(left, null, beside, n_effective(null[0], view.n_effective))
     return {k: look for k in inverse_kinds(model) if constant(k) and (look := tangent.look(family(scene, k)))}
 
 
@@ -190,6 +191,8 @@ def shown_by_all(views: list[InverseView], models: list[AxisModel], term: Term) 
     """Whether the effect's columns are distinct from the model's in every record, and of similar size in all."""
     sizes = []
     for view, model in zip(views, models, strict=True):
+        if not resolved(view, model, term):
+            return False
         z = view.term_columns(model, term, None)[view.at]
         sizes.append(view.rms(z))
         q = np.linalg.qr(view.columns(model)[0][view.at])[0]

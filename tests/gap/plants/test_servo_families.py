@@ -9,6 +9,7 @@ from whsklearn.datasets import make_servo_log
 from whsklearn.effects import Cogging, DeadZone, GravityImbalance, InputDelay, InputOffset, Saturation
 from whsklearn.gap.plants import servo_families, servo_own
 from whsklearn.gap.plants.servo_candidates import catalogue
+from whsklearn.gap.plants.servo_model import Term
 from whsklearn.gap.plants.servo_start import start_of
 from whsklearn.gap.record import ServoRecord
 from whsklearn.gap.tangent import chance
@@ -53,3 +54,23 @@ def test_the_effect_that_is_missing_is_the_best_of_the_named_ones(effect):
     best = max((k for k in looks if k.name), key=lambda k: k.score)
     assert best.name in (effect.name, *effect.aliases)
     assert best.p_value < 1e-3
+
+
+def test_the_magnets_of_a_linear_motor_have_their_pitch():
+    """30 mm, or 209 rad/m: beyond any order of what turns."""
+    log = make_servo_log([Cogging(0.1, 2.0 * np.pi / 0.03)], amplitude=0.2, duration=12.0, random_state=0)
+    record = ServoRecord(log["time_s"], log["torque_nm"], log["position_rad"], units=("N", "m"))
+    view, model = start_of(record, ("viscous", "coulomb"), 0.004)
+    own, _ = servo_own.own(view, model, np.random.default_rng(0))
+    (look,) = [k for k in servo_families.looks(view, view.fit(model), own, 0.0) if k.name == "cogging"]
+    assert look.p_value < 1e-3
+    assert look.start.q[2] == pytest.approx(2.0 * np.pi / 0.03, abs=0.1 * np.pi / view.scene.reach)
+
+
+def test_a_wave_within_a_period_over_the_travel_of_another_is_the_same_wave():
+    view, _ = looks_at([])
+    (kind,) = [c for c in catalogue() if c.name == "cogging"]
+    model = start_of(view.record, ("viscous", "coulomb"), 0.004)[1].with_term(Term(kind, (0.1, 0.0, 12.0)))
+    apart = np.pi / view.scene.reach
+    assert not servo_families.resolved(view, model, Term(kind, (0.0, 0.0, 12.0 + 0.9 * apart)))
+    assert servo_families.resolved(view, model, Term(kind, (0.0, 0.0, 12.0 + 1.1 * apart)))

@@ -214,13 +214,16 @@ def ages(scene: Scene, kind: Candidate) -> Blocks:
 
 
 def orders(scene: Scene, kind: Candidate) -> Blocks:
-    """Whole orders, then all orders; the Gaussian damps a wave by exp(-(k v s)^2 / 2)."""
+    """Whole orders of what turns, then all orders; the Gaussian damps a wave by exp(-(k v s)^2 / 2)."""
     view = scene.view
     low = kind.ranged(view.scene)[0][0]
     speed = max(float(np.median(np.abs(view.motion.velocity))), 1e-9)
-    high = float(np.clip(2 * np.pi * 1.5 * view.cutoff / speed, 4.0 * max(low, 1.0), HIGHEST))
+    most = HIGHEST * max(1.0, 1.0 / view.scene.reach)  # orders grow as the travel shrinks, and with a unit of length
+    high = float(np.clip(2 * np.pi * 1.5 * view.cutoff / speed, 4.0 * max(low, 1.0), most))
     step = max(0.2 * np.pi / view.scene.reach, high / 300)
-    values = np.union1d(np.arange(np.ceil(low), high + 1), np.arange(low, max(high, low + step), step))
+    values = np.arange(low, max(high, low + step), step)
+    if view.record.units[1] == "rad":
+        values = np.union1d(np.arange(np.ceil(low), min(high, HIGHEST) + 1), values)
     values = values[values > 0.0]
     if not kind.paired:
         for order in values:
@@ -275,18 +278,23 @@ def next_order(view: Any, model: AxisModel, kind: Candidate) -> AxisModel | None
     tangent = Tangent(left, np.empty((0, left.size)), x[view.at][:, free], view.n_effective, stop.away(view, model))
     present = [t.q[2] for t in model.terms if t.kind == kind]
     whole = all(float(o).is_integer() for o in present)
-    apart = ONE_PERIOD / view.scene.reach  # closer orders are one wave with an envelope
     powers: dict[float, float] = {}
     for shapes, columns, _ in orders(scene, kind):
         power = tangent.taken(family(scene, kind), columns)[0][:, 0]
         powers |= {o: float(p) for (o,), p in zip(shapes, power, strict=True)}
     open_orders = [
-        o for o in powers if (o.is_integer() or not whole) and all(abs(o - p) > apart for p in present)
+        o for o in powers if (o.is_integer() or not whole) and resolved(view, model, Term(kind, (0.0, 0.0, o)))
     ]  # fmt: skip
     if not open_orders:
         return None
     best = max(open_orders, key=lambda o: powers[o] * (rules.WHOLE_ORDER if o.is_integer() else 1.0))
     return polished(view, model, Term(kind, (0.0, 0.0, best)))
+
+
+def resolved(view: Any, model: AxisModel, term: Term) -> bool:
+    """Whether a wave is no neighbour of the model's waves of its kind: closer orders are one wave with an envelope."""
+    beside = [t.q[2] for t in model.terms if t.kind == term.kind and term.kind.scanned == "position"]
+    return all(abs(term.q[2] - order) > ONE_PERIOD / view.scene.reach for order in beside)
 
 
 HATS = (0.08, 0.03, 0.01)  # of the travel: a stop or a bump at one angle is narrower than any wave up to order 12
@@ -371,7 +379,7 @@ N_LIMITS = 40  # of the drive over the plausible range, an eighth apart
 # parabola goes through the last three: a spring of twice the drive, off by a tenth, leaves more than its neighbours
 # explain.
 POLISH = 4
-HIGHEST = 160.0  # periods per turn
+HIGHEST = 160.0  # waves per rad or m of a travel of two or more; of a shorter one as many over the whole travel
 
 
 def inverse_kinds(model: AxisModel) -> tuple[Candidate, ...]:
