@@ -8,7 +8,6 @@ parent run, and a child run for every record.
 from __future__ import annotations
 
 import itertools
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -21,6 +20,7 @@ from whsklearn.cli.records import (
     liveliest,
     long_segments,
     longest,
+    names_of,
     note,
     note_assumed,
     reading_options,
@@ -29,6 +29,7 @@ from whsklearn.cli.records import (
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from pathlib import Path
 
     from sklearn.utils import Bunch
 
@@ -104,18 +105,6 @@ def comparison_of(options: dict[str, Any], files: tuple[str, ...], labels: list[
     logs = [longest(read_arm(file, options, arm)) for file in files]
     arms = [ArmLog(log.sample_rate, log.y, log.X) for log in logs]
     return lambda: compare_arms(arms, arm, labels, alpha=options["alpha"])
-
-
-def names_of(files: tuple[str, ...]) -> list[str]:
-    """Labels of the records: the file names, with their folders if names repeat.
-
-    Examples
-    --------
-    >>> names_of(("a.csv", "b.csv")), names_of(("mon/a.csv", "tue/a.csv"))
-    (['a.csv', 'b.csv'], ['mon/a.csv', 'tue/a.csv'])
-    """
-    names = [Path(f).name for f in files]
-    return names if len(set(names)) == len(names) else [str(f) for f in files]
 
 
 def log_of(options: dict[str, Any], file: str) -> Bunch:

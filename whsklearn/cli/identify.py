@@ -24,6 +24,7 @@ from whsklearn.cli.job import (
 from whsklearn.cli.records import (
     TWICE,
     logged_option,
+    names_of,
     note,
     note_assumed,
     read,
@@ -62,7 +63,8 @@ UNEVEN = 0.01  # relative difference allowed between the rates of two logs; a cl
 def main(**options: Any) -> None:
     """Find the model that describes the log TRAIN best: linear, Wiener-Hammerstein or physics.
 
-    Several logs of one system make one identification: numbers are shared, and each log starts from its own state.
+    Several logs of one system make one identification: numbers are shared; each log has its own initial state, timing,
+    and (on an axis) drive offset.
 
     \b
     whsklearn identify axis.csv --input torque_nm --output position_rad --time time_s --out model
@@ -76,10 +78,15 @@ def main(**options: Any) -> None:
 
         arm.identify(options)
         return
+    import numpy as np
+
     from whsklearn.identification import identify
     from whsklearn.identification.report import on_intervals, write
 
-    train = together([log_of(path, options) for path in (options["train"], *options["more"])])
+    paths = (options["train"], *options["more"])
+    logs = [log_of(path, options) for path in paths]
+    train = together(logs)
+    records = np.repeat(names_of(paths), [log.y.size for log in logs]) if len(logs) > 1 else None
     test = log_of(options["test"], options) if options["test"] else None
     note_assumed(train)
     if test is not None:
@@ -108,6 +115,7 @@ def main(**options: Any) -> None:
             },
             drive_error=train.drive_error,
             groups=train.groups,
+            records=records,
             progress=progress,
         )
     if test is not None and found.test.y.size < test.y.size:

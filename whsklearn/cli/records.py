@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -338,3 +338,15 @@ def orders_of(text: str) -> dict[str, Any]:
     if len(parts) != 4 or not all(p.strip().isdigit() for p in parts):
         raise ValueError(f"--orders is {text!r}; expected four whole numbers n_a,n_b,n_c,n_d such as 2,2,2,2.")
     return dict(zip(("n_a", "n_b", "n_c", "n_d"), map(int, parts), strict=True))
+
+
+def names_of(files: Sequence[str]) -> list[str]:
+    """Labels of the records: the file names, with their folders if names repeat.
+
+    Examples
+    --------
+    >>> names_of(("a.csv", "b.csv")), names_of(("mon/a.csv", "tue/a.csv"))
+    (['a.csv', 'b.csv'], ['mon/a.csv', 'tue/a.csv'])
+    """
+    names = [Path(f).name for f in files]
+    return names if len(set(names)) == len(names) else [str(f) for f in files]

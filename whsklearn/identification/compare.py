@@ -24,6 +24,7 @@ from whsklearn.identification.axis_fit import (
 from whsklearn.identification.chain_fit import fit_chain, fit_folded, fit_rectified, loses_sign
 from whsklearn.identification.drive_lead import moved, skew
 from whsklearn.identification.linear_fit import fit_arx, fit_output_error
+from whsklearn.identification.logs_together import Own, together
 from whsklearn.identification.view import View, held_out_from, smooth, view
 from whsklearn.identification.windows import (
     horizons,
@@ -140,6 +141,8 @@ class Identification:
     white : bool
         Whether the residual of the recommended model is white; if it is not, intervals are widened, and the model is
         incomplete.
+    own : tuple of Own
+        Timing and offset of the drive of each log.
 
     References
     ----------
@@ -167,6 +170,7 @@ class Identification:
     test: View
     rows: int = 0
     white: bool = True
+    own: tuple[Own, ...] = ()
 
     @property
     def rows_used(self) -> str:
@@ -176,13 +180,9 @@ class Identification:
 
     @property
     def on_drive(self) -> str:
-        """Note on the timing of the drive; empty if it agrees with the output."""
-        samples = self.train.lead
-        if not samples:
-            return ""
-        when = f"{1e3 * abs(samples) * self.train.dt:.3g} ms {'after' if samples > 0 else 'before'} it acted"
-        way = "earlier" if samples > 0 else "later"
-        return f"The drive was logged {when}; all models are of the log with its drive {abs(samples)} samples {way}."
+        """Note on timing and offset of each log's drive; empty if they agree with the output and with each other."""
+        dt, unit = self.train.dt, self.model.units.get("input", "")
+        return " ".join(text for log in self.own if (text := log.told(dt, unit)))
 
     @property
     def model(self) -> IdentifiedModel:
@@ -202,6 +202,7 @@ def identify(
     units: dict[str, str] | None = None,
     drive_error: float = 0.0,
     groups: ArrayLike | None = None,
+    records: ArrayLike | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Identification:
     """Find the structure that fits a record: linear, Wiener-Hammerstein, or an axis as physics.
@@ -226,6 +227,9 @@ def identify(
         an axis and of a linear model.
     groups : array-like of shape (n,), optional
         Segments of the record, as `load_log` gives them for a log with holes; all are fitted, and each restarts.
+    records : array-like of shape (n,), optional
+        The log that each sample belongs to, where several logs of one system are given one after the other.  They share
+        all numbers, but the drive of each has a timing and, on an axis, an offset of its own.
     progress : callable, optional
         Called with the name of each candidate before it is fitted.
 
@@ -252,9 +256,7 @@ def identify(
     """
     units = {k: v for k, v in (units or {}).items() if v not in UNSTATED}
     drive, output = (factor_of(units.get(k, UNKNOWN)) for k in ("input", "output"))
-    whole = replace(view(u, y, dt, logged, groups), si=(drive[0], output[0]))
-    lead_found = skew(whole.in_si)
-    whole = moved(whole, lead_found)
+    whole, own = together(_logs(u, y, dt, logged, groups, records), si=(drive[0], output[0]))
     cut = held_out_from(whole.y)
     fitting, held_out = whole.part(0, cut), whole.part(cut, whole.u.size)
     trivial = Compared("constant velocity" if whole.logged == "position" else "constant output", "trivial", {}, "-")
@@ -288,7 +290,8 @@ def identify(
     chosen.model = _with_drive_error(chosen.model, drive_error)
     if test is not None:
         cuts = test[2] if len(test) == 3 else None
-        judged = moved(replace(view(test[0], test[1], dt, whole.logged, cuts), si=whole.si), lead_found)
+        judged = replace(view(test[0], test[1], dt, whole.logged, cuts), si=whole.si)
+        judged = moved(judged, own[0].lead if len(own) == 1 else skew(judged.in_si))
     else:  # the record begins in motion
         judged = held_out
         skip = max(skip, lead(judged.longest.u.size, dt))
@@ -296,7 +299,26 @@ def identify(
         compared.train = _indices(compared.model, fitting, 0)
         compared.test = _indices(compared.model, judged, skip)
     is_white = white(residual(chosen.model, whole), whole)
-    return Identification(tried, chosen, trivial, reason, whole.floor, whole, judged, np.size(y), is_white)
+    return Identification(tried, chosen, trivial, reason, whole.floor, whole, judged, np.size(y), is_white, own)
+
+
+def _logs(
+    u: ArrayLike, y: ArrayLike, dt: float, logged: str, groups: ArrayLike | None, records: ArrayLike | None
+) -> dict[str, View]:
+    """The logs by their labels, all of the kind that they have together."""
+    whole = view(u, y, dt, logged, groups if groups is not None else records)
+    if records is None:
+        return {"": whole}
+    of = np.asarray(records).reshape(-1)
+    u, y = np.asarray(u, dtype=float).reshape(-1), np.asarray(y, dtype=float).reshape(-1)
+    segment = np.zeros(of.shape, dtype=int) if groups is None else np.asarray(groups).reshape(-1)
+    if of.shape != y.shape:
+        raise ValueError(f"There are {of.size} records for {y.size} samples; expected one for each.")
+    out = {}
+    for label in dict.fromkeys(of.tolist()):
+        at = of == label
+        out[str(label)] = view(u[at], y[at], dt, whole.logged, segment[at])
+    return out
 
 
 def candidates(

@@ -76,7 +76,7 @@ def skew(log: View) -> int:
 
     Determined by inverse dynamics with friction, an offset and a position-dependent force.
     """
-    width = max(WIDTH / log.dt, FEWEST_WIDE)
+    width = smoothing_width(log.dt)
     if 2 * OLDEST < log.dt or log.logged == "output":
         return 0
     form = AxisForm(hangs=log.logged == "position")
@@ -96,12 +96,17 @@ def skew(log: View) -> int:
     return lead if lead and look(lead)[1] < KNOWN * _rms(drive) else 0
 
 
+def smoothing_width(dt: float) -> float:
+    """Standard deviation of the Gaussian in samples."""
+    return max(WIDTH / dt, FEWEST_WIDE)
+
+
 def moved(log: View, lead: int) -> View:
     """The record with its drive shifted earlier by a number of samples; the end of every segment is held."""
     if not lead:
         return log
     parts = [earlier(log.u[a:b], lead) for a, b in itertools.pairwise(log.bounds)]
-    return dataclasses.replace(log, u=np.concatenate(parts), lead=log.lead + lead)
+    return dataclasses.replace(log, u=np.concatenate(parts))
 
 
 def earlier(u: Array, samples: int) -> Array:

@@ -52,7 +52,10 @@ def document(found: Identification) -> dict[str, Any]:
         "models": [_entry(c) for c in found.models],
         "trivial": {"name": found.trivial.name, "windows": _windows(found.trivial, found)},
         "parameters": parameters(found),
-        "drive_lead_s": found.train.lead * found.train.dt,
+        "logs": [
+            {"name": log.label, "drive_lead_s": log.lead * found.train.dt, "drive_offset": log.offset}
+            for log in found.own
+        ],
         "residuals_white": found.white,
         "noise_floor_rmse": found.floor,
         "logged": found.train.logged,

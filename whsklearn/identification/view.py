@@ -46,8 +46,6 @@ class View:
         Factors that convert u and y to SI, in which the candidates are fitted.
     starts : tuple of int
         Start of each segment after a hole or a restart, besides sample 0.
-    lead : int
-        Samples by which ``u`` is earlier than it was logged.
     steps : int
         Fine steps per sample in the simulation of an axis.
     hold : {"zero", "cubic"}
@@ -75,7 +73,6 @@ class View:
     logged: str
     si: tuple[float, float] = (1.0, 1.0)
     starts: tuple[int, ...] = ()
-    lead: int = 0
     steps: int = 4
     hold: str = "zero"
 
