@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from tests.recursion.axis_log import axis_log, slow_drive
+from whsklearn.effects import as_law
 from whsklearn.identification import identify
 from whsklearn.identification.drive_lead import earlier, moved, skew
 from whsklearn.identification.view import view
 from whsklearn.recursion.batch.axis_free_run import free_run
+from whsklearn.systems import PIDController, ServoAxis
 
 THETA = np.array([0.05, 0.1, 0.2, 0.02, 1.5, 0.4])
 U = 2.0 * slow_drive(4000, 1)
@@ -41,3 +43,14 @@ def test_it_is_told_and_all_structures_see_the_moved_log():
     assert found.own[0].lead == pytest.approx(6, abs=1)
     assert found.recommended.kind == "axis"
     assert "30 ms after" in found.on_drive or "25 ms after" in found.on_drive
+
+
+def test_friction_does_not_bias_the_skew():
+    """Inverse dynamics alone misses these three samples: it reads friction from the signs of a smoothed velocity."""
+    axis = ServoAxis(0.02, as_law("viscous,coulomb").reweighted([0.05, 0.1]), controller=PIDController(8.0, 0.0, 0.5),
+                     sample_rate=250.0, substeps=16)  # fmt: skip
+    t = np.arange(3000) / 250.0
+    record = axis.simulate(np.sin(1.3 * t) + 0.4 * np.sin(5.1 * t))
+    noise = 3e-4 * np.random.default_rng(0).standard_normal(t.size)
+    for late in (0, 3):
+        assert skew(view(earlier(record.drive, -late), record.position + noise, 0.004, "position")) == late

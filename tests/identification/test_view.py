@@ -53,3 +53,20 @@ def test_the_last_30_percent_are_held_out_and_more_where_they_stand():
     cut = held_out_from(rising + 1e-4 * RNG.standard_normal(1000))
     assert np.ptp(rising[cut:]) == pytest.approx(0.3, abs=0.01)
     assert held_out_from(np.append(1.0, np.zeros(199))) == 60  # what is fitted needs some samples
+
+
+def test_a_unit_says_what_the_output_is():
+    """A pendulum's angle returns without a drive, and a rotor without friction keeps its speed."""
+    rng = np.random.default_rng(0)
+    drive = np.cumsum(rng.standard_normal(3000)) / 20
+    hung = lfilter([0.0, 1e-3], [1.0, -1.98, 0.985], drive)
+    turning = np.cumsum(drive) / 50
+    torque, angle, rate = (1.0, "Nm"), (1.0, "rad"), (1.0, "rad/s")
+    known = view(drive, hung, 0.01, "auto", si=(torque, angle))
+    assert (known.logged, known.settles) == ("position", True)
+    assert known.as_response.logged == "output"
+    np.testing.assert_array_equal(known.as_response.target, hung)
+    assert view(drive, hung, 0.01, "auto").logged == "output"
+    assert view(drive, hung, 0.01, "auto", si=(angle, angle)).logged == "output"  # a commanded position
+    assert view(drive, turning, 0.01, "auto").logged == "position"
+    assert view(drive, turning, 0.01, "auto", si=(torque, rate)).logged == "output"

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 def fit_chain(log: View) -> ChainModel:
     """Orders and law as the fit finds them."""
+    log = log.as_response
     groups = np.repeat(np.arange(log.bounds.size - 1), np.diff(log.bounds)) if log.starts else None
     model = PEMRegressor(criterion="simulation").fit(log.u[:, None], log.target, groups=groups)
     return chain_model(model, dt=log.dt, logged=log.logged)

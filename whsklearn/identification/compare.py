@@ -25,7 +25,7 @@ from whsklearn.identification.chain_fit import fit_chain, fit_folded, fit_rectif
 from whsklearn.identification.drive_lead import moved, skew
 from whsklearn.identification.linear_fit import fit_arx, fit_output_error
 from whsklearn.identification.logs_together import Own, together
-from whsklearn.identification.view import View, held_out_from, smooth, view
+from whsklearn.identification.view import RATES, View, held_out_from, smooth, view
 from whsklearn.identification.windows import (
     horizons,
     lead,
@@ -256,7 +256,8 @@ def identify(
     """
     units = {k: v for k, v in (units or {}).items() if v not in UNSTATED}
     drive, output = (factor_of(units.get(k, UNKNOWN)) for k in ("input", "output"))
-    whole, own = together(_logs(u, y, dt, logged, groups, records), si=(drive[0], output[0]))
+    logs = _logs(u, y, dt, logged, groups, records, (drive, output))
+    whole, own = together(logs, si=(drive[0], output[0]))
     cut = held_out_from(whole.y)
     fitting, held_out = whole.part(0, cut), whole.part(cut, whole.u.size)
     trivial = Compared("constant velocity" if whole.logged == "position" else "constant output", "trivial", {}, "-")
@@ -268,7 +269,7 @@ def identify(
             cut,
             angle=angle,
             placed=whole.logged == "position",
-            sprung=whole.logged == "output",
+            sprung=output[1] not in RATES and (whole.logged == "output" or whole.settles),
             rectified=loses_sign(whole),
         )
     )
@@ -303,10 +304,16 @@ def identify(
 
 
 def _logs(
-    u: ArrayLike, y: ArrayLike, dt: float, logged: str, groups: ArrayLike | None, records: ArrayLike | None
+    u: ArrayLike,
+    y: ArrayLike,
+    dt: float,
+    logged: str,
+    groups: ArrayLike | None,
+    records: ArrayLike | None,
+    si: tuple[tuple[float, str], tuple[float, str]],
 ) -> dict[str, View]:
     """The logs by their labels, all of the kind that they have together."""
-    whole = view(u, y, dt, logged, groups if groups is not None else records)
+    whole = view(u, y, dt, logged, groups if groups is not None else records, si)
     if records is None:
         return {"": whole}
     of = np.asarray(records).reshape(-1)
@@ -317,7 +324,8 @@ def _logs(
     out = {}
     for label in dict.fromkeys(of.tolist()):
         at = of == label
-        out[str(label)] = view(u[at], y[at], dt, whole.logged, segment[at])
+        record = view(u[at], y[at], dt, whole.logged, segment[at], si)
+        out[str(label)] = replace(record, settles=whole.settles)
     return out
 
 
@@ -382,7 +390,8 @@ def recommend(tried: list[Compared], trivial: Compared, *, steady: bool = False)
     if not good:
         told = "; ".join(f"{c.name}: {c.failure or 'its free run does not stay finite'}" for c in tried)
         raise ValueError(f"No structure could be fitted to this record ({told}).")
-    holding = [c for c in good if not _lost(c.test)]
+    # that the mean is further off is a merit only of what also predicts the windows
+    holding = [c for c in good if not _lost(c.test) and c.score < EXPLAINS * trivial.score]
     first, best = (min(some, key=lambda c: c.score) for some in (good, holding or good))
     chosen = next(c for c in holding or good if c.score <= AS_GOOD * best.score)
     ratio = chosen.score / trivial.score

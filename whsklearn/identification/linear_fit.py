@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 def fit_arx(log: View, order: int) -> LinearModel:
     """Smallest one-step error; poles outside the unit circle are mirrored into it."""
+    log = log.as_response
     data = input_output(log)
     level = data.u.mean(axis=1, keepdims=True)  # both with their means removed: least squares with a constant
     ratio = least_squares_arx(data._replace(u=data.u - level), order, order - 1)
@@ -29,6 +30,7 @@ def fit_arx(log: View, order: int) -> LinearModel:
 
 def fit_output_error(log: View, order: int) -> LinearModel:
     """Smallest free-run error, with the constant of the output fitted."""
+    log = log.as_response
     data = input_output(log)
     offset, best, least = float(log.target.mean()), None, np.inf
     for _ in range(OFFSETS):

@@ -11,6 +11,7 @@ import numpy as np
 
 from whsklearn.filtering.between_samples import fine_drive
 from whsklearn.logs.errors import LogError
+from whsklearn.logs.units import UNKNOWN
 from whsklearn.recursion.batch.best_linear import IOData, least_squares_arx
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ LEAST_MOTION = (
 )
 LEAST_FITTED = 60  # samples
 LEAST_SEGMENT = 30  # samples; a shorter one has less information than its initial state needs
+DRIVES, RATES = ("Nm", "N", "A", "V", "%"), ("rad/s", "m/s")  # SI units of what moves an axis, and of its velocity
 SMOOTHING = 0.03  # s, width of the parabola for the velocity of a logged position
 INTEGRATES = 0.1  # a time constant above this share of the record cannot be distinguished from an integrator
 
@@ -50,6 +52,9 @@ class View:
         Fine steps per sample in the simulation of an axis.
     hold : {"zero", "cubic"}
         Behaviour of the drive between samples, see `whsklearn.filtering.between_samples.fine_drive`.
+    settles : bool
+        Whether a logged position does not keep its value without a drive, as that of an axis with gravity. A linear
+        model of it is fitted to the position itself.
 
     References
     ----------
@@ -75,6 +80,7 @@ class View:
     starts: tuple[int, ...] = ()
     steps: int = 4
     hold: str = "zero"
+    settles: bool = False
 
     @functools.cached_property
     def drive(self) -> Array:
@@ -91,6 +97,11 @@ class View:
         """The longest segment."""
         k = int(np.argmax(np.diff(self.bounds)))
         return self.part(int(self.bounds[k]), int(self.bounds[k + 1]))
+
+    @property
+    def as_response(self) -> View:
+        """The record as a linear model is fitted to it: to the velocity of a position only if that integrates."""
+        return replace(self, logged="output", target=self.y) if self.settles else self
 
     @property
     def in_si(self) -> View:
@@ -118,10 +129,17 @@ class View:
         return replace(self, u=u, y=y, target=target, starts=starts)
 
 
-def view(u: ArrayLike, y: ArrayLike, dt: float, logged: str, groups: ArrayLike | None = None) -> View:
+def view(
+    u: ArrayLike,
+    y: ArrayLike,
+    dt: float,
+    logged: str,
+    groups: ArrayLike | None = None,
+    si: tuple[tuple[float, str], tuple[float, str]] = ((1.0, UNKNOWN), (1.0, UNKNOWN)),
+) -> View:
     """Check a record, and determine what was logged if ``logged`` is ``auto``; ``groups`` gives its segments.
 
-    Segments of fewer than `LEAST_SEGMENT` samples are omitted.
+    Segments of fewer than `LEAST_SEGMENT` samples are omitted. ``si`` holds the factors to SI and the SI units.
     """
     u, y = np.asarray(u, dtype=float).reshape(-1), np.asarray(y, dtype=float).reshape(-1)
     starts: tuple[int, ...] = ()
@@ -139,13 +157,18 @@ def view(u: ArrayLike, y: ArrayLike, dt: float, logged: str, groups: ArrayLike |
     bounds = np.array([0, *starts, y.size], dtype=np.int64)
     if not (np.isfinite(dt) and dt > 0):
         raise ValueError(f"dt is {dt!r}, expected a sampling time above zero in s.")
+    drive, output = (unit for _, unit in si)
+    # the motion of an axis under a torque is a position whether it hangs or not; a rate never is one
+    placed = output in ("rad", "m") and drive in DRIVES
+    settles = logged in ("auto", "position") and not integrates(u, y, bounds)
     if logged == "auto":
-        logged = "position" if integrates(u, y, bounds) else "output"
+        logged = "output" if output in RATES or (settles and not placed) else "position"
     if logged not in ("output", "velocity", "position"):
         raise ValueError(f"logged is {logged!r}, expected 'auto', 'output', 'velocity' or 'position'.")
     target = derivative(y, dt, bounds)[0] if logged == "position" else y
     u, y, target = (np.ascontiguousarray(x) for x in (u, y, target))
-    return View(u, y, target, float(dt), logged, starts=starts)
+    settles = settles and logged == "position"
+    return View(u, y, target, float(dt), logged, si=(si[0][0], si[1][0]), starts=starts, settles=settles)
 
 
 def _segments(u: Array, y: Array, groups: NDArray[Any]) -> tuple[Array, Array, tuple[int, ...]]:

@@ -140,7 +140,8 @@ def residual(model: Any, log: View) -> Array:
         as_run = replace(si, logged=model.logged, steps=model.steps, hold=model.hold)
         return axis_residual(theta, as_run, form)
     plain = replace(model, logged="output", units={})
-    pieces = [si.target[a:b] - plain.simulate(si.u[a:b]) for a, b in itertools.pairwise(si.bounds)]
+    known = si.target if model.logged == "position" else si.y
+    pieces = [known[a:b] - plain.simulate(si.u[a:b]) for a, b in itertools.pairwise(si.bounds)]
     return np.concatenate([e[min(SKIP, e.size // 10) :] for e in pieces])
 
 
@@ -155,7 +156,7 @@ def _response_errors(
     order = denominator.size - 1
     response = lfilter([1.0], denominator, np.r_[1.0, np.zeros(span + order)])
     columns = [response[k : k + span] for k in range(order)]
-    if log.logged == "position":
+    if model.logged == "position":
         columns = [np.cumsum(c) for c in columns] + [np.ones(span)]
     if not columns:
         columns = [np.zeros(span)]
