@@ -281,7 +281,6 @@ def _best_minimum(log: View, form: AxisForm, start: Start, best: AxisFit, least:
     and its least squares end anywhere. Therefore the best start is first fitted over sufficiently short pieces, and
     among all results the one that simulates windows best is used.
     """
-
     fits: list[Callable[[Array], AxisFit]] = [functools.partial(fit_axis, log=axis_log(log, form))]
     if log.logged == "position":
         fits += [functools.partial(fit_pieces, log=shooting_log(log, seconds, form)) for seconds in SHOOTING]
