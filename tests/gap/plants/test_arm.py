@@ -14,7 +14,7 @@ from whsklearn.datasets import default_arm, make_arm_log
 from whsklearn.effects import CableSpring, Cogging, Coulomb, LoadFriction, Stribeck, Viscous
 from whsklearn.gap import GapFinder
 from whsklearn.gap.plants.arm import ArmRecord, arm_plant
-from whsklearn.gap.plants.arm_terms import candidates, present
+from whsklearn.gap.plants.arm_terms import JointTerm, candidates, present
 from whsklearn.identification import identify_arm
 
 pytestmark = pytest.mark.usefixtures("library_effects")
@@ -142,6 +142,19 @@ def test_a_law_with_a_shape_must_explain_more_than_one_without():
     )  # of the drive of the joint, of which 0.1 Nm is 20 %
     assert plant.objection(model, dry) == ""
     assert plant.objection(model, soft) == "coulomb explains as much with fewer numbers"
+
+
+def test_a_name_must_lower_the_error_on_blocks_that_were_not_fitted():
+    r = record({"pitch": [Cogging(0.1, order=7.0)]})
+    noise = 0.2 * r.drive.std(axis=0) * np.random.default_rng(1).standard_normal(r.drive.shape)
+    plant = arm_plant(ARM, dataclasses.replace(r, drive=r.drive + noise), law=None, tolerance=0.004)
+    plant.check()
+    model = plant.base(np.random.default_rng(0))
+    kinds = list(candidates(plant.view.arm, present({}, ()), frozen=False, weight=0))
+    kind = next(k for k in kinds if k.name == "cogging at pitch")
+    true, chance = (plant.view.fit(model.with_term(JointTerm(kind, (0.0, 0.0, order)))) for order in (7.0, 18.5))
+    assert plant.objection(model, true) == ""
+    assert "not fitted" in plant.objection(model, chance)
 
 
 def trajectories(*pieces, hole=1.0):

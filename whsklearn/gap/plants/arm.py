@@ -261,6 +261,10 @@ class ArmPlant(PlantDefaults):
                 stays = float(self._shares(self.errors(grown))[view.arm.joints.index(t.joint)])
                 if beyond < max(BEYOND * most, min(stays, DOUBTFUL * most)):
                     return f"{c.name.replace('_', ' ')} explains as much with fewer numbers"
+        at = [view.arm.joints.index(j) for j in t.kind.place or view.arm.joints]
+        before, after = (view.held_out(view.fit(m)) * view.weight * view.drive_rms for m in (model, grown))
+        if np.nansum(after[at] ** 2) >= np.nansum(before[at] ** 2):
+            return "on blocks of the record that were not fitted, the error is no smaller with it"
         asked = view.by_joint(view.contribution(t))  # all joints carry a mass, and gravity is always large
         closed = view.by_joint(view.left(view.fit(model))) ** 2 - view.by_joint(view.left(grown)) ** 2
         j = int(np.argmax(closed / np.maximum(view.drive_rms, 1e-300) ** 2))
