@@ -5,7 +5,7 @@ axis, which keep the dependence within each (Politis and Romano 1992).  A shifte
 still a trend, so along time whole blocks are permuted instead.  The p-values are adjusted over the
 axes by the method of Benjamini and Hochberg 1995.
 
-Constants of the base model that drift are found by recursive least squares with forgetting (`RLSRegressor`), like
+Constants of the base model that drift are found by recursive least squares with forgetting, like
 Young's state-dependent parameters (Young 2011, Recursive Estimation and Time-Series Analysis, ch. 11): where something
 is missing, the most similar constant changes with the signal on which the missing effect depends.  All of this shows
 where to look and names nothing.
@@ -209,20 +209,23 @@ def paths(g: Gap) -> tuple[dict[str, tuple[float, Array, float]], slice, float]:
     One constant at a time is freed, for the missing torque along the motion that the observer tracked.  Viscous and dry
     friction together cannot be separated within a second, and smoothed derivatives would bias them.
     """
-    from whsklearn.estimators.rls import RLSRegressor
+    from scipy.signal import lfilter
 
     columns, gap, step = g.columns, g.left, g.step
     at = slice(min(int(SETTLED * TIME_CONSTANT / step), gap.size // 2), None)
+    forgetting = float(np.exp(-step / TIME_CONSTANT))
+
+    def remembered(z: Array, start: float) -> Array:
+        return np.asarray(lfilter([1.0], [1.0, -forgetting], z, zi=[forgetting * start])[0])
+
     out = {}
     for name, (value, x) in columns.items():
         scale = rms(x) + 1e-300
-        rows = np.ascontiguousarray((x / scale)[:, None])
-        # a prior worth one sample of the usual size holds the constant while the axis does not excite it
-        recursion = RLSRegressor(forgetting=float(np.exp(-step / TIME_CONSTANT)), P0=1.0)
-        change = np.empty(gap.size)
-        for i in range(gap.size):
-            change[i] = recursion.partial_fit(rows[i : i + 1], gap[i : i + 1]).theta_[0]
-        left = gap[at] - (change * rows[:, 0])[at]
+        row = x / scale
+        # least squares with one number and forgetting is a ratio of two sums; a prior worth one sample of the usual
+        # size holds the constant while the axis does not excite it
+        change = remembered(row * gap, 0.0) / remembered(row**2, 1.0)
+        left = gap[at] - (change * row)[at]
         taken = 1.0 - float(left @ left) / max(float(gap[at] @ gap[at]), 1e-300)
         out[name] = (value, change[at] / scale, taken)
     return out, at, step
