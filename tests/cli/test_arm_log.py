@@ -1,0 +1,53 @@
+"""Columns, gains and units of an arm's joints, as the command line states them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from whsklearn.cli.arm_log import gains_of, guessed_columns, joint_columns, to_si
+
+JOINTS = ["shoulder", "elbow", "wrist"]
+STYLES = {
+    "by name": ["{j} pos", "{j} current"],
+    "by number from zero": ["actual_q_{k}", "actual_current_{k}"],
+    "by number from one": ["q{n}", "tau{n}"],
+    "in German": ["winkel_{j}", "strom_{j}"],
+}
+
+
+@pytest.mark.parametrize("style", list(STYLES))
+def test_columns_are_found_in_any_order_and_beside_those_that_are_neither(style):
+    pairs = {j: tuple(s.format(j=j, k=k, n=k + 1) for s in STYLES[style]) for k, j in enumerate(JOINTS)}
+    names = ["time", *(c for pair in pairs.values() for c in pair), *(f"{j} velocity" for j in JOINTS)]
+    for seed in range(5):
+        shuffled = list(np.random.default_rng(seed).permutation(names))
+        assert guessed_columns(JOINTS, shuffled) == pairs
+
+
+def test_a_measured_current_goes_before_a_torque_that_is_only_asked_for():
+    asked = [f"{j} {kind}" for j in JOINTS for kind in ("pos", "target torque", "current")]
+    assert [drive for _, drive in guessed_columns(JOINTS, asked).values()] == [f"{j} current" for j in JOINTS]
+
+
+@pytest.mark.parametrize("names", [["time", "speed"], ["shoulder pos", "shoulder angle", "elbow pos", "wrist pos"]])
+def test_joints_without_one_column_of_each_kind_are_to_be_named(names):
+    with pytest.raises(ValueError, match="--joints"):
+        guessed_columns(JOINTS, names)
+
+
+@pytest.mark.parametrize("text", ["hip:q1", "hip", ":q1,i1", "hip:q1,i1;hip:q2,i2", "hip:q1,i1;knee:q1,i2"])
+def test_a_joint_is_named_once_with_two_columns_of_its_own(text):
+    with pytest.raises(ValueError, match="--joints"):
+        joint_columns(text)
+
+
+def test_gains_turn_a_current_into_a_torque_whatever_its_prefix():
+    gains = gains_of("hip:11.0+-0.2; knee:9.0\u00b10.1")
+    assert gains == {"hip": (11.0, 0.2), "knee": (9.0, 0.1)}
+    (_, by_ampere), (_, by_milliampere) = (to_si("hip", False, "rad", unit, gains) for unit in ("A", "mA"))
+    assert by_ampere == pytest.approx(1e3 * by_milliampere) == pytest.approx(11.0)
+    with pytest.raises(ValueError, match="--gains"):
+        to_si("ankle", False, "rad", "A", gains)
+    with pytest.raises(ValueError, match="--gains"):
+        gains_of("hip:strong")
