@@ -49,7 +49,7 @@ def following_error(record: ServoRecord) -> tuple[Array, float]:
     basis, _ = np.linalg.qr(columns[inside])
 
     def left(samples: int) -> float:
-        error = (record.by_piece(partial(_smooth_late, samples=samples, kernel=kernels[0]), command) - q)[inside]
+        error = (record.by_piece(lambda x: filtered(late(x, samples), kernels[0], 1), command) - q)[inside]
         return float(np.linalg.norm(error - basis @ (basis.T @ error)))
 
     losses = [left(k) for k in range(round(LONGEST_DELAY / dt) + 1)]
@@ -63,10 +63,6 @@ def late(x: Array, samples: int) -> Array:
     """A signal delayed by some samples, with its first value repeated before it."""
     samples = min(samples, x.size)
     return np.concatenate([np.full(samples, x[0]), x[: x.size - samples]])
-
-
-def _smooth_late(x: Array, samples: int, kernel: Array) -> Array:
-    return filtered(late(x, samples), kernel, 1)
 
 
 def _inner(all_of_it: Array, edge: int) -> Array:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from whsklearn.gap.plants.servo_candidates import ColumnSignals, catalogue, effect_columns
+from whsklearn.gap.plants.servo_candidates import ColumnSignals, catalogue
 from whsklearn.gap.plants.servo_model import Term
 
 RNG = np.random.default_rng(3)
@@ -25,7 +25,7 @@ def shape_of(kind):
 @pytest.mark.parametrize("size", [0.3, 1.7])
 def test_columns_times_sizes_are_the_effects_own_torque(kind, size):
     sizes = (size, 0.4)[: kind.linear]
-    columns = effect_columns(kind, shape_of(kind), MOTION)
+    columns = kind.unit_columns(shape_of(kind), MOTION)
     assert columns.shape == (TIME.size, kind.linear)
     torque = Term(kind, (*sizes, *shape_of(kind))).effect.contribution(MOTION)
     np.testing.assert_allclose(columns @ np.array(sizes), torque, atol=1e-10)
@@ -33,7 +33,7 @@ def test_columns_times_sizes_are_the_effects_own_torque(kind, size):
 
 def test_a_soft_sign_is_close_to_the_sign_away_from_rest():
     kind = next(c for c in LINEAR if c.name == "coulomb")
-    sharp, soft = (effect_columns(kind, (), MOTION._replace(kappa=k))[:, 0] for k in (None, 50.0))
+    sharp, soft = (kind.unit_columns((), MOTION._replace(kappa=k))[:, 0] for k in (None, 50.0))
     fast = np.abs(MOTION.velocity) > 0.2
     np.testing.assert_array_equal(sharp, np.sign(MOTION.velocity))
     np.testing.assert_allclose(soft[fast], sharp[fast], atol=1e-6)

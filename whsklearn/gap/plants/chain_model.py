@@ -272,10 +272,6 @@ class Record:
         ends = np.cumsum([na - 1, nb, nw, nc - 1, nd])
         return tuple(slice(int(e - k), int(e)) for e, k in zip(ends, (na - 1, nb, nw, nc - 1, nd), strict=True))  # type: ignore[return-value]
 
-    def chain(self, kappa: float) -> PackedChain:
-        """Everything but theta and effects, in the form that the compiled pass takes."""
-        return PackedChain(self.dims, self.law.codes, self.law.shapes, kappa, self.dt)
-
     def with_output(self, y: Array) -> Record:
         """The same record with other readings."""
         return dataclasses.replace(self, y=np.ascontiguousarray(y))

@@ -261,8 +261,3 @@ class ColumnSignals(NamedTuple):
     acceleration: Array
     drive: Array
     kappa: float | None = None
-
-
-def effect_columns(kind: Candidate, shape: tuple[float, ...], signals: ColumnSignals) -> Array:
-    """Torque per unit of size at this shape, shape (n, 1), or (n, 2) for a cosine and a sine."""
-    return kind.unit_columns(shape, signals)

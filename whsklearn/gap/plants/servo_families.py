@@ -384,12 +384,8 @@ HIGHEST = 160.0  # waves per rad or m of a travel of two or more; of a shorter o
 
 def inverse_kinds(model: AxisModel) -> tuple[Candidate, ...]:
     """Candidates with a form in this view."""
-    return tuple(c for c in (*usable([t.kind for t in model.terms]), *stop.usable(model)) if has_form(c))
-
-
-def has_form(c: Candidate) -> bool:
-    """Whether inverse dynamics of the motor side shows a candidate."""
-    return c.linear > 0 or c.transforms or c.code in TWO_MASS
+    every = (*usable([t.kind for t in model.terms]), *stop.usable(model))
+    return tuple(c for c in every if c.linear > 0 or c.transforms or c.code in TWO_MASS)
 
 
 def polished(view: Any, model: AxisModel, term: Term) -> AxisModel:

@@ -25,7 +25,7 @@ from whsklearn.gap.plants import inverse_dynamics as ols
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants import servo_stop as stop
 from whsklearn.gap.plants import servo_two_mass as two_mass
-from whsklearn.gap.plants.servo_candidates import TWO_MASS, ColumnSignals, effect_columns
+from whsklearn.gap.plants.servo_candidates import TWO_MASS, ColumnSignals
 from whsklearn.gap.plants.servo_model import AxisModel, Term
 from whsklearn.gap.record import ServoRecord, lattice, noise_level, rms
 
@@ -179,11 +179,11 @@ class InverseView:
 
     def _new_columns(self, model: AxisModel, t: Term, torque: Array | None) -> Array:
         if t.kind.cls.port == "output":  # J a and B v are computed from a reading that is ahead by the error
-            waves = effect_columns(t.kind, t.q[t.kind.linear :], self.motion)
+            waves = t.kind.unit_columns(t.q[t.kind.linear :], self.motion)
             _, _, g2 = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * self.cutoff), self.scene.dt)
             return -model.inertia * filtered(waves, g2, self.every)
         s = self.motion if torque is None else self.motion._replace(drive=torque)
-        return self.blur(effect_columns(t.kind, t.q[t.kind.linear :], s))
+        return self.blur(t.kind.unit_columns(t.q[t.kind.linear :], s))
 
     # --- the protocol ------------------------------------------------------------------------
     def solved(
