@@ -9,7 +9,7 @@ import pytest
 from whsklearn.gap import conclude
 from whsklearn.gap.conclude import stays_open, verdict_of
 
-NAMELESS = SimpleNamespace(name="", p_value=1e-6, size=0.2)
+NAMELESS = SimpleNamespace(name="", p_value=1e-6, size=0.2, signal="")
 
 
 def verdict(
@@ -24,10 +24,11 @@ def verdict(
         tolerance=0.004, scale=1.0, exact=exact,
         figures=lambda base, model, nameless: (gap, after, floor, nameless),
     )  # fmt: skip
+    look = SimpleNamespace(signal="velocity")
     found = SimpleNamespace(
         base=None,
         model=None,
-        taken=[SimpleNamespace(name=n, rivals=rivals, size=size) for n in taken],
+        taken=[SimpleNamespace(name=n, rivals=rivals, size=size, look=look) for n in taken],
         remainder=list(remainder),
         steps=[None],
     )
@@ -46,7 +47,7 @@ def test_a_name_for_sure_explains_most_of_the_gap_and_closes_most_of_the_run(aft
 @pytest.mark.parametrize("name", ["", "actuator_lag"], ids=["nameless", "a refused candidate"])
 @pytest.mark.parametrize(("rest", "expected"), [(0.0, "partial"), (0.7, "partial"), (0.8, "unknown")])
 def test_a_name_explains_a_quarter_of_what_follows_the_motion_whatever_noise_is_beside_it(rest, expected, name):
-    other = SimpleNamespace(name=name, p_value=1e-6, size=rest)
+    other = SimpleNamespace(name=name, p_value=1e-6, size=rest, signal="")
     assert verdict(0.9, 0.9, remainder=[other] if rest else []) == expected  # it explains 0.19
 
 
@@ -61,13 +62,22 @@ def test_rivals_make_it_ambiguous_and_what_follows_the_motion_partial():
 
 def test_what_is_below_the_tolerance_counts_where_the_free_run_shows_it():
     """Friction that grows above a speed, called Stribeck's: of 0.36 of the tolerance, and 2.6 floors of the run."""
-    small = SimpleNamespace(name="", p_value=1e-6, size=0.36 * 0.004)
+    small = SimpleNamespace(name="", p_value=1e-6, size=0.36 * 0.004, signal="")
     assert verdict(0.003, 0.94, gap=0.029, floor=0.0014, remainder=[small], floors=2.6) == "partial"
     assert verdict(0.003, 0.94, gap=0.029, floor=0.0014, remainder=[small], floors=1.1) == "named"
 
 
+@pytest.mark.parametrize(("signal", "expected"), [("velocity", "partial"), ("position", "named"), ("", "named")])
+def test_what_another_function_of_its_own_signal_explains_is_no_part_of_a_name(signal, expected):
+    """Friction that grows above a speed, called Stribeck's, where the free run shows nothing."""
+    small = SimpleNamespace(name="", p_value=1e-6, size=0.36 * 0.004, signal=signal)
+    assert verdict(0.003, 0.94, gap=0.029, floor=0.0014, remainder=[small]) == expected
+
+
 def test_without_a_name_it_is_unknown_where_something_follows_the_motion():
     assert verdict(1.0, 0.0, taken=(), remainder=[NAMELESS]) == "unknown"
+    refused = SimpleNamespace(name="gravity_imbalance", p_value=1e-6, size=0.6, signal="position")
+    assert verdict(1.0, 0.0, taken=(), remainder=[refused]) == "unknown"
     assert verdict(1.0, 0.0, taken=()) == "coloured_noise"
 
 

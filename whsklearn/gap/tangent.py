@@ -51,6 +51,8 @@ class Family:
         Rows on which the columns are not zero.
     place : frozenset of str
         Where the effect acts; effects without a common place are not rivals.  If empty, it acts everywhere.
+    signal : str
+        The one signal of which it is a function; empty if of several.
     """
 
     name: str
@@ -61,6 +63,7 @@ class Family:
     offset: bool = False
     rows: slice = field(default_factory=lambda: ALL)
     place: frozenset[str] = frozenset()
+    signal: str = ""
 
 
 @dataclass(frozen=True)
@@ -84,6 +87,7 @@ class Look:
     p_value : float
         Probability that chance reaches the gain, corrected for the number of families.
     place : frozenset of str
+    signal : str
         Of its family.
     degrees : float
         See `whsklearn.gap.calibration.p_value`.
@@ -102,6 +106,7 @@ class Look:
     visible: float = 1.0
     p_value: float = 1.0
     place: frozenset[str] = frozenset()
+    signal: str = ""
     degrees: float = 0.0
     swapped: bool = False
     explained: Array | None = field(default=None, repr=False)
@@ -219,6 +224,7 @@ class Tangent:
         size = float(np.sqrt(best[0] / self.left.size))
         return Look(
             family.name, float(gains[0]), gains[1:], start, family.n_numbers, size, seen, place=family.place,
+            signal=family.signal,
             degrees=degrees if n_shapes == 1 and not family.offset else 0.0,
             explained=explained - self.plane @ (self.plane.T @ explained),
         )  # fmt: skip

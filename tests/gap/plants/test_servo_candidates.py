@@ -94,3 +94,11 @@ def test_lugre_is_sought_beside_dahl_with_its_level_held_until_it_is_taken():
 def test_forces_of_the_place_are_known_by_their_equation():
     of_place = {c.name for c in catalogue() if c.of_place and c.cls.__module__.startswith("whsklearn")}
     assert of_place == {"gravity_imbalance", "cable_spring", "hardening_spring", "end_stop"}
+
+
+def test_laws_of_one_signal_are_known_by_their_equation():
+    signal = {c.name: c.signal for c in catalogue() if c.cls.__module__.startswith("whsklearn")}
+    assert {n for n, s in signal.items() if s == "velocity"} >= {"stribeck", "quadratic_drag", "viscous", "coulomb"}
+    assert {n for n, s in signal.items() if s == "position"} >= {"cogging", "cable_spring", "gravity_imbalance"}
+    several = ("load_friction", "presliding_hysteresis", "position_friction", "disturbance_tone", "saturation")
+    assert all(signal[n] == "" for n in several)

@@ -19,7 +19,7 @@ def share(gap):
     held = np.arange(N) * 10 // N % 5 >= 3
     drive = np.random.default_rng(100).normal(size=N)
     best = 0.0
-    for block in generic_basis(Scales(reach=1.9, speed=1.5), ANGLE, SPEED, drive):
+    for _, block in generic_basis(Scales(reach=1.9, speed=1.5), ANGLE, SPEED, drive):
         x = np.column_stack([block, np.ones(N)])
         weights = np.linalg.lstsq(x[~held], gap[~held], rcond=1e-6)[0]
         best = max(best, 1.0 - np.sum((gap - x @ weights)[held] ** 2) / np.sum(gap[held] ** 2))

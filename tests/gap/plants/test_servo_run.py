@@ -74,6 +74,14 @@ def test_a_run_restarts_on_the_path_and_the_model_with_the_missing_effect_runs_b
     assert np.abs(run - observer.record.position)[starts].max() < 1e-3
 
 
+def test_a_run_that_leaves_the_path_counts_as_no_model(plain):
+    _, observer, base = plain
+    pushed = [base.with_term(Term(candidate("input_offset"), (size,))) for size in (10.0, 30.0)]
+    error = [train_error(observer, m, 2.0) for m in (base, *pushed)]
+    assert error[0] < 0.5 * error[1]
+    assert error[1] == error[2]
+
+
 def test_held_out_samples_leave_the_edges_out(plain):
     mask = held_out(plain[1])
     assert mask.size == int(RATE * SECONDS)

@@ -163,7 +163,7 @@ def nameless(view: ArmView) -> Iterator[Family]:
             continue
         kind = AtJoint(object, joint, tuple(row))  # type: ignore[arg-type]
         q, v = (x[view.kept, j] for x in view.moved[:2])
-        for block in generic_basis(view.scene(kind), q, v, view.torque[view.kept, j]):
+        for _, block in generic_basis(view.scene(kind), q, v, view.torque[view.kept, j]):
             if FEWEST * block.shape[1] < view.keep[:, j].sum():
                 columns = (block / (block.std(axis=0) + 1e-12))[:, None, :]
                 yield Family(

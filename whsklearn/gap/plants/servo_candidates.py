@@ -101,17 +101,25 @@ class Candidate(EffectVariant):
         return not np.array_equal(with_drive, self.unit_columns(shape, signals))
 
     @cached_property
+    def signal(self) -> str:
+        """``position`` or ``velocity`` if its torque is a function of the present value of one of them; else empty."""
+        if self.cls.port != "torque" or self.linear == 0:
+            return ""
+        kept, shape = TypicalMotion(Scales()), self.starts(Scales())[0]
+        backwards = self.unit_columns(shape, kept)[::-1]
+        for name in ("position", "velocity"):
+            other = TypicalMotion(Scales())
+            for rest in ("time", "position", "velocity", "acceleration", "drive"):
+                setattr(other, rest, 0.5 * getattr(kept, rest))
+            setattr(other, name, getattr(kept, name)[::-1])
+            if np.array_equal(backwards, self.unit_columns(shape, other)):
+                return name
+        return ""
+
+    @property
     def of_place(self) -> bool:
         """Whether its torque depends on the present position alone, with a shape that no scan has to find."""
-        if self.cls.port != "torque" or self.linear == 0 or self.scanned:
-            return False
-        signals, scales = TypicalMotion(Scales()), Scales()
-        shape = self.starts(scales)[0]
-        moving = self.unit_columns(shape, signals)
-        signals.velocity, signals.acceleration = -0.5 * signals.velocity, -signals.acceleration
-        signals.time, signals.drive = np.zeros(N_POINTS), np.zeros(N_POINTS)
-        signals.position = signals.position[::-1]
-        return np.array_equal(moving[::-1], self.unit_columns(shape, signals))
+        return self.signal == "position" and not self.scanned
 
     @property
     def transforms(self) -> bool:

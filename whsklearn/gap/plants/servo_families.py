@@ -162,7 +162,7 @@ def family(scene: Scene, kind: Candidate) -> Family:
         shown = ages if kind.delays else limits
         return Family(kind.name, lambda _: shown(scene, kind), term, n_numbers, offset=True)
     if kind.scanned == "position":
-        return Family(kind.name, lambda _: orders(scene, kind), term, n_numbers)
+        return Family(kind.name, lambda _: orders(scene, kind), term, n_numbers, signal=kind.signal)
     if kind.scanned == "time":
         return Family(kind.name, lambda t: tones(scene, kind, t), term, n_numbers)
     shapes: list[tuple[float, ...]]
@@ -173,7 +173,7 @@ def family(scene: Scene, kind: Candidate) -> Family:
         shapes = kind.starts(scene.view.scene)
     return Family(
         kind.name, lambda _: (([s], scene.columns(Term(kind, (*zeros, *s))), 1.0) for s in shapes), term, n_numbers,
-        positive=kind.positive,
+        positive=kind.positive, signal=kind.signal,
     )  # fmt: skip
 
 
@@ -262,11 +262,11 @@ def tones(scene: Scene, kind: Candidate, tangent: Tangent) -> Blocks:
 def nameless(scene: Scene, torque: Array) -> Iterator[Family]:
     """Functions of position, speed, time and the model's torque; each kind is a family without a name."""
 
-    def all_at_once(columns: Array) -> Family:
-        return Family("", lambda _: iter([([()], columns, 1.0)]), lambda *_: None, columns.shape[2])
+    def all_at_once(signal: str, columns: Array) -> Family:
+        return Family("", lambda _: iter([([()], columns, 1.0)]), lambda *_: None, columns.shape[2], signal=signal)
 
-    for block in generic_basis(scene.view.scene, scene.angle, scene.speed, torque):
-        yield all_at_once((block / (block.std(axis=0) + 1e-12))[:, None, :])
+    for signal, block in generic_basis(scene.view.scene, scene.angle, scene.speed, torque):
+        yield all_at_once(signal, (block / (block.std(axis=0) + 1e-12))[:, None, :])
 
 
 def next_order(view: Any, model: AxisModel, kind: Candidate) -> AxisModel | None:
@@ -300,8 +300,11 @@ def resolved(view: Any, model: AxisModel, term: Term) -> bool:
 HATS = (0.08, 0.03, 0.01)  # of the travel: a stop or a bump at one angle is narrower than any wave up to order 12
 
 
-def generic_basis(scene: Any, angle: Array, v: Array, u: Array) -> list[Array]:
-    """Blocks of nameless columns, shape (n, k) each: functions of position, speed, drive and time, and products."""
+def generic_basis(scene: Any, angle: Array, v: Array, u: Array) -> list[tuple[str, Array]]:
+    """Blocks of nameless columns, shape (n, k) each: functions of position, speed, drive and time, and products.
+
+    With each block the signal of which it is any function, ``position`` or ``velocity``; empty if of several.
+    """
     q = angle
     t = np.arange(q.size) / q.size
     q = (q - scene.centre) / scene.reach
@@ -310,13 +313,13 @@ def generic_basis(scene: Any, angle: Array, v: Array, u: Array) -> list[Array]:
     powers = [q, v, u, q * v, q * q, v * v, q**3, v**3, q * q * v, q * v * v, s, s * q, s * v, s * q * q, q * u]
     waves = [f(k * angle_k) for k in range(1, 13) for angle_k in [angle] for f in (np.sin, np.cos)]
     return [
-        np.column_stack(powers),
-        np.column_stack([np.exp(-0.5 * ((v - c) / 0.12) ** 2) for c in np.linspace(-1, 1, 16)]),
-        np.column_stack(waves),
-        np.column_stack([w * x for w in waves[:8] for x in (np.ones_like(v), v, s, u)]),
-        np.column_stack([p * t for p in powers]),
-        np.column_stack([np.roll(x, k) for x in (u, v, s) for k in (0, 1, 2, 4, 8)]),
-        *(hats(q, 2.0 * width) for width in HATS),
+        ("", np.column_stack(powers)),
+        ("velocity", np.column_stack([np.exp(-0.5 * ((v - c) / 0.12) ** 2) for c in np.linspace(-1, 1, 16)])),
+        ("position", np.column_stack(waves)),
+        ("", np.column_stack([w * x for w in waves[:8] for x in (np.ones_like(v), v, s, u)])),
+        ("", np.column_stack([p * t for p in powers])),
+        ("", np.column_stack([np.roll(x, k) for x in (u, v, s) for k in (0, 1, 2, 4, 8)])),
+        *(("position", hats(q, 2.0 * width)) for width in HATS),
     ]
 
 

@@ -350,7 +350,10 @@ def misfit(view: Any, model: AxisModel) -> float:
 
 
 def train_error(view: Any, model: AxisModel, horizon: float) -> float:
-    """Rms error of the free run over the samples that are not held out; infinite if it diverges."""
-    fitted = ~held_out(view)
-    e = (view.record.position - free_run(view, model, horizon))[fitted]
-    return rms(e) if np.all(np.isfinite(e)) else float("inf")
+    """Rms error of the free run over the samples that are not held out, at most that of no model.
+
+    A run that leaves the path farther than a constant would says nothing about its model.
+    """
+    y = view.record.position[fitted := ~held_out(view)]
+    e = y - free_run(view, model, horizon)[fitted]
+    return min(rms(e), float(np.std(y))) if np.all(np.isfinite(e)) else float("inf")
