@@ -35,7 +35,7 @@ from whsklearn.gap.plants.servo_candidates import TWO_MASS, Candidate, usable
 from whsklearn.gap.plants.servo_inverse import later, reaching
 from whsklearn.gap.plants.servo_model import AxisModel, Term
 from whsklearn.gap.plants.servo_own import N_NULL, Own
-from whsklearn.gap.search import HALF
+from whsklearn.gap.search import HALF, LEAST_SHARE
 from whsklearn.gap.tangent import AT_ONCE, Family, Look, Tangent, chance, with_p_values
 
 Array = NDArray[Any]
@@ -105,19 +105,23 @@ def looks(view: Any, model: AxisModel, own: Own, least: float, beside: AxisModel
             gain = float(-own.n_effective * np.log1p(-g))
             out.append(Look(kind.name, gain, np.zeros(own.null.shape[0]), term, 4, size))
     found = with_p_values([look for look in out if look is not None], least)
-    family_of = {id(look.start): f for f, look in asked if look is not None and not look.swapped}
+    family_of = {id(look.start): f for f, look in asked if look is not None}
 
     def beside_itself(look: Look) -> Look:
-        """The look with its p-value from null rows with the colour of its own residual, if it explains most of the gap.
+        """The look with its p-value from null rows with the colour of its own residual, if it explains a quarter of the gap.
 
         A strong slow effect, above all a constant, is part of the residual from which null rows take their colour, and
         so hides in them.  As in any F-test the noise is that of the larger model; for a weak effect both are the same.
         """
         f = family_of.get(id(look.start))
-        if f is None or look.size**2 < HALF * view.rms(left) ** 2:
+        if f is None or look.size**2 < LEAST_SHARE * view.rms(left) ** 2:
             return look
-        rest = view.gap(view.fit(model.with_terms((*model.terms, look.start))))
-        other = dataclasses.replace(timed, null=null_rows(rest, own.apart, N_NULL, np.random.default_rng(0))).look(f)
+        grown, rng = view.fit(model.with_terms((*model.terms, look.start))), np.random.default_rng(0)
+        if look.swapped:
+            tangent, null = other_way, coloured(smoothed_power(acceleration_left(view, grown)), (N_NULL, left.size), rng)
+        else:
+            tangent, null = timed, null_rows(view.gap(grown), own.apart, N_NULL, rng)
+        other = dataclasses.replace(tangent, null=null).look(f)
         return look if other is None else dataclasses.replace(look, p_value=chance(look, other.null, len(found), least))
 
     return [beside_itself(k) for k in found]
