@@ -108,7 +108,7 @@ def looks(view: Any, model: AxisModel, own: Own, least: float, beside: AxisModel
     family_of = {id(look.start): f for f, look in asked if look is not None}
 
     def beside_itself(look: Look) -> Look:
-        """The look with its p-value from null rows with the colour of its own residual, if it explains a quarter of the gap.
+        """The look; if it explains a quarter of the gap, judged by null rows with the colour of what it leaves.
 
         A strong slow effect, above all a constant, is part of the residual from which null rows take their colour, and
         so hides in them.  As in any F-test the noise is that of the larger model; for a weak effect both are the same.
@@ -118,7 +118,8 @@ def looks(view: Any, model: AxisModel, own: Own, least: float, beside: AxisModel
             return look
         grown, rng = view.fit(model.with_terms((*model.terms, look.start))), np.random.default_rng(0)
         if look.swapped:
-            tangent, null = other_way, coloured(smoothed_power(acceleration_left(view, grown)), (N_NULL, left.size), rng)
+            power = smoothed_power(acceleration_left(view, grown))
+            tangent, null = other_way, coloured(power, (N_NULL, left.size), rng)
         else:
             tangent, null = timed, null_rows(view.gap(grown), own.apart, N_NULL, rng)
         other = dataclasses.replace(tangent, null=null).look(f)
