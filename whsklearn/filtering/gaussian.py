@@ -64,10 +64,10 @@ def filtered(x: Array, taps: Array, every: int) -> Array:
 
     # full[m] = sum_j taps[j] padded[m - j]; output i wants m = i * every + taps.size - 1, and
     # upfirdn keeps the multiples of ``every``, so the front is padded up to one
-    half = taps.size // 2
+    x, half = np.asarray(x), taps.size // 2
     extra = -(taps.size - 1) % every
-    edges = [(half, half)] + [(0, 0)] * (x.ndim - 1)
-    front = [(extra, 0)] + [(0, 0)] * (x.ndim - 1)
-    padded = np.pad(np.pad(x, edges, mode="edge"), front)
+    padded = np.zeros((extra + half + x.shape[0] + half, *x.shape[1:]))
+    padded[extra : extra + half], padded[padded.shape[0] - half :] = x[0], x[-1]
+    padded[extra + half : padded.shape[0] - half] = x
     skip = (taps.size - 1 + extra) // every
     return upfirdn(taps, padded, 1, every, axis=0)[skip : skip + -(-x.shape[0] // every)]

@@ -21,14 +21,15 @@ def solve(columns: Array, target: Array, positive: NDArray[np.bool_]) -> tuple[A
     z = np.column_stack([columns / scale, target])
     gram = z.T @ z
     free = np.ones(scale.size, dtype=bool)
+    c = _ridge(gram, free, target.size)
     for _ in range(scale.size):
-        c = _ridge(gram, free, target.size)
         bad = positive & free & (c < 0.0)
         if not bad.any():
             break
         worst = np.flatnonzero(bad)[np.argmin(c[bad])]  # one at a time, because the others may become positive again
         free[worst] = False
-    return _ridge(gram, free, target.size) / scale, free
+        c = _ridge(gram, free, target.size)
+    return c / scale, free
 
 
 def of_differences(columns: Array, target: Array) -> Array:
@@ -47,11 +48,13 @@ def _ridge(gram: Array, free: NDArray[np.bool_], n: int) -> Array:
     out = np.zeros(free.size)
     at = np.flatnonzero(free)
     if at.size:
-        out[at] = np.linalg.solve(gram[np.ix_(at, at)] + RIDGE * n * np.eye(at.size), gram[at, -1])
+        held = gram[at[:, None], at]
+        held.flat[:: at.size + 1] += RIDGE * n
+        out[at] = np.linalg.solve(held, gram[at, -1])
     return out
 
 
 def slope(x: Array, step: float) -> Array:
     """Five-point derivative of samples ``step`` seconds apart."""
-    p = np.pad(x, 2, mode="edge")
+    p = np.concatenate([x[:1], x[:1], x, x[-1:], x[-1:]])
     return (p[:-4] - 8 * p[1:-3] + 8 * p[3:-1] - p[4:]) / (12 * step)
