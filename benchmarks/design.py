@@ -34,7 +34,7 @@ def main(cases: int, seeds: int, poor: bool) -> None:
         plain = ServoAxis(inertia=inertia, law=LAW, sample_rate=float(rng.choice([250.0, 500.0, 1000.0])))
         axis = closed_loop(plain, float(loud * np.exp(rng.uniform(np.log(3e-6), np.log(1e-4)))))
         limits = Limits(far * rng.uniform(0.5, 4.0), far * rng.uniform(1.0, 6.0), 1e3 * inertia, rng.uniform(6.0, 20.0))
-        reference, _ = reference_within(axis, limits, k)
+        reference, *_ = reference_within(axis, limits, k)
         share = float(np.exp(rng.uniform(np.log(0.005), np.log(0.1))))
         rival = draw_effect(RIVALS[k % len(RIVALS)], axis, reference, share, rng)
         promise = surely_named(axis, rival, reference, LAW, alpha=0.01, seed=1000 * (k + 1))

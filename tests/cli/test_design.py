@@ -37,6 +37,9 @@ def test_reference_and_answer(diagnosis, tmp_path):
     table = pd.read_csv(tmp_path / "reference.csv")
     assert len(table) == 2000
     assert table.iloc[:, 1].abs().max() <= 2.0
+    page = (tmp_path / "design.html").read_text(encoding="utf-8")
+    assert answer["advice"] in page
+    assert page.count("<polyline") == 3
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,6 @@ from whsklearn.cli.job import guarded, table, wrapped, writable_folder
 
 LIMITS = ("position", "speed", "drive", "seconds")
 MOST_RIVALS = 3  # in addition to the named effects; each takes three simulated runs of some seconds
-SAID = {True: "yes", False: "no", None: "depends on the noise"}
 
 
 def limits_of(_context: Any, _option: Any, text: str) -> dict[str, float]:
@@ -51,33 +50,24 @@ def main(**options: Any) -> None:
 
 def write(**options: Any) -> None:
     """Write the reference and the answer, and print a summary."""
-    import numpy as np
-
     from whsklearn.gap.design import Limits, design
-    from whsklearn.logs.files import atomic_write
+    from whsklearn.gap.design_report import SAID, write_design
     from whsklearn.logs.units import factor_of
 
     folder = writable_folder(options["out"])
     data, axis, rivals, law = diagnosis_of(Path(options["gap_file"]), options["rivals"])
-    units = {role: data.get("units", {}).get(role, "") for role in ("drive", "position")}
-    by, far = (factor_of(units[role])[0] if units[role] else 1.0 for role in ("drive", "position"))
-    given = options["limits"]
-    limits = Limits(given["position"] * far, given["speed"] * far, given["drive"] * by, given["seconds"])
+    drive, position = (data.get("units", {}).get(role, "") for role in ("drive", "position"))
+    by, far = (factor_of(unit)[0] if unit else 1.0 for unit in (drive, position))
+    given = Limits(**options["limits"])
+    limits = Limits(given.position * far, given.speed * far, given.drive * by, given.seconds)
     made = design(
         axis, rivals, law, limits, share=data["missing"]["before"], noise=data["noise_floor_rmse"] * far,
         alpha=data["alpha"], seed=options["seed"],
     )  # fmt: skip
-    advice = made.advice(units["drive"] or "of drive", by)
-    rows = np.column_stack([made.time, made.reference / far])
-    name = f"reference_{units['position'] or 'rad'}"
-    np.savetxt(folder / "reference.csv", rows, delimiter=",", header=f"time_s,{name}", comments="", fmt="%.9g")
-    reached = {"position": made.reached.position / far, "speed": made.reached.speed / far,
-               "drive": made.reached.drive / by, "seconds": made.reached.seconds}  # fmt: skip
-    answer = {"would_be_named": made.named, "limits": given, "reached": reached, "advice": advice}
-    atomic_write(folder / "design.json", (json.dumps(answer, indent=2) + "\n").encode())
-    click.echo(table(["rival", "would be named"], [[n.replace("_", " "), SAID[y]] for n, y in made.named.items()]))
-    click.echo(wrapped(advice))
-    click.echo(f"Written: {folder / 'reference.csv'}, {folder / 'design.json'}")
+    page = write_design(made, given, folder, (drive, position))
+    click.echo(table(["rival", "within these limits"], [[n.replace("_", " "), SAID[y]] for n, y in made.named.items()]))
+    click.echo(wrapped(made.advice(drive or "of drive", by)))
+    click.echo(f"Written: {folder / 'reference.csv'}, {folder / 'design.json'}\nReport: {page}")
 
 
 def diagnosis_of(file: Path, rivals: str | None) -> tuple[dict[str, Any], Any, list[Any], str]:

@@ -172,8 +172,7 @@ def looks_of(view: InverseView, model: AxisModel, rng: np.random.Generator) -> d
     null = coloured(power, (N_NULL, left.size), rng)
     time = view.time[:: view.every][view.at]
     slow, _ = drifting(np.ones((time.size, 1)), ("input_offset",), time, slowest_of(path_of(view), time))
-    beside = np.column_stack([x[view.at], by_shape(view, model)[view.at], slow])
-    tangent = Tangent(left, null, beside, n_effective(null[0], view.n_effective))
+    tangent = Tangent(left, null, np.column_stack([x[view.at], slow]), n_effective(null[0], view.n_effective))
     return {k: look for k in inverse_kinds(model) if constant(k) and (look := tangent.look(family(scene, k)))}
 
 

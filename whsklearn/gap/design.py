@@ -44,8 +44,8 @@ class Design:
 
     Attributes
     ----------
-    time, reference : ndarray of shape (n,)
-        In s and rad or m.
+    time, reference, drive : ndarray of shape (n,)
+        In s, rad or m, and Nm or N; the drive is that of the simulated axis.
     reached : Limits
         What the simulated axis needs for it.
     named : dict
@@ -62,13 +62,14 @@ class Design:
     --------
     >>> reached = Limits(0.4, 1.9, 1.1, 6.0)
     >>> named = {"cogging": True, "cable_spring": False}
-    >>> made = Design(np.zeros(2), np.zeros(2), reached, named, {"cable_spring": 1.5})
+    >>> made = Design(np.zeros(2), np.zeros(2), np.zeros(2), reached, named, {"cable_spring": 1.5})
     >>> print(made.advice("Nm"))
     Within these limits cogging would be named, cable spring would not; to see cable spring allow 1.65 Nm.
     """
 
     time: Array
     reference: Array
+    drive: Array
     reached: Limits
     named: dict[str, bool | None]
     factors: dict[str, float | None]
@@ -100,8 +101,9 @@ def closed_loop(axis: ServoAxis, noise: float) -> ServoAxis:
     return replace(axis, controller=controller, sensor=Sensor(noise=noise))
 
 
-def reference_within(axis: ServoAxis, limits: Limits, seed: int = 0) -> tuple[Array, Limits]:
-    """The library's rich reference, as large as the limits allow on this axis, and the limits that it reaches.
+def reference_within(axis: ServoAxis, limits: Limits, seed: int = 0) -> tuple[Array, Array, Limits]:
+    """The library's rich reference, as large as the limits allow on this axis, the drive that it takes, and the limits
+    that both reach.
 
     Raises
     ------
@@ -120,7 +122,7 @@ def reference_within(axis: ServoAxis, limits: Limits, seed: int = 0) -> tuple[Ar
         if needs <= limits.drive:
             path = size * shape
             speed = float(np.abs(np.gradient(path, 1.0 / rate)).max())
-            return path, Limits(float(np.abs(path).max()), speed, needs, limits.seconds)
+            return path, run.drive, Limits(float(np.abs(path).max()), speed, needs, limits.seconds)
         size *= SHRINK
     raise ValueError(
         f"The axis needs a drive of {needs:.3g} to move at all, the limit is {limits.drive:.3g}; allow more drive."
@@ -176,7 +178,7 @@ def design(
         If the axis cannot be moved within the limits.
     """
     axis = closed_loop(axis, noise)
-    reference, reached = reference_within(axis, limits, seed)
+    reference, drive, reached = reference_within(axis, limits, seed)
     rng = np.random.default_rng(seed)
     drawn = [r if isinstance(r, Effect) else draw_effect(r, axis, reference, share, rng) for r in rivals]
     named = {r.name: surely_named(axis, r, reference, law, alpha=alpha, seed=seed) for r in drawn}
@@ -185,4 +187,4 @@ def design(
         if not named[rival.name]:
             tried = (f for f in BEYOND if surely_named(axis, rival, f * reference, law, alpha=alpha, seed=seed))
             factors[rival.name] = next(tried, None)
-    return Design(np.arange(reference.size) / axis.sample_rate, reference, reached, named, factors)
+    return Design(np.arange(reference.size) / axis.sample_rate, reference, drive, reached, named, factors)

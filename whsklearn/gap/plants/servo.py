@@ -29,7 +29,7 @@ from whsklearn.gap.plants import (
 )
 from whsklearn.gap.plants import servo_stop as stop
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, aliases, candidate
-from whsklearn.gap.plants.servo_families import next_order, polished, widened
+from whsklearn.gap.plants.servo_families import highest_order, next_order, polished, widened
 from whsklearn.gap.plants.servo_families import settled as looking_settled
 from whsklearn.gap.plants.servo_inverse import InverseView
 from whsklearn.gap.plants.servo_model import AxisModel
@@ -47,6 +47,7 @@ from whsklearn.gap.record import SPLIT, ServoRecord, rms
 from whsklearn.logs.units import inertia_unit
 
 Array = NDArray[Any]
+N_ORDERS = 1600  # at most, of the picture: two per pixel of a wide screen
 HOLD = 0.5  # samples of age that a drive held over a sample has on average
 OVER_LITTLE_TRAVEL = {"input_offset": ("gravity_imbalance",), "asymmetric_coulomb": ("gravity_imbalance",),
                       "cable_spring": ("gravity_imbalance",), "gravity_imbalance": ("cable_spring",)}  # fmt: skip
@@ -457,7 +458,8 @@ def signals(view: Any, units: tuple[str, str]) -> dict[str, tuple[Array, str]]:
 def pictures(view: Any, base: Any, model: Any, units: tuple[str, str], what: str) -> dict[str, Any]:
     """Overlay, gap over time, its spectra by frequency and by order, and its axes."""
     gaps = view.gap(base), view.gap(model)
-    orders = np.arange(0.5, min(160.0, 2 * np.pi * 2 * view.cutoff / view.scene.speed), 0.1)
+    highest = max(1.0, min(highest_order(view), 2 * np.pi * 2 * view.cutoff / view.scene.speed))
+    orders = np.arange(0.5, highest, max(0.1, highest / N_ORDERS))
     return {
         "time": view.time, "measured": view.record.position, "gap_time": view.time[:: view.every][view.at],
         "usable": np.ones(gaps[0].size, dtype=bool),

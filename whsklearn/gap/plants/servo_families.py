@@ -223,12 +223,11 @@ def orders(scene: Scene, kind: Candidate) -> Blocks:
     view = scene.view
     low = kind.ranged(view.scene)[0][0]
     speed = max(float(np.median(np.abs(view.motion.velocity))), 1e-9)
-    most = HIGHEST * max(1.0, 1.0 / view.scene.reach)  # orders grow as the travel shrinks, and with a unit of length
-    high = float(np.clip(2 * np.pi * 1.5 * view.cutoff / speed, 4.0 * max(low, 1.0), most))
+    high = float(np.clip(2 * np.pi * 1.5 * view.cutoff / speed, 4.0 * max(low, 1.0), highest_order(view)))
     step = max(0.2 * np.pi / view.scene.reach, high / 300)
     values = np.arange(low, max(high, low + step), step)
     if view.record.units[1] == "rad":
-        values = np.union1d(np.arange(np.ceil(low), min(high, HIGHEST) + 1), values)
+        values = np.union1d(np.arange(np.ceil(low), high + 1), values)
     values = values[values > 0.0]
     if not kind.paired:
         for order in values:
@@ -245,6 +244,11 @@ def orders(scene: Scene, kind: Candidate) -> Blocks:
         else:
             columns = np.stack([damped * np.cos(phase), damped * np.sin(phase)], axis=2)
             yield [(float(o),) for o in part[0]], columns, 1.0
+
+
+def highest_order(view: Any) -> float:
+    """Waves per rad, or per m: a turn is a natural unit, a metre is none, and there the travel takes its place."""
+    return HIGHEST if view.record.units[1] == "rad" else HIGHEST * max(1.0, 1.0 / view.scene.reach)
 
 
 def tones(scene: Scene, kind: Candidate, tangent: Tangent) -> Blocks:
@@ -387,7 +391,7 @@ N_LIMITS = 40  # of the drive over the plausible range, an eighth apart
 # parabola goes through the last three: a spring of twice the drive, off by a tenth, leaves more than its neighbours
 # explain.
 POLISH = 4
-HIGHEST = 160.0  # waves per rad or m of a travel of two or more; of a shorter one as many over the whole travel
+HIGHEST = 160.0  # periods per turn, or within 2 pi of half the travel of what does not turn
 
 
 def inverse_kinds(model: AxisModel) -> tuple[Candidate, ...]:
