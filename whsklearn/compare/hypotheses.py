@@ -35,6 +35,7 @@ BESIDE = 4.0  # nats: what explains the difference e^4 times worse is no rival
 LEAST = 0.005  # of the rms drive: smaller changes are not reported
 MOST_CHANGES = 3
 MOST_GAIN = 20.0  # times, or a twentieth: beyond it one of the records shows no drive
+OF_ZERO = 2.0  # standard errors: a load that is nearer to zero is none (95 %)
 LOADS = ("mass at ", "moment at ")
 FURTHEST = 0.5  # m, of a load's centre from the joint that carries it, while it is sought
 N_ROUNDS = 8
@@ -249,7 +250,7 @@ def load_of(name: str, step: Array, covariance: Array) -> tuple[float, float]:
 def shown(name: str, step: Array, covariance: Array) -> bool:
     """Whether a load's mass or moment is beyond two standard errors."""
     size, error = load_of(name, step, covariance)
-    return abs(size) > 2.0 * error
+    return abs(size) > OF_ZERO * error
 
 
 def at_one_point(body: Array, d: Difference, given: Array) -> Array:

@@ -15,7 +15,7 @@ from whsklearn.compare.arm import MOST_LEFT, ArmLog, arm_rows, poor_joints
 from whsklearn.compare.axis import OneWay, axis_rows
 from whsklearn.compare.comparison import Change, Comparison
 from whsklearn.compare.estimate import Estimate, estimate, walking
-from whsklearn.compare.hypotheses import Difference, hypotheses, smallest
+from whsklearn.compare.hypotheses import OF_ZERO, Difference, hypotheses, smallest
 from whsklearn.compare.pair import between, changes_between
 from whsklearn.compare.rows import Rows
 from whsklearn.compare.series import change_point, course, scatter, spread
@@ -29,7 +29,6 @@ from whsklearn.systems.arm import Arm
 SURE = 3.0  # standard errors below zero: one in a thousand by chance
 SEEN = 0.5  # of a number: a comparison that would miss half of every number has seen nothing
 FOLLOWS = 0.01  # of the drive that a function of position leaves: then the drive is the controller's, not the axis's
-SEEN_MASS = 2.0  # standard errors: a load whose mass is not told from zero keeps what the comparison knows of it
 N_KNOTS = 24
 FEWEST_OF_A_TREND = 4  # records: three leave a line and a step one degree of freedom, and no choice between them
 NAMED = 3  # joints of an arm by name in one phrase
@@ -162,7 +161,7 @@ def weighed(found: Comparison, records: Sequence[ArmLog], arm: Arm) -> Compariso
         warnings.simplefilter("ignore", UserWarning)
         empty = identify_arm(q, u, dt=1.0 / records[0].sample_rate, robot=dataclasses.replace(arm, effects=()))
         found_loads = find_payload(empty, position, drive)
-    loads = {f"mass at {p.joint}": p for p in found_loads if abs(p.mass) > SEEN_MASS * p.mass_error}
+    loads = {f"mass at {p.joint}": p for p in found_loads if abs(p.mass) > OF_ZERO * p.mass_error}
     changes = list(found.changes)
     for k in at_mass:
         if (p := loads.get(changes[k].name)) is not None:

@@ -7,7 +7,7 @@ named no more rivals than this multisine within the same limits (9 of 13 against
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -76,21 +76,18 @@ class Design:
 
     def advice(self, unit: str, by: float = 1.0) -> str:
         """What the run would show, in words; drives in ``unit``, which is ``by`` in SI."""
-        seen = [n.replace("_", " ") for n, yes in self.named.items() if yes]
-        parts = [f"{' and '.join(seen)} would be named"] if seen else []
-        for name, yes in self.named.items():
-            if yes is None:
-                parts.append(f"{name.replace('_', ' ')} may or may not be named, depending on the noise")
-            elif not yes:
-                parts.append(f"{name.replace('_', ' ')} would not")
-        text = "Within these limits " + ", ".join(parts)
+        def told(names: Iterable[str], what: str) -> list[str]:
+            *others, last = [n.replace("_", " ") for n in names] or [""]
+            return [f"{', '.join(others)} and {last} {what}" if others else f"{last} {what}"] if last else []
+
+        yes, no, perhaps = ([n for n, said in self.named.items() if said is answer] for answer in (True, False, None))
+        parts = told(yes, "would be named") + told(perhaps, "may or may not be named, depending on the noise")
+        text = "Within these limits " + ", ".join(parts + told(no, "would not"))
         for name, factor in self.factors.items():
-            told = name.replace("_", " ")
-            if factor is None:
-                text += f"; {told} is not named at {BEYOND[-1]:g} times these limits either"
-            else:
-                text += f"; to see {told} allow {factor * self.reached.drive / by:.3g} {unit}"
-        return text + "."
+            if factor is not None:
+                text += f"; to see {name.replace('_', ' ')} allow {factor * self.reached.drive / by:.3g} {unit}"
+        never = [n for n, factor in self.factors.items() if factor is None]
+        return "; ".join([text, *told(never, f"would not at {BEYOND[-1]:g} times these limits either")]) + "."
 
 
 def closed_loop(axis: ServoAxis, noise: float) -> ServoAxis:

@@ -192,7 +192,7 @@ class CurveProblem:
         numbers = np.zeros(free.size)
         for _ in range(self.positive.size):
             numbers[:] = 0.0
-            numbers[free] = solve(gram[np.ix_(free, free)], normal.right[free], assume_a="pos")
+            numbers[free] = scaled_solve(gram[np.ix_(free, free)], normal.right[free])
             bad = np.flatnonzero((numbers[: self.positive.size] < 0.0) & self.positive)
             if not bad.size:
                 break
@@ -206,7 +206,7 @@ class CurveProblem:
         gram, total = normal.gram[at] + penalty[at], 0.0
         for (zb, yb), (gram_b, right_b) in zip(normal.blocks, normal.parts, strict=True):
             # a hill that only this block reaches cannot be determined by the others: its penalty keeps it at zero
-            numbers = solve(gram - gram_b[at], (normal.right - right_b)[free], assume_a="pos")
+            numbers = scaled_solve(gram - gram_b[at], (normal.right - right_b)[free])
             left = yb - zb[:, free] @ numbers
             total += float(left @ left)
         return total
@@ -249,6 +249,12 @@ class CurveProblem:
         variance = float(left @ left) / max(self.view.n_effective - z.shape[1], 1.0)
         covariance = variance * inverse * self.target.size / self.view.n_effective
         return Fit(form, centres, width, new, own, numbers, covariance, min(errors), self.inertia, self.timing)
+
+
+def scaled_solve(gram: Array, right: Array) -> Array:
+    """Solution of a positive definite system whose columns differ in unit, and so in size by many powers of ten."""
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    return np.asarray(scale * solve(gram * np.outer(scale, scale), scale * right, assume_a="pos"))
 
 
 def thinned(view: Any, s: ColumnSignals) -> tuple[ColumnSignals, Array, int]:
