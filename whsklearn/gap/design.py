@@ -76,6 +76,7 @@ class Design:
 
     def advice(self, unit: str, by: float = 1.0) -> str:
         """What the run would show, in words; drives in ``unit``, which is ``by`` in SI."""
+
         def told(names: Iterable[str], what: str) -> list[str]:
             *others, last = [n.replace("_", " ") for n in names] or [""]
             return [f"{', '.join(others)} and {last} {what}" if others else f"{last} {what}"] if last else []

@@ -52,7 +52,9 @@ def write_design(
     ['design.html', 'design.json', 'reference.csv']
     """
     by, far = (factor_of(unit)[0] if unit else 1.0 for unit in units)
-    reached = Limits(made.reached.position / far, made.reached.speed / far, made.reached.drive / by, made.reached.seconds)
+    reached = Limits(
+        made.reached.position / far, made.reached.speed / far, made.reached.drive / by, made.reached.seconds
+    )
     advice = made.advice(units[0] or "of drive", by)
     answer = {"would_be_named": made.named, "limits": limits._asdict(), "reached": reached._asdict(), "advice": advice}
     position = made.reference / far
@@ -67,9 +69,7 @@ def write_design(
         Path(__file__).with_name("design.html.j2"),
         {"sig": significant},
         advice=advice,
-        rows=[
-            (name, SAID[yes], made.factors.get(name), name in made.factors) for name, yes in made.named.items()
-        ],
+        rows=[(name, SAID[yes], made.factors.get(name), name in made.factors) for name, yes in made.named.items()],
         pictures=[(name, unit, against(made.time, x, limit)) for name, unit, x, limit in named],
         limits=limits,
         reached=reached,
