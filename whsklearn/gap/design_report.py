@@ -1,4 +1,4 @@
-"""The report of a design: ``reference.csv`` for the rig, ``design.json`` for programs and ``design.html`` for people."""
+"""The report of a design: ``reference.csv`` for the rig, ``design.json`` for programs, ``design.html`` for people."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def write_design(
     --------
     >>> from tempfile import TemporaryDirectory
     >>> reached = Limits(0.4, 1.9, 1.1, 6.0)
-    >>> made = Design(*np.zeros((3, 50)), reached, {"cogging": True}, {})
+    >>> made = Design(np.arange(50.0), *np.zeros((2, 50)), reached, {"cogging": True}, {})
     >>> with TemporaryDirectory() as folder:
     ...     page = write_design(made, Limits(0.5, 2.0, 1.2, 6.0), folder)
     ...     sorted(p.name for p in Path(folder).iterdir())
@@ -57,12 +57,10 @@ def write_design(
     )
     advice = made.advice(units[0] or "of drive", by)
     answer = {"would_be_named": made.named, "limits": limits._asdict(), "reached": reached._asdict(), "advice": advice}
-    position = made.reference / far
-    speed = np.gradient(position, made.time) if np.ptp(made.time) else position
-    motion = units[1]
+    path, motion = made.reference / far, units[1]
     named = (
-        ("position", motion, position, limits.position),
-        ("speed", f"{motion}/s" if motion else "", speed, limits.speed),
+        ("position", motion, path, limits.position),
+        ("speed", f"{motion}/s" if motion else "", np.gradient(path, made.time), limits.speed),
         ("drive of the simulated axis", units[0], made.drive / by, limits.drive),
     )
     page = html_of(
@@ -80,7 +78,7 @@ def write_design(
     )
     target = Path(folder)
     target.mkdir(parents=True, exist_ok=True)
-    table = np.column_stack([made.time, position])
+    table = np.column_stack([made.time, path])
     header = f"time_s,reference_{motion or 'rad'}"
     np.savetxt(target / "reference.csv", table, delimiter=",", header=header, comments="", fmt="%.9g")
     atomic_write(target / "design.json", (json.dumps(answer, indent=2) + "\n").encode())
