@@ -110,3 +110,17 @@ def test_a_spring_that_pulls_on_a_mass_is_fitted_from_every_division_of_a_linear
     before, after = (np.std((plant.y - free_run(plant.everything, m))[plant.record.fit]) for m in (base, grown))
     assert after < 0.1 * before
     assert grown.terms[-1].q[0] > 0.0
+
+
+def test_a_rival_starts_from_the_blocks_of_the_best():
+    s = PLAIN.with_output(PLAIN.y + free_run(PLAIN, TRUE.plus(term("input_delay", 0.1))) - free_run(PLAIN, TRUE))
+    lag = sharpened(s, TRUE.plus(term("actuator_lag", 0.3)))
+    rivals = {k.name: m for k, m in anew.beside_the_best(s, [(lag.terms[0].kind, lag)])}
+    assert rivals["input_delay"].terms[0].q[0] == pytest.approx(0.1, rel=0.2)
+    assert cost(s, rivals["input_delay"]) < cost(s, lag)
+
+
+def test_the_best_candidate_gets_no_rivals_if_it_leaves_the_blocks_as_they_are():
+    m = sharpened(PLAIN, TRUE.plus(term("quadratic_drag", 0.01)))
+    assert list(anew.beside_the_best(PLAIN, [(m.terms[0].kind, m)])) == []
+    assert list(anew.beside_the_best(PLAIN, [])) == []

@@ -50,6 +50,19 @@ def test_a_fit_never_ends_worse_than_it_began():
     assert cf.cost(PLAIN, cf.polished(PLAIN, m)) <= cf.cost(PLAIN, m)
 
 
+def test_a_pole_and_a_zero_that_cancel_at_the_unit_circle_are_released():
+    stuck = THETA.copy()
+    stuck[6:] = [1.004, *np.poly([-1.004, -0.3])[1:]]
+    m = cf.sharpened(PLAIN, dataclasses.replace(TRUE, theta=stuck), (3.0, 10.0, 30.0, 1000.0))
+    truth = cf.cost(PLAIN, cf.polished(PLAIN, cf.coloured(PLAIN, TRUE)))
+    assert cf.cost(PLAIN, m) > 100.0 * truth
+    assert cf.cost(PLAIN, cf.polished(PLAIN, m)) < 1.003 * truth
+
+
+def test_a_pole_and_a_zero_that_the_record_needs_are_not_released():
+    assert cf.released(PLAIN, cf.polished(PLAIN, cf.coloured(PLAIN, TRUE))) == []
+
+
 def test_a_number_that_no_error_follows_stays_where_it_is():
     law = FrictionLaw([*PLAIN.law.terms, Hinge(0.0, 1e3)])  # a kink where x never is
     s = dataclasses.replace(PLAIN, law=law, dims=PLAIN.dims + np.array([0, 0, 0, 0, 1]))

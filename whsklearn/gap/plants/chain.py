@@ -16,7 +16,16 @@ from whsklearn.gap.filters import whiteness
 from whsklearn.gap.localisation import spectra
 from whsklearn.gap.plant import Figures, Gap, Linearised, PlantDefaults, Reading, Told
 from whsklearn.gap.plants import chain_model as cm
-from whsklearn.gap.plants.chain_anew import anew, fitted, fitted_anew, fitted_once, is_strong, near, nudged
+from whsklearn.gap.plants.chain_anew import (
+    anew,
+    beside_the_best,
+    fitted,
+    fitted_anew,
+    fitted_once,
+    is_strong,
+    near,
+    nudged,
+)
 from whsklearn.gap.plants.chain_fit import (
     LawChoice,
     base_starts,
@@ -203,6 +212,7 @@ class ChainPlant(PlantDefaults):
             grown += fitted_anew(self.record, model, others, folds, rng)
         elif self._may_be_bent(best, rng):
             grown += anew(self.record, model, others, seen.looks, rng, among)
+            grown += beside_the_best(self.record, grown, among)
         before = rms(self.errors(model))
         out: dict[str, tuple[Look, ChainCandidate]] = {}
         for kind, m in grown:

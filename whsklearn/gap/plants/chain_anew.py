@@ -103,6 +103,25 @@ def anew(
                 yield start.kind, fitted(s, others, start)
 
 
+def beside_the_best(
+    s: Record, grown: list[tuple[ChainCandidate, ChainModel]], among: Any = None
+) -> Iterator[tuple[ChainCandidate, ChainModel]]:
+    """Fit the other strong candidates from the blocks of the best one, if that is strong.
+
+    What a lag and a delay make of the blocks is the same, but the search may reach it with one of them only; the record
+    would then seem to tell them apart.
+    """
+    kind, top = min(grown, key=lambda pair: cost(s, pair[1]), default=(None, None))
+    if kind is None or top is None or not is_strong(kind, s):
+        return
+    bare, z = top.without(len(top.terms) - 1), cm.sizes(s, top)
+    for other in kinds(s, bare):
+        if other != kind and is_strong(other, s) and not other.folds and (among is None or other.name in among):
+            sizes = (0.0,) * other.linear
+            starts = best(s, [bare.plus(Term(other, (*sizes, *shape))) for shape in other.shapes(z)], 1)
+            yield from ((other, sharpened(s, m, (10.0, 30.0, *cm.HARD), 6)) for m in starts)
+
+
 def fitted(s: Record, models: list[ChainModel], term: Term) -> ChainModel:
     """The best of several models with an effect, which starts from the size that a look gives it."""
     z = cm.sizes(s, models[0])

@@ -103,7 +103,7 @@ def polished(s: Record, m: ChainModel, hops: int = N_HOPS) -> ChainModel:
     """The model at its minimum: refitted through a soft sign, from its present values, and from nearby ones.
 
     Every sample close to a reversal makes a local minimum of its own.  The hops, which are a few standard errors long
-    and always the same, try the neighbouring ones.
+    and always the same, try the neighbouring ones.  A pole and a zero that cancel are released.
     """
     ways = [m, sharpened(s, m, (30.0, 150.0, cm.SHARPEST)), sharpened(s, m, (cm.SHARPEST,), 10)]
     # not capped, so that a sample on the wrong side pulls the model across
@@ -113,7 +113,31 @@ def polished(s: Record, m: ChainModel, hops: int = N_HOPS) -> ChainModel:
     for i in range(hops):
         near = sharpened(s, moved(s, best[2], HOP, rng), (100.0, cm.SHARPEST), 6, robust=False)
         best = min(best, (cost(s, near), 3 + i, near))
-    return best[2]
+    ways = [sharpened(s, m, (30.0, 150.0, cm.SHARPEST)) for m in released(s, best[2])]
+    return min([best[2], *ways], key=lambda w: cost(s, w))
+
+
+def released(s: Record, m: ChainModel) -> list[ChainModel]:
+    """The model with a pole and a zero that cancel moved to the origin, block by block, where that costs nothing.
+
+    A pair that cancels at the unit circle is stuck there, because a fit takes no step to an unstable model, and the
+    record cannot show that the block lacks it elsewhere.  A lag or a resonance used to be named in its place.
+    """
+    n, out = float(s.fit.sum()), []
+    for part in (s.blocks[:2], s.blocks[3:]):
+        zeros, poles = (np.roots(np.concatenate([[1.0], m.theta[i]])) for i in part)
+        far = np.abs(zeros[:, None] - poles)
+        far[(zeros.imag != 0.0)[:, None] | (poles.imag != 0.0)] = np.inf
+        if not np.isfinite(far).any():
+            continue
+        i, j = np.unravel_index(np.argmin(far), far.shape)
+        theta = m.theta.copy()
+        theta[part[0]] = np.real(np.poly([*np.delete(zeros, i), 0.0]))[1:]
+        theta[part[1]] = np.real(np.poly([*np.delete(poles, j), 0.0]))[1:]
+        moved = climb(s, dataclasses.replace(m, theta=theta), cm.SHARPEST, 2)
+        if gain(cost(s, moved), cost(s, m), n) < 2.0 * np.log(n):  # the record does not need these two numbers
+            out.append(moved)
+    return out
 
 
 def moved(s: Record, m: ChainModel, far: float, rng: np.random.Generator) -> ChainModel:
