@@ -18,7 +18,7 @@ from whsklearn.identification.axis_fit import (
     fit_rigid_axis,
     fit_sprung_axis,
     fit_two_masses,
-    resonance_start,
+    resonance_starts,
     standard_errors,
     white,
 )
@@ -209,7 +209,7 @@ def behind_a_spring(frequency, share, damping, effects=()):
 
 @pytest.mark.parametrize(("frequency", "share", "damping"), [(8.0, 0.2, 0.05), (20.0, 0.6, 0.02), (5.0, 0.8, 0.02)])
 def test_a_resonance_is_seen_before_anything_is_fitted(frequency, share, damping):
-    inertia, _, coulomb, _, found, its_share, _ = resonance_start(behind_a_spring(frequency, share, damping)[0])
+    inertia, _, coulomb, _, found, its_share, _ = resonance_starts(behind_a_spring(frequency, share, damping)[0])[0]
     assert inertia == pytest.approx(0.5, rel=0.05)
     assert coulomb == pytest.approx(0.8, rel=0.15)
     assert found == pytest.approx(frequency, rel=0.04)  # half a step of the grid
@@ -219,7 +219,7 @@ def test_a_resonance_is_seen_before_anything_is_fitted(frequency, share, damping
 @pytest.mark.parametrize("effects", [[], [Cogging(0.2, 7)]])
 def test_an_axis_without_a_load_is_refused_before_anything_is_fitted(effects):
     with pytest.raises(ValueError, match="no resonance of a load"):
-        resonance_start(behind_a_spring(8.0, 0.0, 0.05, effects)[0])
+        resonance_starts(behind_a_spring(8.0, 0.0, 0.05, effects)[0])
 
 
 def test_a_ripple_in_closed_loop_is_no_resonance():
@@ -227,7 +227,7 @@ def test_a_ripple_in_closed_loop_is_no_resonance():
     log = make_servo_log(["cogging"], duration=20.0, sizes=0.05, random_state=1)
     record = view(log["torque_nm"], log["position_rad"], 0.001, "position")
     with pytest.raises(ValueError, match="no resonance of a load"):
-        resonance_start(record)
+        resonance_starts(record)
 
 
 def test_a_load_behind_a_spring_is_found_from_the_motor_s_side():

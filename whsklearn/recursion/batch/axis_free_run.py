@@ -323,12 +323,15 @@ def _coupled(theta: Array, log: AxisLog) -> Array:
     effects = [
         Viscous(theta[1]), Coulomb(theta[2]), InputOffset(theta[3]), coupling_of(theta),
     ]  # fmt: skip
-    plant, drive = plant_of(effects, bare_parts(theta[0])), np.ascontiguousarray(log.u[:, 0])
-    out = np.empty((2, drive.size))
+    steps = log.u.shape[1]
+    # samples of the pass for one of the log: a held drive needs one, a smooth one as many as there are fine steps
+    per = 1 if np.array_equal(log.u[:, 0], log.u[:, -1]) else steps
+    plant, out = plant_of(effects, bare_parts(theta[0])), np.empty((2, len(log.u)))
     for (a, b), (v, q, twist, slip) in zip(itertools.pairwise(log.bounds.tolist()), log.states.tolist(), strict=True):
-        start = np.repeat([[q], [v], [twist], [slip]], b - a, axis=1)
-        run = follow(plant, drive[a:b], start, How(log.dt, log.u.shape[1], every=b - a))
-        out[0, a:b], out[1, a:b] = run[VELOCITY], run[POSITION]
+        drive = np.ascontiguousarray(log.u[a:b, :per]).ravel()
+        start = np.repeat([[q], [v], [twist], [slip]], drive.size, axis=1)
+        run = follow(plant, drive, start, How(log.dt / per, steps // per, every=drive.size))
+        out[0, a:b], out[1, a:b] = run[VELOCITY][::per], run[POSITION][::per]
     return out
 
 
