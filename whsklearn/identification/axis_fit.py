@@ -144,7 +144,8 @@ def fit_two_masses(log: View) -> AxisModel:
     early = log.part(0, min(log.u.size, EARLY))
     rings = shooting_log(early, RINGS, form)
     first = min((fit_pieces(s, rings, iterations=FEW) for s in starts), key=lambda fit: fit.cost)
-    smooth, found = replace(log, hold=HOLDS[1]), []
+    smooth = replace(log, hold=HOLDS[1])
+    found: list[tuple[float, AxisFit, View]] = []
     # friction of the load, which the model lacks, harms the longer pieces
     for record, seconds in ((log, RINGS), (log, SHOOTING[-1]), (smooth, RINGS)):
         start = min(found, key=lambda f: f[0])[1] if found else first
