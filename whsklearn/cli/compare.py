@@ -116,6 +116,8 @@ def log_of(options: dict[str, Any], file: str) -> Bunch:
 
 def numbers_of(found: Comparison) -> str:
     """A table with one line per number and one column per record; of many records, the first and the last ones."""
+    from whsklearn.compare.comparison import spoken
+
     shown = range(len(found.labels)) if len(found.labels) <= 4 else (0, 1, -2, -1)
     header = ["number", *(found.labels[k] for k in shown), "±", "unit"]
     rows = []
@@ -123,7 +125,7 @@ def numbers_of(found: Comparison) -> str:
         if "." in r["name"]:  # combinations of an arm's links are in the report only
             continue
         values = [float(r["values"][k]) for k in shown]
-        rows.append([r["name"].replace("_", " "), *values, float(max(r["standard_errors"])), r["unit"]])
+        rows.append([spoken(r), *values, float(max(r["standard_errors"])), r["unit"]])
     return table(header, rows)
 
 
@@ -136,10 +138,8 @@ def track(parent: Any, found: Comparison, folder: Path) -> None:
         parent.log_metrics({"p_value": first.p_value, "change": first.change, "share_of_drive": first.share})
     for k, label in enumerate(found.labels):
         with parent.child(label) as child:
-            seen: dict[str, int] = {}
             for row in found.numbers:
-                seen[row["name"]] = i = seen.get(row["name"], 0) + 1
-                name = row["name"] if i == 1 else f"{row['name']}_{i}"
+                name = f"{row['name']} {row['part']}".rstrip()
                 child.log_metrics({name: row["values"][k], f"{name}_error": row["standard_errors"][k]})
     for name in ("compare.html", "compare.json"):
         parent.log_artifact(folder / name)

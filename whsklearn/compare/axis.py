@@ -247,5 +247,20 @@ def rows_of(view: InverseView, model: AxisModel, label: str, own: Mapping[str, s
         label, names, units, columns, view.drive[at], at, view.step, time, path, blocks_between(turns, at.size),
         np.column_stack([nuisances, shapes]), of, np.array([view.rms(view.drive[at])]), slowest, covers,
         frozenset({"inertia", *(n for n, kind in kinds if kind.positive and n in LAW and both_ways)}),
-        (*(by for by, _ in told), 1.0),
+        (*(by for by, _ in told), 1.0), parts=("", *(part for t in model.terms for part in parts_of(t)), ""),
     )  # fmt: skip
+
+
+def parts_of(term: Term) -> list[str]:
+    """What tells the numbers of one effect apart: those of a wave are its cosine and sine.
+
+    Examples
+    --------
+    >>> from whsklearn.gap.plants.servo_candidates import candidate
+    >>> parts_of(Term(candidate("cogging"), (0.1, 0.2, 12.0))), parts_of(Term(candidate("coulomb"), (0.2,)))
+    (['cos 12 q', 'sin 12 q'], [''])
+    """
+    if term.kind.linear != 2:
+        return [""] * term.kind.linear
+    order = f"{term.q[2]:.4g} " if term.kind.scanned == "position" else ""
+    return [f"cos {order}q", f"sin {order}q"]

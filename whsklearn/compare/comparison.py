@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,6 +11,18 @@ from scipy.stats import t as student
 
 VERDICTS = ("moved", "nothing", "cannot_tell")
 SHOWN = 0.05  # of the scale of a number: an interval of 95 %
+
+
+def spoken(row: Mapping[str, Any]) -> str:
+    """Name of a number as a reader sees it, with its part where several share the name.
+
+    Examples
+    --------
+    >>> spoken({"name": "input_offset"}), spoken({"name": "cogging", "part": "cos 12 q"})
+    ('input offset', 'cogging (cos 12 q)')
+    """
+    name = str(row["name"]).replace("_", " ")
+    return f"{name} ({row['part']})" if row.get("part") else name
 
 
 @dataclass(frozen=True)
@@ -136,7 +149,7 @@ class Comparison:
     reason : str
         Why nothing can be concluded.
     numbers : list of dict
-        One row per number: name, unit, values and standard errors of all records, spread between and within them.
+        One row per number: name, part (of a wave its cosine or sine), unit, values and standard errors of all records, spread between and within them.
     notes : list of str
     usable : bool
         Whether every record can be used.

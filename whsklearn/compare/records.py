@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from whsklearn.compare.arm import MOST_LEFT, ArmLog, arm_rows, poor_joints
 from whsklearn.compare.axis import OneWay, axis_rows
-from whsklearn.compare.comparison import Change, Comparison
+from whsklearn.compare.comparison import Change, Comparison, spoken
 from whsklearn.compare.estimate import Estimate, estimate, walking
 from whsklearn.compare.hypotheses import OF_ZERO, Difference, hypotheses, smallest
 from whsklearn.compare.pair import between, changes_between
@@ -268,7 +268,7 @@ def table(rows: list[Rows], parts: list[Estimate], alpha: float) -> list[dict[st
         values, variances = np.array([e.values[i] for e in parts]), np.array([e.covariance[i, i] for e in parts])
         mean, apart, p = spread(values, variances)
         out.append({
-            "name": name, "unit": rows[0].units[i], "values": values.tolist(),
+            "name": name, "part": rows[0].parts[i] if rows[0].parts else "", "unit": rows[0].units[i], "values": values.tolist(),
             "standard_errors": np.sqrt(variances).tolist(), "mean": mean, "spread_between": apart,
             "spread_within": float(np.sqrt(np.mean(variances))), "p_value_spread": p,
             "to_si": rows[0].to_si[i] if rows[0].to_si else 1.0,
@@ -282,7 +282,7 @@ def table(rows: list[Rows], parts: list[Estimate], alpha: float) -> list[dict[st
 def trend_notes(numbers: list[dict[str, Any]]) -> list[str]:
     """Notes on numbers that rise or fall all along the records."""
     return [
-        f"{r['name'].replace('_', ' ')} {'rises' if r['slope'] > 0.0 else 'falls'} by {abs(r['slope']):.3g} ± "
+        f"{spoken(r)} {'rises' if r['slope'] > 0.0 else 'falls'} by {abs(r['slope']):.3g} ± "
         f"{r['slope_standard_error']:.2g} {r['unit']} per record: a trend over all records fits better than one change."
         for r in numbers
         if r.get("course") == "trend"

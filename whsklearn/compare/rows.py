@@ -34,6 +34,8 @@ class Rows:
         Name of the record.
     names, units : tuple of str
         Names and units of the p numbers; several numbers may share a name.
+    parts : tuple of str
+        What tells numbers of one name apart, such as ``cos 12 q`` of a wave; empty if nothing needs to.
     columns : ndarray of shape (n, p)
         Drive per unit of each number.
     target : ndarray of shape (n,)
@@ -88,6 +90,7 @@ class Rows:
     channel: NDArray[np.intp] | None = None
     changes: dict[str, Array] = field(default_factory=dict)
     walk: tuple[float, ...] = ()
+    parts: tuple[str, ...] = ()
 
     def channels(self) -> list[NDArray[np.intp]]:
         """Samples of every joint."""
