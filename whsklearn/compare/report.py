@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from whsklearn.compare.comparison import Comparison, spoken
-from whsklearn.gap.report import significant
+from whsklearn.gap.report import probability, significant
 from whsklearn.logs.files import atomic_write
 from whsklearn.plot.page import html_of
 
@@ -51,7 +51,7 @@ def render(found: Comparison) -> str:
     """The page as text."""
     return html_of(
         Path(__file__).with_name("report.html.j2"),
-        {"sig": significant, "spoken": spoken},
+        {"sig": significant, "spoken": spoken, "p": probability},
         c=found,
         colour=COLOURS[found.verdict],
         pictures=[over_records(row) for row in found.numbers],
