@@ -149,7 +149,8 @@ class Comparison:
     reason : str
         Why nothing can be concluded.
     numbers : list of dict
-        One row per number: name, part (of a wave its cosine or sine), unit, values and standard errors of all records, spread between and within them.
+        One row per number: name, part (of a wave its cosine or sine), unit, values and standard errors of all records,
+        spread between and within them.
     notes : list of str
     usable : bool
         Whether every record can be used.

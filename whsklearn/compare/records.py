@@ -268,7 +268,8 @@ def table(rows: list[Rows], parts: list[Estimate], alpha: float) -> list[dict[st
         values, variances = np.array([e.values[i] for e in parts]), np.array([e.covariance[i, i] for e in parts])
         mean, apart, p = spread(values, variances)
         out.append({
-            "name": name, "part": rows[0].parts[i] if rows[0].parts else "", "unit": rows[0].units[i], "values": values.tolist(),
+            "name": name, "part": rows[0].parts[i] if rows[0].parts else "", "unit": rows[0].units[i],
+            "values": values.tolist(),
             "standard_errors": np.sqrt(variances).tolist(), "mean": mean, "spread_between": apart,
             "spread_within": float(np.sqrt(np.mean(variances))), "p_value_spread": p,
             "to_si": rows[0].to_si[i] if rows[0].to_si else 1.0,
