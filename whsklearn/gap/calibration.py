@@ -19,8 +19,9 @@ Array = NDArray[Any]
 # Gumbel scale of 2: no spread over a scan is below that.
 LEAST_SCALE = 2.0
 N_NULL = 15  # records that a model simulates itself; they give the moments of a Gumbel law to within a quarter
+N_DRAWS = 60  # of noise or numbers alone: a spread to 9 %, the moments of a Gumbel law to an eighth
 GATE = 0.1  # p-value below which effects are fitted, which takes seconds; the level at which they are named is lower
-VUONG_BLOCKS = 40  # per record: errors of neighbouring samples depend on each other, those of blocks hardly
+N_BLOCKS = 40  # per record: errors of neighbouring samples depend on each other, those of blocks hardly
 
 
 def n_effective(residual: Array, most: float = np.inf) -> float:
@@ -123,14 +124,11 @@ def vuong(worse: Array, better: Array) -> float:
     >>> vuong(e + 0.5, e) > 5.0, abs(vuong(e, e)) < 1e-9
     (True, True)
     """
-    size = max(1, worse.size // VUONG_BLOCKS)
+    size = max(1, worse.size // N_BLOCKS)
     n = worse.size // size
     d = (worse[: n * size] ** 2 - better[: n * size] ** 2).reshape(n, size).sum(axis=1)
     spread = float(np.std(d, ddof=1)) if n > 1 else 0.0
     return float(np.mean(d) / (spread / np.sqrt(n))) if spread > 0.0 else 0.0
-
-
-N_LEADS = 30  # records of a rival: the moments of a Gumbel law to a sixth
 
 
 def rival_leads(before: Array, taken: Array, other: Array, n: float, rng: np.random.Generator) -> Array:
@@ -161,7 +159,7 @@ def rival_leads(before: Array, taken: Array, other: Array, n: float, rng: np.ran
     True
     """
     power = smoothed_power(other)
-    made = coloured(power, (N_LEADS, other.size), rng) + (before - other)
+    made = coloured(power, (N_DRAWS, other.size), rng) + (before - other)
 
     def left(explained: Array) -> Array:
         along = made @ explained / max(float(explained @ explained), 1e-300)

@@ -25,7 +25,7 @@ from whsklearn.gap.diagnosis import (
 from whsklearn.gap.pictures import pictures_in
 from whsklearn.gap.plant import LEARNED_SHARE, QUIET, Linearised
 from whsklearn.gap.proof import closure, prove
-from whsklearn.gap.search import HALF, LEAST_SHARE, Found, Named
+from whsklearn.gap.search import HALF, LEAST_SHARE, STILL, Found, Named
 from whsklearn.gap.sentences import next_experiment, summary
 from whsklearn.gap.standard_errors import errors_of, labelled_errors
 from whsklearn.gap.tangent import Look
@@ -35,9 +35,6 @@ UNFINISHED = ("unknown", "partial", "coloured_noise")  # verdicts beside which a
 # Multiple of the floor above which the free run must close `LEAST_SHARE` of the gap, for a plant whose own records are
 # exact: a floor is known to a few percent.
 ABOVE_FLOOR = 1.1
-# Share of the rms gap that may still follow the motion without a name beside a verdict of ``named``
-# (`benchmarks.learned --effects named` and without: what true names and the neighbours of other effects leave).
-STILL = 0.04
 # Rms of an effect, as a share of the drive, that a record must be able to show, or the effect is not testable.
 SHOWN = 0.02
 

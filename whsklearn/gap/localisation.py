@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from whsklearn.gap.calibration import N_BLOCKS
 from whsklearn.gap.diagnosis import Place
 from whsklearn.gap.plant import Gap
 from whsklearn.gap.record import Array, rms
@@ -26,7 +27,6 @@ from whsklearn.gap.record import Array, rms
 NOWHERE = "The gap follows none of the signals that were examined."
 N_BINS = 20  # of equally many samples along each signal
 N_SHIFTS = 199  # the smallest p-value is 1 / 200, or a twentieth after the adjustment over ten signals
-N_BLOCKS = 30  # permuted along time
 # Level of the p-value of a place or a drift, and the share of the gap (beyond the share of samples) that is worth a
 # sentence in the report. No name depends on it.
 LEVEL, WORTH_A_WORD = 0.02, 0.1
@@ -238,7 +238,7 @@ def drift(g: Gap, rng: np.random.Generator) -> list[dict]:
         return []
     signals = g.signals
     n = next(iter(constants.values()))[1].size
-    n_blocks = int(np.clip(n * step / (2 * TIME_CONSTANT), 5, 30))
+    n_blocks = int(np.clip(n * step / (2 * TIME_CONSTANT), 5, N_BLOCKS))
     out = []
     for name, (value, change, taken) in constants.items():
         row: dict[str, Any] = {

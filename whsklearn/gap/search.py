@@ -29,6 +29,9 @@ WORTH_FITTING = 0.2
 LEAST_SHARE = 0.25
 # Share of a power: only what explains more than half of it is called its cause.
 HALF = 0.5
+# Share of the rms gap that may still follow the motion without a name beside a verdict of ``named``
+# (`benchmarks.learned --effects named` and without: what true names and the neighbours of other effects leave).
+STILL = 0.04
 
 
 def meet(a: Look, b: Look) -> bool:

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from whsklearn.gap.calibration import N_DRAWS
 from whsklearn.gap.diagnosis import Diagnosis
 from whsklearn.gap.plant import Linearised
 
 Array = NDArray[Any]
-N_DRAWS = 64  # of the numbers, each a model: their spread is known to 9 %
 
 
 def covariance(fit: Linearised) -> Array:

@@ -23,7 +23,6 @@ VISIBLE = 1e-3
 # Share of the power of two columns that is added to the diagonal: a wave over less than a period is a line and a
 # parabola.
 RIDGE = 1e-5
-ROUNDING = 1e-14  # of the power of columns, far below what is `VISIBLE` of them
 AT_ONCE = 64  # shapes whose columns are held at once
 ALL = slice(None)
 
@@ -184,7 +183,7 @@ class Tangent:
         seen = np.maximum(np.trace(gram, axis1=1, axis2=2), 0.0)
         visible = np.sqrt(seen / np.maximum(whole, 1e-300))
         ok = visible > VISIBLE
-        held = (RIDGE if k > 1 else 0.0) * seen + ROUNDING * whole + 1e-300
+        held = (RIDGE if k > 1 else 0.0) * seen + n * np.finfo(float).eps * whole + 1e-300
         gram = gram + held[:, None, None] * np.eye(k)
         sizes = np.ones_like(cross) if family.offset else np.linalg.solve(gram, cross)
         if family.offset:

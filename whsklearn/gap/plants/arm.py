@@ -41,6 +41,7 @@ from whsklearn.gap.plants.servo_evidence import OWN_MOTION
 from whsklearn.gap.plants.servo_inverse import negative_damping, never_free, too_large
 from whsklearn.gap.plants.servo_model import Term
 from whsklearn.gap.record import SPLIT, held_out_blocks, rms
+from whsklearn.gap.search import STILL
 from whsklearn.gap.tangent import Family, Look, Tangent
 from whsklearn.identification.arm_fit import Known, blocks_of, fitted, suspicions, swapped, updated
 from whsklearn.identification.payload import ALIKE, FURTHEST, Beside
@@ -56,12 +57,9 @@ Array = NDArray[Any]
 # of a spring against gravity, the effect only cancels other terms.  The sum is then below one part in twenty, and the
 # columns of a real arm are no better than that (4 to 10 % on held-out blocks, `python -m benchmarks.arms`).
 CANCELS = 20.0
-# Least rms that a law must explain beyond an elementary one without a shape, as a share of what that one explains: a
-# smaller part may stay without a name (`whsklearn.gap.conclude.STILL`).  MuJoCo's dry friction is soft, and adding a
-# distance of some mrad explains 3 % (`python -m benchmarks.blind_arms --kinds coulomb`).
-BEYOND = 0.04
-# The same as long as it is less than what stays without a name: of a model that is no better than that, a shape is not
-# to be told.  Above a quarter (6 % of the power) the elementary law is no longer most of the effect.
+# Least rms that a law must explain beyond an elementary one without a shape, as a share of what that one explains, as
+# long as it is less than what stays without a name: of a model that is no better than that, a shape is not to be told.
+# Above a quarter (6 % of the power) the elementary law is no longer most of the effect.
 DOUBTFUL = 0.25
 SOME = 200  # positions at which the mass matrix is checked for being positive definite
 
@@ -259,7 +257,9 @@ class ArmPlant(PlantDefaults):
                 plain = view.fit(model.with_term(JointTerm(replace(t.kind, cls=c.cls, catalogued=c), (0.0,))))
                 beyond, most = (self.size(*map(self.errors, pair)) for pair in ((plain, grown), (model, plain)))
                 stays = float(self._shares(self.errors(grown))[view.arm.joints.index(t.joint)])
-                if beyond < max(BEYOND * most, min(stays, DOUBTFUL * most)):
+                # a smaller part may stay without a name: MuJoCo's dry friction is soft, and adding a distance of some
+                # mrad explains 3 % (`python -m benchmarks.blind_arms --kinds coulomb`)
+                if beyond < max(STILL * most, min(stays, DOUBTFUL * most)):
                     return f"{c.name.replace('_', ' ')} explains as much with fewer numbers"
         at = [view.arm.joints.index(j) for j in t.kind.place or view.arm.joints]
         before, after = (view.held_out(view.fit(m)) * view.weight * view.drive_rms for m in (model, grown))

@@ -44,6 +44,7 @@ from whsklearn.gap.plants.servo_start import (
     with_earlier_drive,
 )
 from whsklearn.gap.record import SPLIT, ServoRecord, rms
+from whsklearn.gap.search import HALF
 from whsklearn.logs.units import inertia_unit
 
 Array = NDArray[Any]
@@ -261,7 +262,7 @@ class ServoPlant(PlantDefaults):
                 return
             before, after = (rms(self.inverse.gap(m)) ** 2 for m in (model, grown))
             least = self.tolerance * self.scale
-            if gain(before, after, self.inverse.n_effective) < rules.ORDER_NEED or before - after < least**2:
+            if gain(before, after, self.inverse.n_effective) < 3.0 * rules.PAYS or before - after < least**2:
                 return
             model = grown
             yield grown
@@ -322,8 +323,8 @@ class ServoPlant(PlantDefaults):
         if said:
             return said
         before = self.errors(model)
-        if model.has_play and self.size(before, self.errors(grown)) < rules.BESIDE_A_PLAY * self.rms(before):
-            return "it explains too little of the residual beside the play"
+        if model.has_play and self.size(before, self.errors(grown)) ** 2 < HALF * self.rms(before) ** 2:
+            return "it explains too little of the residual beside the play"  # impacts correlate a little with all
         return "the simulation runs farther from the record with it" if self._runs_worse(model, grown) else ""
 
     # --- proof --------------------------------------------------------------------------------

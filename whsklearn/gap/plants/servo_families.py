@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from whsklearn.effects import codes as k
 from whsklearn.effects.quantity import ONE_PERIOD
 from whsklearn.filtering.gaussian import CUTOFF_SIGMA
-from whsklearn.gap.calibration import coloured, gain, n_effective, null_rows, smoothed_power
+from whsklearn.gap.calibration import N_DRAWS, coloured, gain, n_effective, null_rows, smoothed_power
 from whsklearn.gap.least_squares import least_squares
 from whsklearn.gap.plants import inverse_dynamics as ols
 from whsklearn.gap.plants import servo_evidence as rules
@@ -34,12 +34,11 @@ from whsklearn.gap.plants import servo_two_mass as two_mass
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, Candidate, usable
 from whsklearn.gap.plants.servo_inverse import later, reaching
 from whsklearn.gap.plants.servo_model import AxisModel, Term
-from whsklearn.gap.plants.servo_own import N_NULL, Own
+from whsklearn.gap.plants.servo_own import Own
 from whsklearn.gap.search import HALF, LEAST_SHARE
 from whsklearn.gap.tangent import AT_ONCE, Family, Look, Tangent, chance, with_p_values
 
 Array = NDArray[Any]
-N_AGES = 24
 Blocks = Iterator[tuple[Any, Array, Array | float]]
 
 
@@ -119,9 +118,9 @@ def looks(view: Any, model: AxisModel, own: Own, least: float, beside: AxisModel
         grown, rng = view.fit(model.with_terms((*model.terms, look.start))), np.random.default_rng(0)
         if look.swapped:
             power = smoothed_power(acceleration_left(view, grown))
-            tangent, null = other_way, coloured(power, (N_NULL, left.size), rng)
+            tangent, null = other_way, coloured(power, (N_DRAWS, left.size), rng)
         else:
-            tangent, null = timed, null_rows(view.gap(grown), own.apart, N_NULL, rng)
+            tangent, null = timed, null_rows(view.gap(grown), own.apart, N_DRAWS, rng)
         other = dataclasses.replace(tangent, null=null).look(f)
         return look if other is None else dataclasses.replace(look, p_value=chance(look, other.null, len(found), least))
 
@@ -213,7 +212,7 @@ def ages(scene: Scene, kind: Candidate) -> Blocks:
     """The drive delayed by every age beyond bookkeeping."""
     dt, u = scene.view.scene.dt, scene.view.record.drive
     book, _ = scene.transformed(later(k.INPUT_DELAY, u, rules.LATEST * dt, dt))
-    for age in np.geomspace(rules.LATEST * dt, max(rules.OLDEST, 10 * rules.LATEST * dt), N_AGES):
+    for age in np.geomspace(rules.LATEST * dt, max(rules.OLDEST, 10 * rules.LATEST * dt), N_LIMITS):
         columns, share = scene.transformed(later(kind.code, u, age, dt))
         yield [(float(age),)], columns - book, share
 
@@ -369,7 +368,7 @@ def acceleration_tangent(view: Any, model: AxisModel, rng: np.random.Generator) 
     """
     rest = acceleration_left(view, model)
     power = smoothed_power(rest)
-    null = coloured(power, (N_NULL, rest.size), rng)
+    null = coloured(power, (N_DRAWS, rest.size), rng)
     n = n_effective(coloured(power, (1, rest.size), np.random.default_rng(0))[0], view.n_effective)
     return Tangent(rest, null, regression(view, model)[1], n, stop.away(view, model))
 
@@ -386,7 +385,7 @@ def explained_acceleration(view: Any, model: AxisModel, grown: AxisModel) -> tup
 GAPS = (0.002, 0.004, 0.009, 0.018, 0.037, 0.075, 0.15)  # rad
 CONTACTS = (6.0, 12.0, 25.0, 60.0)  # Hz, of the antiresonance in contact
 ANTIRESONANCES = np.geomspace(0.8, 65.0, 20)  # Hz
-N_LIMITS = 40  # of the drive over the plausible range, an eighth apart
+N_LIMITS = 40  # of the drive, and ages of it, over the plausible range: limits are an eighth apart
 # Rounds over the shape numbers.  The step shrinks by 0.55 in each, to a tenth of the spacing of the starts, and a
 # parabola goes through the last three: a spring of twice the drive, off by a tenth, leaves more than its neighbours
 # explain.

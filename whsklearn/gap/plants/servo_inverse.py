@@ -371,7 +371,7 @@ def unphysical(record: ServoRecord, model: AxisModel, index: int) -> str:
     """The physical objection to the numbers of a term, in either view of an axis; empty if there is none."""
     term = model.terms[index]
     q = term.q
-    if term.name == "encoder_eccentricity" and float(np.hypot(q[0], q[1])) * q[2] > rules.STEEPEST_ERROR:
+    if term.name == "encoder_eccentricity" and float(np.hypot(q[0], q[1])) * q[2] > 1.0:
         return "with such a steep encoder error the reading would not change while the axis turns"
     if term.kind.positive and q[0] <= 0:
         return f"its size would be {q[0]:.3g}, but a physical one is positive"
@@ -403,8 +403,9 @@ def too_large(model: AxisModel, index: int) -> str:
     t = model.terms[index]
     if t.kind.code == codes.CHANGE_GAIN and 1.0 + t.q[0] < rules.LEAST_GAIN_LEFT:
         return f"it would leave {100 * (1.0 + t.q[0]):.1f} % of the drive's effect and hide whatever is missing"
+    size = t.kind.cls.quantities[t.kind.cls.size]
     share = float(np.linalg.norm(t.q[:2])) if t.kind.linear == 2 else abs(float(t.q[0]))
-    if share <= rules.LARGEST_SHARE.get(t.name, np.inf):
+    if not t.kind.driven or size.unit != "1" or share <= size.high:
         return ""
     return f"it would take {100 * share:.0f} % of the drive, which no motor or gear does"
 

@@ -291,8 +291,7 @@ def with_curves(view: Any, model: AxisModel, fits: list[Fit], heights: list[Arra
     terms = list(model.terms)
     for f, weights in zip(fits, heights, strict=True):
         for centre, weight in zip(f.centres, weights, strict=True):
-            if abs(weight) > rules.HILL_DROPPED * np.abs(weights).max():
-                terms.append(Term(f.form.kind, (float(weight), float(centre), f.width, f.form.period)))
+            terms.append(Term(f.form.kind, (float(weight), float(centre), f.width, f.form.period)))
     return dataclasses.replace(model, terms=tuple(terms))
 
 

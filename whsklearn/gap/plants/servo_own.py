@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.gap.calibration import coloured, n_effective, null_rows, smoothed_power
+from whsklearn.gap.calibration import N_DRAWS, coloured, n_effective, null_rows, smoothed_power
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants.servo_candidates import ColumnSignals as Motion
 from whsklearn.gap.plants.servo_model import AxisModel
@@ -32,7 +32,6 @@ LOOP = 5.0
 # frequency with a phase margin of 65 degrees.
 STEADY = 0.4
 N_RECORDS = 5  # own records; their mean is known to 0.45 of their spread
-N_NULL = 60  # null rows from which the effect of chance is taken: the moments of a Gumbel law to within an eighth
 
 
 class Own(NamedTuple):
@@ -134,4 +133,4 @@ def own(view: Any, model: AxisModel, rng: np.random.Generator) -> tuple[Own, Axi
     rest = left - mean
     # n is that of the smoothed spectrum
     n = n_effective(coloured(smoothed_power(rest), (1, rest.size), np.random.default_rng(0))[0], view.n_effective)
-    return Own(mean, null_rows(rest, apart, N_NULL, rng), float(np.sqrt(np.mean(apart**2))), n, apart), corrected
+    return Own(mean, null_rows(rest, apart, N_DRAWS, rng), float(np.sqrt(np.mean(apart**2))), n, apart), corrected

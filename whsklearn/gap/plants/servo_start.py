@@ -20,6 +20,7 @@ from whsklearn.gap.plants.servo_inverse import InverseView
 from whsklearn.gap.plants.servo_model import FASTEST_COUPLING, AxisModel, Term
 from whsklearn.gap.plants.servo_run import ObserverView
 from whsklearn.gap.record import ServoRecord, held_out_blocks, lattice, noise_level, rms
+from whsklearn.gap.search import HALF
 from whsklearn.identification.drive_lead import drive_lead, earlier
 
 Array = NDArray[Any]
@@ -164,7 +165,7 @@ def coarse_encoder(view: Any, base: Any) -> list[Any]:
     A log in counts states its grid; only a coarser one is an effect.
     """
     step = view.quantum
-    if step < rules.COARSE_GRID * view.scene.reach or step / 12**0.5 < rules.GRID_NOISE * view.noise:
+    if step < rules.COARSE_GRID * view.scene.reach or step**2 / 12.0 < HALF * view.noise**2:
         return []
     if step < rules.COARSER_THAN_STATED * view.record.resolution:
         return []
@@ -181,7 +182,7 @@ def unfold(position: NDArray[np.float64], dt: float) -> NDArray[np.float64] | No
     equal.  At a real turn the axis would have come to rest.
     """
     span = float(np.ptp(position))
-    if position.min() < -rules.FOLD_BELOW * span or position.min() > rules.FOLD_ABOVE * span:
+    if abs(position.min()) > rules.FOLD_TURNS * span:
         return None
     w = max(2, round(rules.FOLD_WINDOW / dt))
     typical = rms(np.diff(position)) / dt
@@ -192,8 +193,7 @@ def unfold(position: NDArray[np.float64], dt: float) -> NDArray[np.float64] | No
         if near and k - last > 2 * w:
             before = (position[k] - position[k - w]) / (w * dt)
             after = (position[k + w] - position[k]) / (w * dt)
-            least, (low, high) = rules.FOLD_SPEED * typical, rules.FOLD_RATIO
-            if before < -least and after > least and low < -before / after < high:
+            if min(-before, after) > rules.FOLD_SPEED * typical:
                 out[last if last > 0 else 0 : k] *= sign
                 sign, flips, last = -sign, flips + 1, k
         k += 1

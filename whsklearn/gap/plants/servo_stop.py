@@ -20,6 +20,7 @@ from whsklearn.filtering.gaussian import CUTOFF_SIGMA
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, Candidate, variants
 from whsklearn.gap.plants.servo_model import AxisModel, Term
+from whsklearn.gap.search import HALF
 
 Array = NDArray[Any]
 KINDS = variants(ContactStop)
@@ -56,7 +57,7 @@ def regions(view: Any, model: AxisModel) -> list[Region]:
     r, s = robust(x[at][:, np.any(x[at] != 0.0, axis=0)], view.drive[at])
     event = np.abs(r) > rules.STOP_FAR * s
     total = float(np.sum(r[event] ** 2))
-    if total <= 0.0 or total < rules.STOP_ENERGY * float(r @ r):
+    if total <= HALF * float(r @ r):
         return []
     q = view.motion.position[:: view.every][at]
     found = []
@@ -64,19 +65,14 @@ def regions(view: Any, model: AxisModel) -> list[Region]:
         depth = side * q
         pushed = np.flatnonzero(event & (side * r > 0.0))
         energy = float(np.sum(r[pushed] ** 2))
-        if energy < rules.STOP_MINOR * total:
+        if energy <= rules.STOP_EDGE * total:
             continue
         order = pushed[np.argsort(depth[pushed])]
         edge = float(depth[order][np.searchsorted(np.cumsum(r[order] ** 2), rules.STOP_EDGE * energy)])
-        inside = depth >= edge
         deep = depth >= 0.5 * (edge + float(depth.max()))
-        if (
-            np.mean(inside) < rules.STOP_TIME
-            and np.mean(side * r[inside & event] > 0.0) > rules.STOP_SIGN
-            and np.mean(side * r[deep] > rules.STOP_KNEE * s) > rules.STOP_STRUCK
-        ):
+        if np.mean(side * r[deep] > rules.STOP_KNEE * s) > HALF:
             found.append(Region(side * edge, side, energy / total))
-    return found if sum(f.energy for f in found) > rules.STOP_ENERGY else []
+    return found if sum(f.energy for f in found) > HALF else []
 
 
 def start(kind: Any, found: list[Region]) -> Term | None:
