@@ -157,26 +157,6 @@ def test_a_name_must_lower_the_error_on_blocks_that_were_not_fitted():
     assert "not fitted" in plant.objection(model, chance)
 
 
-def test_the_proof_is_judged_at_the_joint_of_the_name_and_a_delayed_own_record_is_delayed():
-    plant = arm_plant(ARM, record(duration=12.0), law=None, tolerance=0.004)
-    plant.check()
-    base = plant.base(np.random.default_rng(0))
-    kinds = list(candidates(plant.view.arm, present({}, ()), frozen=False, weight=0))
-    late = plant.view.fit(
-        base.with_term(JointTerm(next(k for k in kinds if k.name == "input_delay at pitch"), (0.02,)))
-    )
-    held = plant.measured()[1].reshape(-1, 2)
-    judged = plant.measured(base, late)[1].reshape(-1, 2)
-    assert held.any(axis=0).tolist() == [True, True]
-    assert judged.any(axis=0).tolist() == [False, True]
-    np.testing.assert_array_equal(judged[:, 1], held[:, 1])
-    errors = []
-    for model in (base, late):  # each runs along its own record as well as the other
-        own = plant.made(model, np.random.default_rng(0))
-        errors.append((own.record.position.ravel() - own.simulate(model, 0.2))[judged.ravel()].std())
-    assert errors[1] < 2.0 * errors[0]
-
-
 def trajectories(*pieces, hole=1.0):
     """Records of one log: time (s), positions and drives of all, with holes between them."""
     ends = np.cumsum([0.0] + [p.time[-1] + hole for p in pieces])

@@ -329,14 +329,11 @@ class ArmPlant(PlantDefaults):
         view = self.view
         other = ArmPlant(self.record, self.lags, None, self.tolerance, self.known)
         path, drive = view.read(view.moved.position, rng), view.along(model, view.moved)
-        for t in (t for t in model.terms if t.kind.delays):
-            drive += np.outer(view.lost(t.kind, t.shape), t.kind.direction)
         other.record, other.view = replace(self.record, position=path, drive=drive), view
-        other._made, other._judged = True, (model,)
+        other._made = True
         return other
 
     _made = False
-    _judged: tuple[ArmState, ...] = ()
 
     def simulate(self, model: ArmState, horizon: float) -> Array:
         """Free runs of all joints from the drives, restarted at the measured motion; shape (n n_joints,).
@@ -385,18 +382,12 @@ class ArmPlant(PlantDefaults):
         return self.lags.interpret(model.numbers, spread)
 
     def measured(self, *models: ArmState) -> tuple[Array, NDArray[np.bool_]]:
-        """Positions of all joints, one after the other, and the mask of held-out samples away from the ends.
-
-        Models are compared at the joints of their effects: the others' errors, which may be larger, would hide them.
-        """
+        """Positions of all joints, one after the other, and the mask of held-out samples away from the ends."""
         _, train = held_out_blocks(len(self.record.time))
         edge = max(int(self.view.kept[0]), round(max(self.horizons) * self.lags.sample_rate))
         for s, _ in self.record.pieces:
             train[s][:edge] = train[s][-edge:] = True
-        acting = [t.kind.place for m in (*models, *self._judged) for t in m.terms]
-        joints = self.view.arm.joints
-        there = np.array([j in frozenset().union(*acting) for j in joints]) if all(acting) and acting else True
-        return self.record.position.ravel(), (~train[:, None] & np.broadcast_to(there, len(joints))).ravel()
+        return self.record.position.ravel(), np.repeat(~train, self.view.n_joints)
 
     def figures(self, base: ArmState, model: ArmState, nameless: float = 0.0) -> Figures:
         """Shares of the drive at the joint with the largest change or gap.
@@ -453,8 +444,7 @@ class ArmPlant(PlantDefaults):
         )
         notes = [
             f"The gap of each joint is a share of its own rms drive, below {self.lags.cutoff_:.1f} Hz and without slow "
-            f"samples; the numbers of the arm {numbers}. A free run is of all joints, and is judged at those "
-            "with a named effect, or at all if there is none.",
+            f"samples; the numbers of the arm {numbers}. A free run covers all joints.",
             SPLIT,
         ]
         tests = [whiteness(self.gap(m).left, name) for name, m in (("before", base), ("after", model))]
