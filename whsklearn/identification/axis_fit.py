@@ -150,18 +150,19 @@ def fit_two_masses(log: View) -> AxisModel:
     for record, seconds in ((log, RINGS), (log, SHOOTING[-1]), (smooth, RINGS)):
         start = min(found, key=lambda f: f[0])[1] if found else first
         end = fit_pieces(start.theta, shooting_log(record, seconds, form), iterations=FEW)
-        if _possible(end):
+        if _possible(end, log.dt):
             found.append((axis_score(end.theta, form, record), end, record))
     if not found:
-        raise ValueError("No resonance of a load is found: its share or its damping is at a physical limit.")
+        raise ValueError("No resonance of a load is found: its frequency, share or damping is at a limit.")
     _, best, log = min(found, key=lambda f: f[0])
     return _model(best, log, form)
 
 
-def _possible(fit: AxisFit) -> bool:
-    """Whether share and damping of a load are inside their limits."""
+def _possible(fit: AxisFit, dt: float) -> bool:
+    """Whether share and damping of a load are inside their limits, and its resonance is one that samples can show."""
     (least, most), found_at = SHARE_AND_DAMPING, fit.theta[-2:]
-    return bool(np.isfinite(fit.cost) and (found_at > least).all() and (found_at < most).all())
+    inside = (found_at > least).all() and (found_at < most).all() and fit.theta[-3] * dt < 0.5
+    return bool(np.isfinite(fit.cost) and inside)
 
 
 def resonance_starts(log: View) -> list[Array]:

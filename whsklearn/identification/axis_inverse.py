@@ -113,7 +113,8 @@ class Start(NamedTuple):
         gravity; its torque balance, however, is much worse.
         """
         left, least = (_rms(self.drive - self.columns @ t) for t in (theta, self.theta))
-        return left <= max(WORSE * least, ALIKE * _rms(self.drive))
+        alike = left <= max(WORSE * least, ALIKE * _rms(self.drive))
+        return alike and _accelerates(theta, self.columns, self.drive)  # without inertia it is no axis
 
 
 def inverse_starts(log: View, form: AxisForm) -> list[Start]:
