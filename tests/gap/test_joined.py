@@ -8,15 +8,16 @@ import numpy as np
 import pytest
 
 from whsklearn.datasets import make_servo_log
-from whsklearn.effects import Cogging
+from whsklearn.effects import Cogging, GravityImbalance
 from whsklearn.gap import GapFinder, ServoRecord
-from whsklearn.gap.joined import joined, later
+from whsklearn.gap.joined import joined
+from whsklearn.identification.drive_lead import earlier
 
 
 def record(*effects, seed=0, offset=0.0, late=0):
     log = make_servo_log(effects, duration=12.0, random_state=seed)
     made = ServoRecord.from_frame(log)
-    return replace(made, drive=np.roll(made.drive, late) + offset, reference=None)
+    return replace(made, drive=earlier(made.drive, -late) + offset, reference=None)
 
 
 def test_offsets_and_ages_are_brought_to_their_mean():
@@ -47,9 +48,18 @@ def test_what_both_lack_is_named_with_one_size():
     assert finder.effects_[0].parameters["amplitude_nm"] == pytest.approx(0.1, rel=0.05)
 
 
-def test_a_drive_is_brought_forward_by_whole_samples():
-    u = np.arange(10.0)
-    assert later(u, 0.002, 0.001).tolist() == [2, 3, 4, 5, 6, 7, 8, 9, 9, 9]
+@pytest.mark.parametrize("late", [24, -24])
+def test_gravity_does_not_pass_for_an_offset_or_a_skew(late):
+    """Each log sees its own part of the turn, so its offset is known only beside the gravity that they share."""
+    hidden = GravityImbalance(0.2, 0.3)
+    finder = GapFinder("servo").fit(
+        [record(hidden, seed=1, offset=0.1), record(hidden, seed=2, offset=-0.2, late=late)]
+    )
+    gravity, offset = finder.effects_
+    assert finder.verdict_ == "named"
+    assert (gravity.name, offset.name) == ("gravity_imbalance", "input_offset")
+    assert gravity.parameters["amplitude_nm"] == pytest.approx(0.2, rel=0.02)
+    assert offset.parameters["torque_nm"] == pytest.approx(-0.05, rel=0.05)
 
 
 def test_rates_and_kinds_must_agree():

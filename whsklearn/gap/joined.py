@@ -9,17 +9,17 @@ from functools import partial
 import numpy as np
 
 from whsklearn.gap.data_check import check_servo
-from whsklearn.gap.plant import DEFAULT_TOLERANCE
-from whsklearn.gap.plants.servo_start import start_of
-from whsklearn.gap.record import Array, ServoRecord
+from whsklearn.gap.record import ServoRecord
+from whsklearn.identification.drive_lead import earlier, moved, same_age
+from whsklearn.identification.logs_together import own_offsets
+from whsklearn.identification.view import view
 
-LAW = ("viscous", "coulomb", "input_offset")
 UNEVEN = 0.01  # of a step by which two rates may differ and count as one
 APART = 1.0  # s between the end of a record and the start of the next; the value does not matter
 
 
 def joined(records: Sequence[ServoRecord]) -> ServoRecord:
-    """One record with each given one as a segment, whose drives are moved to their mean offset and mean age.
+    """One record with each given one as a segment, whose drives are moved to their mean offset and to one age.
 
     Parameters
     ----------
@@ -75,19 +75,14 @@ def joined(records: Sequence[ServoRecord]) -> ServoRecord:
 
 
 def alike(records: Sequence[ServoRecord]) -> list[ServoRecord]:
-    """The records with the drive of each at their mean offset and age, as inverse dynamics sees both."""
-    seen = [start_of(r, LAW, DEFAULT_TOLERANCE) for r in records]
-    offsets = np.array([model.terms[-1].q[0] for _, model in seen])
-    ages = np.array([view.age(model) for view, model in seen])
-    return [
-        replace(r, drive=r.by_piece(partial(later, shift=shift, dt=r.dt), r.drive - beyond))
-        for r, beyond, shift in zip(records, offsets - offsets.mean(), ages.mean() - ages, strict=True)
+    """The records with the drive of each at the mean offset of all and the age of the one that is least shifted."""
+    logs = [
+        view(r.drive, r.position, r.dt, "position", groups=np.searchsorted(r.starts, np.arange(len(r)), "right"))
+        for r in records
     ]
-
-
-def later(drive: Array, shift: float, dt: float) -> Array:
-    """A drive delayed by ``shift`` seconds, interpolated between samples; its ends are held."""
-    if round(shift / dt) == 0:  # the timing of a model absorbs it; interpolation would only smooth
-        return drive
-    t = np.arange(drive.size) * dt
-    return np.asarray(np.interp(t + shift, t, drive))
+    leads = same_age(logs)
+    offsets = own_offsets([moved(log, lead) for log, lead in zip(logs, leads, strict=True)])
+    return [
+        replace(r, drive=r.by_piece(partial(earlier, samples=lead), r.drive - offset))
+        for r, lead, offset in zip(records, leads, offsets, strict=True)
+    ]

@@ -16,7 +16,7 @@ from whsklearn.identification.windows import axis_score
 from whsklearn.recursion.batch.axis_free_run import AxisForm, fit_pieces
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
@@ -92,12 +92,7 @@ def skew(log: View) -> int:
         return 0
 
     def look(lead: int) -> tuple[float, float]:
-        columns, drive = balance(moved(log, lead), width, form)
-        theta = solved(columns, drive)
-        rate = np.gradient(columns @ theta, log.dt)
-        both = np.column_stack([columns, rate])
-        found = np.linalg.lstsq(both / (norm := np.linalg.norm(both, axis=0) + 1e-300), drive, rcond=1e-10)[0] / norm
-        return float(found[-1]), _rms(drive - columns @ theta)
+        return age(moved(log, lead), form)
 
     lead = drive_lead(look, _rms(drive - columns @ solved(columns, drive)), log.dt, either_way=True)
     if lead and not look(lead)[1] < KNOWN * _rms(drive):
@@ -105,6 +100,30 @@ def skew(log: View) -> int:
     if log.logged == "position" and look(0)[1] < KNOWN * _rms(drive):
         lead = _by_shooting(log.part(0, min(log.u.size, ENOUGH)), lead, form)
     return lead
+
+
+def age(log: View, form: AxisForm) -> tuple[float, float]:
+    """(age of the drive in s, rms residual without it in the drive's unit) by inverse dynamics, to first order."""
+    columns, drive = balance(log, smoothing_width(log.dt), form)
+    theta = solved(columns, drive)
+    both = np.column_stack([columns, np.gradient(columns @ theta, log.dt)])
+    found = np.linalg.lstsq(both / (norm := np.linalg.norm(both, axis=0) + 1e-300), drive, rcond=1e-10)[0] / norm
+    return float(found[-1]), _rms(drive - columns @ theta)
+
+
+def same_age(logs: Sequence[View]) -> list[int]:
+    """Samples by which each log's drive must be shifted earlier so that all are as old as the least shifted one.
+
+    What all logs lack biases their ages alike, so the differences are known where `skew` finds no age.
+    """
+    form, leads = AxisForm(hangs=logs[0].logged == "position"), np.zeros(len(logs), dtype=int)
+    for _ in range(MOST_MOVES):
+        ages = np.array([age(moved(log, int(lead)), form)[0] for log, lead in zip(logs, leads, strict=True)])
+        more = np.round((ages[np.argmin(np.abs(ages))] - ages) / logs[0].dt).astype(int)
+        if not more.any() or np.abs(leads + more).max() * logs[0].dt > OLDEST:
+            break
+        leads += more
+    return leads.tolist()
 
 
 def _by_shooting(log: View, lead: int, form: AxisForm) -> int:
