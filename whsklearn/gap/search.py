@@ -200,17 +200,18 @@ class Search:
         return step.taken is not None
 
     def _better_minimum(self, model: Any, fitted: list[Named]) -> Any | None:
-        """The model refitted from where the best candidate left it, if it gains more there than is worth naming.
+        """The model refitted from where the best candidate left it, if that gains what the candidate seemed to.
 
         A model that is simulated from its input has local minima, and the fit with a candidate may leave one.  Without
         this test the candidate is named for it: a dead zone of almost no width had a delta BIC of 1,132.
         """
         if not self.plant.exact or not fitted:
             return None
-        best = fitted[0].model
+        best, least = fitted[0].model, self.plant.tolerance * self.plant.scale
         bare = self.plant.settled(best.without(len(best.terms) - 1))
-        gained = self.plant.size(self.plant.errors(model), self.plant.errors(bare))
-        return bare if gained > self.plant.tolerance * self.plant.scale else None
+        before, after, grown = (self.plant.errors(m) for m in (model, bare, best))
+        needless = self.plant.size(before, after) > least >= self.plant.size(after, grown)
+        return bare if needless else None
 
     def fitted(self, model: Any, looks: list[Look]) -> list[Named]:
         """The looks that chance does not explain and that are worth naming, fitted; the best score first.

@@ -24,7 +24,7 @@ from whsklearn.identification.axis_fit import (
 from whsklearn.identification.chain_fit import fit_chain, fit_folded, fit_rectified, loses_sign
 from whsklearn.identification.drive_lead import moved, skew
 from whsklearn.identification.linear_fit import fit_arx, fit_output_error
-from whsklearn.identification.logs_together import Own, together
+from whsklearn.identification.logs_together import OwnDrive, together
 from whsklearn.identification.view import RATES, View, held_out_from, smooth, view
 from whsklearn.identification.windows import (
     horizons,
@@ -141,7 +141,7 @@ class Identification:
     white : bool
         Whether the residual of the recommended model is white; if it is not, intervals are widened, and the model is
         incomplete.
-    own : tuple of Own
+    own : tuple of OwnDrive
         Timing and offset of the drive of each log.
 
     References
@@ -170,7 +170,7 @@ class Identification:
     test: View
     rows: int = 0
     white: bool = True
-    own: tuple[Own, ...] = ()
+    own: tuple[OwnDrive, ...] = ()
 
     @property
     def rows_used(self) -> str:

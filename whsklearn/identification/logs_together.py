@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 OFFSET = 3  # of the columns of `whsklearn.identification.axis_inverse.balance`
 
 
-class Own(NamedTuple):
+class OwnDrive(NamedTuple):
     """What one log has of its own.
 
     Attributes
@@ -33,6 +33,15 @@ class Own(NamedTuple):
         Samples by which its drive was shifted earlier.
     offset : float
         What was subtracted from its drive, in the drive's unit.
+
+    References
+    ----------
+    Schwarz 1978, Annals of Statistics 6(2), 461-464, for the price of an offset.
+
+    Examples
+    --------
+    >>> OwnDrive("tuesday.csv", lead=0, offset=0.02).offset
+    0.02
     """
 
     label: str
@@ -42,11 +51,18 @@ class Own(NamedTuple):
     def told(self, dt: float, unit: str) -> str:
         """In words; empty if the drive was left as logged.
 
+        Parameters
+        ----------
+        dt : float
+            Sampling time (s).
+        unit : str
+            Of the drive.
+
         Examples
         --------
-        >>> Own("", 8, 0.0).told(0.001, "Nm")
+        >>> OwnDrive("", 8, 0.0).told(0.001, "Nm")
         'The drive was logged 8 ms after it acted; all models are of the log with its drive 8 samples earlier.'
-        >>> Own("b.csv", 0, 0.02).told(0.001, "Nm")
+        >>> OwnDrive("b.csv", 0, 0.02).told(0.001, "Nm")
         'The drive of b.csv lies 0.02 Nm above the mean of all logs, which was subtracted.'
         """
         whose, out = f" of {self.label}" if self.label else "", []
@@ -60,7 +76,7 @@ class Own(NamedTuple):
         return " ".join(out)
 
 
-def together(logs: Mapping[str, View], si: tuple[float, float] = (1.0, 1.0)) -> tuple[View, tuple[Own, ...]]:
+def together(logs: Mapping[str, View], si: tuple[float, float] = (1.0, 1.0)) -> tuple[View, tuple[OwnDrive, ...]]:
     """Join logs with holes between them, after each drive is moved by its own skew and to the mean offset of all.
 
     The offset of a log with few reversals is known only beside the friction that it shares with the others, so all logs
@@ -77,7 +93,7 @@ def together(logs: Mapping[str, View], si: tuple[float, float] = (1.0, 1.0)) -> 
     leads = [skew(log.in_si) for log in each]
     timed = [moved(log, lead) for log, lead in zip(each, leads, strict=True)]
     offsets = own_offsets(timed)
-    own = tuple(map(Own, logs, leads, offsets))
+    own = tuple(map(OwnDrive, logs, leads, offsets))
     if len(timed) == 1:
         return timed[0], own
     u = np.concatenate([log.u - offset for log, offset in zip(timed, offsets, strict=True)])
@@ -88,12 +104,7 @@ def together(logs: Mapping[str, View], si: tuple[float, float] = (1.0, 1.0)) -> 
 
 
 def own_offsets(logs: Sequence[View]) -> tuple[float, ...]:
-    """How far each log's drive offset lies from their mean, in the drive's unit; zeros if they do not differ.
-
-    References
-    ----------
-    Schwarz 1978, Annals of Statistics 6(2), 461-464, for the price of an offset.
-    """
+    """How far each log's drive offset lies from their mean, in the drive's unit; zeros if they do not differ."""
     nothing = (0.0,) * len(logs)
     if len(logs) < 2 or logs[0].logged == "output":
         return nothing

@@ -39,6 +39,17 @@ def test_a_start_that_runs_away_has_no_fit_and_says_nothing():
     assert fitted.cost == np.inf
 
 
+def test_an_axis_that_turns_one_way_shows_only_the_sum_of_friction_and_offset():
+    log = axis_log(1.0 + 0.3 * np.sign(slow_drive(3000, 3)))._replace(v0=np.array([1.0]))
+    noise = 1e-3 * np.random.default_rng(0).standard_normal(3000)
+    fitted = fit_axis(np.array([0.05, 0.1, 0.2, 0.12]), log._replace(target=free_run(TRUTH, log) + noise))
+    assert fitted.theta[2:].sum() == pytest.approx(0.32, rel=0.01)
+    deviation = np.sqrt(np.diag(fitted.covariance))
+    assert (np.abs(fitted.theta - TRUTH) < 2.0 * deviation).all()
+    assert deviation[2] > 0.1  # of a sum of 0.32
+    assert np.sqrt(fitted.covariance[2:, 2:].sum()) < 0.005
+
+
 def test_below_its_dry_friction_an_axis_stands():
     assert not free_run(TRUTH, axis_log(np.full(200, 0.25))).any()
     assert free_run(TRUTH, axis_log(np.full(200, 0.35)))[-1] > 0

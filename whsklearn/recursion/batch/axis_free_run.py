@@ -34,6 +34,7 @@ SETTLED = 1e-9  # relative decrease in cost that at least one state must still r
 SMALL = 1e-5  # step of a finite difference, relative to the parameter
 SHARE_AND_DAMPING = ((0.02, 0.003), (0.98, 1.0))  # lower and upper bounds of a coupling's load share and damping ratio
 LARGEST = 1e100  # bound of an error or a sensitivity, so that its square stays finite
+UNSEEN = 1e-12  # of the largest eigenvalue of the information, columns at unit length: smaller ones are rounding
 
 
 class AxisForm(NamedTuple):
@@ -250,7 +251,7 @@ def _fitted(
     rows = rows_of(end)
     if not _says_something(end.cost, rows):
         return AxisFit(end.theta, np.full((theta.size, theta.size), np.inf), end.error, np.inf)
-    return AxisFit(end.theta, _covariance(rows, end.error), end.error, end.cost)
+    return AxisFit(end.theta, _covariance(rows, end.error, end.theta), end.error, end.cost)
 
 
 def beside_the_states(rows: Array, log: AxisLog) -> Array:
@@ -301,14 +302,21 @@ def fit_state(theta: Array, log: AxisLog, passes: int = 8) -> Array:
     return state
 
 
-def _covariance(rows: Array, error: Array, batches: int = 60) -> Array:
-    """Covariance from sums of the scores over batches, as in the simulation-error fit; the error is seldom white."""
+def _covariance(rows: Array, error: Array, theta: Array, batches: int = 60) -> Array:
+    """Covariance from sums of the scores over batches, as in the simulation-error fit; the error is seldom white.
+
+    Along a direction that no sample shows, numbers may exchange all that they contribute: if an axis turns one way
+    only, just the sum of Coulomb friction and offset is known.  A pseudoinverse alone would call each of them certain.
+    """
     scale = np.maximum(np.linalg.norm(rows, axis=1), 1e-150)
     unit = rows / scale[:, None]
-    inverse = np.linalg.pinv(unit @ unit.T, rcond=1e-12, hermitian=True)
+    values, axes = np.linalg.eigh(unit @ unit.T)
+    seen = values > UNSEEN * values[-1]
+    inverse = (axes[:, seen] / values[seen]) @ axes[:, seen].T
     edges = np.linspace(0, error.size, min(batches, error.size) + 1).astype(int)[:-1]
     scores = np.add.reduceat(unit * error, edges, axis=1)
-    return (inverse @ (scores @ scores.T) @ inverse) / np.outer(scale, scale)
+    hidden = axes[:, ~seen] * (np.abs(theta * scale) @ np.abs(axes[:, ~seen]))
+    return (inverse @ (scores @ scores.T) @ inverse + hidden @ hidden.T) / np.outer(scale, scale)
 
 
 def coupling_of(theta: Array) -> FlexibleCoupling:
