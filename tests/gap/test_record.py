@@ -1,4 +1,4 @@
-"""A record's noise, lattice and held-out blocks."""
+"""A record's noise, units and held-out blocks."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 
 from whsklearn.gap.data_check import check_servo
 from whsklearn.gap.plants.servo_start import coarse_encoder
-from whsklearn.gap.record import ServoRecord, held_out_blocks, lattice, noise_level
+from whsklearn.gap.record import ServoRecord, held_out_blocks, noise_level
 
 T = np.arange(20_000) / 1000
 PATH = np.sin(2 * T) + 0.3 * np.sin(7 * T)
@@ -21,17 +21,6 @@ def test_noise_is_seen_whatever_the_motion(noise):
     seen = noise_level(PATH + noise * np.random.default_rng(0).normal(size=T.size))
     assert seen == pytest.approx(noise, rel=0.1)
     assert noise_level(PATH) < 0.01 * noise
-
-
-@pytest.mark.parametrize("lines", [1000, 8192])
-def test_the_step_of_an_encoder_is_found(lines):
-    step = 2 * np.pi / lines
-    assert lattice(step * np.round(PATH / step)) == pytest.approx(step, rel=1e-3)
-
-
-def test_a_smooth_record_lies_on_no_lattice():
-    assert lattice(PATH + 1e-4 * np.random.default_rng(0).normal(size=T.size)) == 0.0
-    assert lattice(np.zeros(100)) == 0.0
 
 
 @pytest.mark.parametrize(
@@ -77,12 +66,6 @@ def test_blocks_leave_two_fifths_out_in_five_stretches():
 def test_noise_level_sees_through_motion(sigma):
     t = np.arange(20_000) * 1e-3
     assert noise_level(np.sin(3 * t) + sigma * RNG.standard_normal(t.size)) == pytest.approx(sigma, rel=0.15)
-
-
-def test_lattice_is_found_and_not_invented():
-    x = np.cumsum(RNG.standard_normal(5000)) * 0.01
-    assert lattice(np.round(x / 0.004) * 0.004) == pytest.approx(0.004, rel=1e-6)
-    assert lattice(x) == 0.0
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from whsklearn.filtering.records import motion, zero_phase
+from whsklearn.logs.lattice import lattice
 
 __all__ = ["encoder_noise", "motion_cutoff"]
 
@@ -57,7 +58,7 @@ def encoder_noise(position: ArrayLike, sample_rate: float) -> float:
     f = np.linspace(0.0, 0.5, 512)
     share = np.mean((1.0 - _amplitude(f, WIDEST, 4)) ** 2)
     seen = 1.4826 * float(np.median(np.abs(left))) / np.sqrt(share)
-    return max(seen, _step(q) / np.sqrt(12.0))
+    return max(seen, lattice(q) / np.sqrt(12.0))
 
 
 def motion_cutoff(position: ArrayLike, sample_rate: float, order: int = 4) -> float:
@@ -120,11 +121,3 @@ def _acceleration_gain(sample_rate: float, cutoff: float, order: int) -> float:
     angle = 2.0 * np.pi * f
     twice = ((8.0 * np.sin(angle) - np.sin(2.0 * angle)) / 6.0 * sample_rate) ** 2  # of `central_difference`
     return float(2.0 * np.trapezoid((_amplitude(f, cutoff / sample_rate, order) * twice) ** 2, f))
-
-
-def _step(q: NDArray[np.float64]) -> float:
-    """Step of the lattice that a position lies on; 0 where it lies on none."""
-    levels = np.unique(q)
-    if levels.size < 3 or 2 * levels.size > q.size:
-        return 0.0
-    return float(np.median(np.diff(levels)))

@@ -20,18 +20,6 @@ MAD = 1.4826
 # Parts of a record, and the share at the end of each that is held out: 60 % fit and 40 % judge. If a record drifts,
 # both see every part of it.
 PARTS, HELD_OUT = 5, 0.4
-# Differences of sorted readings up to this multiple of the smallest one are one step of a grid; their median is taken.
-# A difference of two steps must be excluded, and digits cut off in the file change one step a little.
-ONE_STEP = 1.5
-# Share of a step (times the root of their number) by which a difference may miss whole steps: digits cut off.
-ON_GRID = 0.02
-# Share of differences that must be whole steps.
-MOSTLY_ON_GRID = 0.99
-# Distinct values per sample: above this, nearly every value occurs once and a grid is no coarser than the noise.
-DISTINCT = 0.9
-# Share of a step: the mean distance of readings from the grid above which the step was rounded in the file, so that it
-# is taken from the whole span. A right step gives hundredths, a wrong one a quarter.
-STEP_ROUNDED = 0.15
 # Share of the sixth differences from which the noise is computed, and the factor that corrects for dropping the largest
 # ones, which are due to impacts and steps of the drive: 1.07 for a Gaussian.
 NOISE_KEPT, NOISE_MADE_UP = 0.98, 1.06
@@ -290,31 +278,6 @@ def noise_level(position: ArrayLike) -> float:
     d = np.abs(np.diff(np.asarray(position, dtype=float), 6))
     kept = np.sort(d)[: max(1, int(NOISE_KEPT * d.size))]
     return float(np.sqrt(np.mean(kept**2) / 924.0) * NOISE_MADE_UP)
-
-
-def lattice(position: ArrayLike) -> float:
-    """Step of the grid on which all samples lie, 0 if there is none.
-
-    The smallest difference between distinct values is the step if nearly all differences are integer multiples of it.
-    """
-    values = np.unique(np.asarray(position, dtype=float))
-    if values.size < 3:
-        return 0.0
-    gaps = np.diff(values)
-    span = values[-1] - values[0]
-    gaps = gaps[gaps > 1e-12 * span]
-    if gaps.size < 3:
-        return 0.0
-    step = float(np.median(gaps[gaps < ONE_STEP * gaps.min()]))
-    ratio = gaps / step
-    on_grid = np.abs(ratio - np.round(ratio)) < ON_GRID * np.maximum(1.0, np.round(ratio) ** 0.5)
-    if np.mean(on_grid) < MOSTLY_ON_GRID or values.size > DISTINCT * np.asarray(position).size:
-        return 0.0
-    offsets = (values - values[0]) / step
-    slack = np.abs(offsets - np.round(offsets))
-    if np.mean(slack) > STEP_ROUNDED:
-        step = span / np.round(span / step)
-    return step
 
 
 def held_out_blocks(

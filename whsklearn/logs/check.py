@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from whsklearn.logs.findings import SEVERITIES, Finding, LogReport, finding
+from whsklearn.logs.lattice import lattice
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Array = NDArray[np.float64]
 
-__all__ = ["check_log", "jitter", "lattice"]
+__all__ = ["check_log", "jitter"]
 
 ALLOWED_JITTER = 0.01  # as a share of the period; derivatives of the position are wrong by the same share
 GAP = 1.5  # periods; a longer step has lost a sample, a shorter one is jitter
@@ -67,7 +68,7 @@ def check_log(
     elif np.ptp(position) == 0:
         found.append(Finding("LOG009", "error", "The axis stood still or the encoder was off; nothing can be fitted."))
     else:
-        quantum = lattice(position)
+        quantum = lattice(position) or None
         if quantum is not None:
             text = f"Values are multiples of {quantum:.4g}: its variance q^2/12 is the lowest noise a fit can reach."
             found.append(Finding("LOG007", "info", text, value=quantum))
@@ -157,7 +158,7 @@ def _clipping(name: str, x: Array) -> list[Finding]:
                 flat += stop - start
                 first.append(int(start))
                 jumps += [abs(x[i] - extreme) for i in (start - 1, stop) if 0 <= i < x.size]
-    step = lattice(x) or 0.0  # in a quantized signal every turning point is flat, and is left by single steps
+    step = lattice(x)  # in a quantized signal every turning point is flat, and is left by single steps
     if flat < 5 or flat > 0.6 * x.size or not jumps or np.median(jumps) < max(0.5 * usual, 1.5 * step):
         return []
     text = f"{name} stays at its extreme values in {flat} samples, first at row {min(first)}; "
@@ -181,27 +182,3 @@ def _repeats(signals: dict[str, Array]) -> list[Finding]:
     text += "the logger polls faster than the controller writes, so log at the controller's rate."
     rate = float(lengths[short].sum() / len(table))
     return [Finding("LOG006", "warning", text, tuple(int(s) for s in starts[short][:10]), rate)]
-
-
-def lattice(x: Array) -> float | None:
-    """Quantization step of the values, or None if they are not quantized.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> float(round(lattice(np.round(np.sin(np.arange(500.0)) / 0.01) * 0.01), 9))
-    0.01
-    >>> lattice(np.sin(np.arange(500.0))) is None
-    True
-    """
-    steps = np.diff(np.unique(x))
-    dust = 1e-9 * np.ptp(x)
-    steps = steps[steps > dust]
-    if steps.size < 8:
-        return None
-    quantum = float(steps.min())
-    near = steps[steps < 200 * quantum] / quantum
-    counts = np.round(near)
-    if near.size < 0.5 * steps.size or near.size < 8 or np.mean(np.abs(near - counts) < 0.05) < 0.95:
-        return None
-    return float(quantum * near.sum() / counts.sum())

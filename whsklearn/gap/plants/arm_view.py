@@ -24,11 +24,12 @@ from whsklearn.gap.plants.arm_terms import AtJoint, JointInertia, JointTerm, Loa
 from whsklearn.gap.plants.servo_candidates import ColumnSignals
 from whsklearn.gap.plants.servo_inverse import later
 from whsklearn.gap.plants.servo_own import N_RECORDS
-from whsklearn.gap.record import MAD, Segmented, lattice, rms
+from whsklearn.gap.record import MAD, Segmented, rms
 from whsklearn.identification.arm_fit import SAME, Known, held_out
 from whsklearn.identification.drive_lead import OLDEST
 from whsklearn.identification.payload import MASS
 from whsklearn.lags.rigid_body import RigidBodyLags
+from whsklearn.logs.lattice import lattice
 from whsklearn.systems._arm_kernels import N_BODY
 from whsklearn.systems.arm_files import STANDARD_GRAVITY, body_numbers
 

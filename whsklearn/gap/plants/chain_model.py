@@ -28,7 +28,8 @@ from whsklearn.effects.static import Power
 from whsklearn.effects.terms import law_values
 from whsklearn.gap.plant import FittedTerm
 from whsklearn.gap.plants.variant import EffectVariant
-from whsklearn.gap.record import MAD, lattice, rms
+from whsklearn.gap.record import MAD, rms
+from whsklearn.logs.lattice import lattice
 from whsklearn.recursion.arrays import Array, Bools, Integers
 from whsklearn.recursion.batch.best_linear import stabilised
 from whsklearn.systems.chain import PackedChain, Ports, run

@@ -385,10 +385,7 @@ class ServoPlant(PlantDefaults):
 
     def _notes(self) -> list[str]:
         """Remarks on how the record was used."""
-        view, skipped = self.observer, self.inverse.skipped
-        notes = []
-        if skipped:
-            notes.append(f"{max(skipped[0], 0.0):.3g} to {skipped[1]:.3g} s follow a different law and were not used.")
+        view, notes = self.observer, []
         if self.lead:
             notes.append(
                 f"The drive was logged about {1e3 * self.lead:.0f} ms after it had acted, and is used that much "

@@ -27,7 +27,8 @@ from whsklearn.gap.plants import servo_stop as stop
 from whsklearn.gap.plants import servo_two_mass as two_mass
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, ColumnSignals
 from whsklearn.gap.plants.servo_model import AxisModel, Term
-from whsklearn.gap.record import ServoRecord, lattice, noise_level, rms
+from whsklearn.gap.record import ServoRecord, noise_level, rms
+from whsklearn.logs.lattice import lattice
 
 Array = NDArray[Any]
 KEPT = 40  # columns cached, because a polish moves one shape and not the others
@@ -60,15 +61,10 @@ class InverseView:
         Cut-off of the Gaussian, Hz.
     start : tuple of ndarray
         Smoothed position and velocity from which a surrogate starts.
-    skipped : tuple of float, optional
-        (from, to) in s of a segment that follows a different law from the rest of the record.
     """
 
-    def __init__(
-        self, record: ServoRecord, scene: Scales, cutoff: float, start: tuple[Array, Array],
-        skipped: tuple[float, float] | None = None,
-    ):  # fmt: skip
-        self.record, self.scene, self.cutoff, self.start, self.skipped = record, scene, cutoff, start, skipped
+    def __init__(self, record: ServoRecord, scene: Scales, cutoff: float, start: tuple[Array, Array]):
+        self.record, self.scene, self.cutoff, self.start = record, scene, cutoff, start
         dt, y, u = scene.dt, record.position, record.drive
         self.quantum = lattice(y)
         self.noise = max(noise_level(y), rules.GRID_AS_NOISE * self.quantum)
@@ -110,8 +106,6 @@ class InverseView:
         half = self.g.size // 2
         keep[:half] = keep[n - half :] = False
         keep &= ~(holes := self.record.near_a_hole(2 * half, 2 * half))
-        if self.skipped is not None:
-            keep[(self.time > self.skipped[0]) & (self.time < self.skipped[1])] = False
         return keep[:: self.every], ~holes[:: self.every]
 
     def rms(self, gap: Array) -> float:
@@ -128,7 +122,7 @@ class InverseView:
 
     def beside(self, record: ServoRecord) -> InverseView:
         """The same view of another record of the same experiment, judged at the same samples."""
-        other = InverseView(record, self.scene, self.cutoff, self.start, self.skipped)
+        other = InverseView(record, self.scene, self.cutoff, self.start)
         other.usable, other.at, other.n_effective = self.usable, self.at, self.n_effective
         other.slowest, other.motion = self.slowest, other.motion._replace(kappa=self.motion.kappa)
         return other

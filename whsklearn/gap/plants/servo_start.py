@@ -19,9 +19,10 @@ from whsklearn.gap.plants.servo_candidates import candidate
 from whsklearn.gap.plants.servo_inverse import InverseView
 from whsklearn.gap.plants.servo_model import FASTEST_COUPLING, AxisModel, Term
 from whsklearn.gap.plants.servo_run import ObserverView
-from whsklearn.gap.record import ServoRecord, held_out_blocks, lattice, noise_level, rms
+from whsklearn.gap.record import ServoRecord, held_out_blocks, noise_level, rms
 from whsklearn.gap.search import HALF
 from whsklearn.identification.drive_lead import drive_lead, earlier
+from whsklearn.logs.lattice import lattice
 
 Array = NDArray[Any]
 LOWEST_CUTOFF = 2.0  # Hz, of the search for the filter
@@ -60,7 +61,7 @@ def best_view(view: InverseView, model: AxisModel, goal: float) -> InverseView:
         *_, g2 = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * cutoff), dt)
         _, g1, _ = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * min(2 * cutoff, 0.1 / dt)), dt)
         slowest = rules.NOISY * noise * float(np.linalg.norm(g1))
-        other = InverseView(view.record, scene, float(cutoff), view.start, view.skipped)
+        other = InverseView(view.record, scene, float(cutoff), view.start)
         if np.mean((speed < slowest) & (speed > rules.SLOW * scene.speed)) > rules.BLIND_SHARE:
             continue
         floor = rules.DRIVE_NOISE * noise * other.fit(model).inertia * float(np.linalg.norm(g2))

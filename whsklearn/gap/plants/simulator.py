@@ -35,9 +35,10 @@ from whsklearn.gap.localisation import since_reversal, spectra
 from whsklearn.gap.plant import Figures, Gap, Linearised, PlantDefaults, Told
 from whsklearn.gap.plants.simulator_look import Motion, Seen, accelerations, catalogue, gone, motion, slopes, whole
 from whsklearn.gap.plants.simulator_model import SimulatorFit, SimulatorModel, refine
-from whsklearn.gap.record import SPLIT, Array, ServoRecord, held_out_blocks, lattice, noise_level, rms
+from whsklearn.gap.record import SPLIT, Array, ServoRecord, held_out_blocks, noise_level, rms
 from whsklearn.gap.search import HALF, MOST_FITTED, WORTH_FITTING
 from whsklearn.gap.tangent import Look, with_p_values
+from whsklearn.logs.lattice import lattice
 
 FAR_ABOVE = 3.0  # multiple of the noise, whose level is known from sixth differences to within a few percent
 
