@@ -16,9 +16,8 @@ from __future__ import annotations
 import math
 import tempfile
 import time
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import click
 from tqdm import tqdm
@@ -26,28 +25,22 @@ from tqdm import tqdm
 from benchmarks.blind import rate
 from benchmarks.blind_logs import servo, wiener_hammerstein
 from benchmarks.blind_simulator import OWN, make_case
-from whsklearn.effects import Effect, Quantity
+from whsklearn.effects import Effect, number
 from whsklearn.gap import GapFinder
 from whsklearn.models import load_model
 
 
-@dataclass(frozen=True)
 class Magnet(Effect):
     """A magnet beside the path pulls at one place, c exp(-(q/w)^2) (Nm)."""
 
-    torque: float = 0.1
-    width: float = 0.2
+    torque: float = number(0.1, "Nm", -1, 1)
+    width: float = number(0.2, "rad", 0.01, 1, log=True)
 
-    name: ClassVar[str] = "magnet"
-    place: ClassVar[str] = "position"
-    equation: ClassVar[str] = "c exp(-(q/w)^2)"
-    size: ClassVar[str] = "torque"
-    quantities: ClassVar[dict[str, Quantity]] = {
-        "torque": Quantity("Nm", -1, 1),
-        "width": Quantity("rad", 0.01, 1, log=True),
-    }
-    signature: ClassVar[str] = "a bump over the position"
-    needs: ClassVar[str] = "slow passes over the magnet"
+    name = "magnet"
+    place = "position"
+    equation = "c exp(-(q/w)^2)"
+    signature = "a bump over the position"
+    needs = "slow passes over the magnet"
 
     @staticmethod
     def evaluate(p: Any, time: float, position: float, velocity: float, drive: float) -> float:
@@ -126,10 +119,10 @@ def main(count: int, first_seed: int, shares: str, kind: str) -> None:
         right = [r["verdict"] == "named" and r["names"] == ["magnet"] for r in rows]
         click.echo(rate(f"magnet of {100 * share:g} % named", right, ">= 90"))
         click.echo(rate("  in repaired.json and on the page", [r["kept"] for r in rows], ">= 90"))
-        for number in ("torque", "width"):
-            errors = sorted(r[number] for r in rows if number in r)
+        for field in ("torque", "width"):
+            errors = sorted(r[field] for r in rows if field in r)
             if errors:
-                click.echo(f"  error of the {number}: median {100 * errors[len(errors) // 2]:.1f} %")
+                click.echo(f"  error of the {field}: median {100 * errors[len(errors) // 2]:.1f} %")
         click.echo(f"  closure: least {min(r['closure'] for r in rows):.3f}")
         for r, hit in zip(rows, right, strict=True):
             if not hit:

@@ -14,7 +14,7 @@ import numpy as np
 import whsklearn.effects
 from whsklearn.datasets import default_axis, draw_effect, reference_signal
 from whsklearn.effects import PLACES, Effect, base
-from whsklearn.effects.chain import AtPort
+from whsklearn.effects.chain import CHAIN_FORMS
 from whsklearn.gap.plants.arm_terms import ALONG_TWO, at_a_joint
 from whsklearn.plot import EffectDisplay
 
@@ -27,7 +27,7 @@ def catalogued() -> list[type[Effect]]:
 
 def drawn() -> list[type[Effect]]:
     """Those with a curve: what acts at a port of a chain has none, for an axis has no such port."""
-    return [c for c in catalogued() if not issubclass(c, AtPort)]
+    return [c for c in catalogued() if c not in CHAIN_FORMS.values()]
 
 
 def static_curve(cls: type[Effect]) -> EffectDisplay:
@@ -96,7 +96,7 @@ def describe(app, what, name, obj, options, lines):
     rows += [f":The record must hold: {obj.needs}"] if obj.needs else []
     if obj.aliases:
         rows.append(f":No log can tell it from: {', '.join(f'``{a}``' for a in obj.aliases)}")
-    if obj.place in PLACES and not issubclass(obj, AtPort):
+    if obj.place in PLACES and obj not in CHAIN_FORMS.values():
         rows.append(f":At a joint of an arm: {at_a_joint_of_an_arm(obj)}")
     rows += [f":Source: {obj.reference}"] if obj.reference else []
     curve = []

@@ -11,8 +11,6 @@ known, and then it is simulated, searched, named and drawn as any other.
 # ---------
 # Fields with the size first, what they mean, and one method in plain ``math``.
 import math
-from dataclasses import dataclass
-from typing import ClassVar
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -20,26 +18,20 @@ import numpy as np
 from whsklearn import ServoAxis
 from whsklearn.checks import check_effect
 from whsklearn.datasets import make_servo_log
-from whsklearn.effects import Effect, Quantity
+from whsklearn.effects import Effect, number
 from whsklearn.gap import GapFinder
 
 
-@dataclass(frozen=True)
 class Magnet(Effect):
     """A magnet beside the path pulls at one place, c exp(-(q/w)^2) (Nm)."""
 
-    torque: float = 0.1
-    width: float = 0.2
+    torque: float = number(0.1, "Nm", -1, 1)
+    width: float = number(0.2, "rad", 0.01, 1, log=True)
 
-    name: ClassVar[str] = "magnet"
-    place: ClassVar[str] = "position"
-    equation: ClassVar[str] = "c exp(-(q/w)^2)"
-    size: ClassVar[str] = "torque"
-    quantities: ClassVar[dict[str, Quantity]] = {
-        "torque": Quantity("Nm", -1.0, 1.0),
-        "width": Quantity("rad", 0.01, 1.0, log=True),
-    }
-    signature: ClassVar[str] = "a bump over the position"
+    name = "magnet"
+    place = "position"
+    equation = "c exp(-(q/w)^2)"
+    signature = "a bump over the position"
 
     @staticmethod
     def evaluate(p, time, position, velocity, drive):

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -10,7 +13,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sklearn.utils import Bunch
 
-from whsklearn.effects import Cogging, Coulomb, Effect, ParameterChange, Scales, effect_names, get_effect
+from whsklearn.effects import (
+    Cogging,
+    Coulomb,
+    Effect,
+    ParameterChange,
+    Quantity,
+    Scales,
+    effect_names,
+    get_effect,
+    number,
+)
 
 RNG = np.random.default_rng(0)
 N = 60
@@ -94,3 +107,36 @@ def test_a_smooth_sign_tends_to_the_sharp_one(name):
     sharp = effect.contribution(SIGNALS)
     errors = [np.abs(effect.contribution(Bunch(**SIGNALS, kappa=k)) - sharp).max() for k in (1.0, 10.0, 1e4)]
     assert errors[0] > errors[1] > errors[2]
+
+
+class Declared(Effect, catalogued=False):
+    torque: float = number(0.1, "Nm", -1.0, 1.0)
+    width: float = number(0.2, "rad", 0.01, 1.0, log=True)
+
+    name = "declared"
+    place = "position"
+
+
+@dataclass(frozen=True)
+class Decorated(Effect, catalogued=False):
+    torque: float = 0.1
+    width: float = 0.2
+
+    name: ClassVar[str] = "declared"
+    place: ClassVar[str] = "position"
+    size: ClassVar[str] = "torque"
+    quantities: ClassVar[dict[str, Quantity]] = Declared.quantities
+
+
+@pytest.mark.parametrize("cls", [Declared, Decorated])
+def test_a_class_is_a_frozen_dataclass_with_or_without_the_decorator(cls):
+    effect = cls(0.3, width=0.5)
+    assert (cls.size, list(cls.quantities), effect.shape) == ("torque", ["torque", "width"], {"width": 0.5})
+    assert cls.quantities["width"] == Quantity("rad", 0.01, 1.0, log=True)
+    assert dataclasses.replace(effect, width=0.2) == cls(0.3)
+    assert hash(effect) == hash(cls(0.3, 0.5))
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        effect.torque = 1.0
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        del effect.width
+    assert "declared" not in effect_names()

@@ -36,8 +36,8 @@ def load_effects(path: str | Path) -> tuple[type[Effect], ...]:
         raise ValueError(f"{path.name} defines {taken[0]!r}, which the library already has; give it another name.")
     if not defined:
         raise ValueError(
-            f"{path.name} defines no effect; write a frozen dataclass derived from whsklearn.effects.Effect that "
-            "has a name and a place, as docs/your_effect.md shows."
+            f"{path.name} defines no effect; write a class derived from whsklearn.effects.Effect that has a name "
+            "and a place, as docs/your_effect.md shows."
         )
     for cls in defined.values():
         check_effect(cls)

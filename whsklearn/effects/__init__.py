@@ -28,7 +28,7 @@ from whsklearn.effects.law import (
 )
 from whsklearn.effects.learned import LearnedTorque
 from whsklearn.effects.position import CableSpring, Cogging, ContactStop, EndStop, GravityImbalance, HardeningSpring
-from whsklearn.effects.quantity import Quantity, Scales
+from whsklearn.effects.quantity import Quantity, Scales, choice, number
 from whsklearn.effects.sensor import EncoderEccentricity, OutputDrift, OutputOffset, Quantization, SensorRectification
 from whsklearn.effects.static import Hinge, NaturalSpline, Power, SpeedHinge, Tanh, TanhDifference
 from whsklearn.effects.timed import DisturbanceTone, ParameterChange
@@ -90,9 +90,11 @@ __all__ = [
     "TorqueRipple",
     "Viscous",
     "as_law",
+    "choice",
     "cubic_spline_law",
     "effect_names",
     "get_effect",
+    "number",
     "piecewise_linear_law",
     "polynomial_law",
     "reduced_law",

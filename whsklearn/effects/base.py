@@ -1,13 +1,13 @@
 """What an effect is: a name, a place in the chain, an equation, a size and a shape.
 
 One catalogue serves the friction law of the Wiener-Hammerstein system, the
-simulators and the gap workflow.  An effect is a small frozen dataclass: its fields
-are the numbers, its class attributes say what they mean.  A subclass with a
-``name`` enters the registry by being defined.
+simulators and the gap workflow.  An effect is a declaration: its fields are the numbers, each with its unit and
+range, and its class attributes say what they mean.  A subclass is a frozen dataclass, and one with a
+``name`` is in the registry, by being defined.
 
 An effect of your own
 ---------------------
-Write one frozen dataclass whose first field is its size, and one static method
+Declare one class whose first field is its size, and one static method
 ``evaluate(p, time, position, velocity, drive)`` in plain ``math``: ``p`` holds the
 fields in their order, and the result is the torque that the drive must supply for the effect
 (``port = "torque"``) or what it adds to the measured position (``port = "output"``).
@@ -16,18 +16,13 @@ It must be proportional to the size; then the regressor columns, the simulation 
 the search for it and the gap workflow follow from that one method, and
 `whsklearn.checks.check_effect` checks that it is sound::
 
-    @dataclass(frozen=True)
     class Magnet(Effect):
-        torque: float = 0.1
-        width: float = 0.2
-        name: ClassVar[str] = "magnet"
-        place: ClassVar[str] = "position"
-        equation: ClassVar[str] = "c exp(-(q/w)^2)"
-        size: ClassVar[str] = "torque"
-        quantities: ClassVar[dict[str, Quantity]] = {
-            "torque": Quantity("Nm", -1, 1),
-            "width": Quantity("rad", 0.01, 1, log=True),
-        }
+        torque: float = number(0.1, "Nm", -1, 1)
+        width: float = number(0.2, "rad", 0.01, 1, log=True)
+
+        name = "magnet"
+        place = "position"
+        equation = "c exp(-(q/w)^2)"
 
         @staticmethod
         def evaluate(p, time, position, velocity, drive):
@@ -54,7 +49,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Self, dataclass_transform
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -73,8 +68,19 @@ MOST_STARTS = 60  # each start costs a pass over the record
 _REGISTRY: dict[str, type[Effect]] = {}
 
 
+class _Frozen:
+    """Refuses assignment; below `Effect`, whose subclasses leave out the methods that a frozen dataclass makes."""
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        raise dataclasses.FrozenInstanceError(f"cannot assign to field {name!r}")
+
+    def __delattr__(self, name: str) -> None:
+        raise dataclasses.FrozenInstanceError(f"cannot delete field {name!r}")
+
+
+@dataclass_transform(frozen_default=True)
 @dataclass(frozen=True)
-class Effect:
+class Effect(_Frozen):
     """Base of every effect; subclass it, give it a ``name``, and it is registered.
 
     Attributes
@@ -87,9 +93,9 @@ class Effect:
     equation : str
         The effect in symbols, one line.
     size : str
-        The field that scales the effect; at zero it has no influence.
+        The field that scales the effect, the first one; at zero it has no influence.
     quantities : dict of str to Quantity
-        Unit and range of every field.
+        Unit and range of every field, from its `number`.
     signature : str
         What distinguishes the effect from its neighbours in data.
     needs : str
@@ -109,7 +115,7 @@ class Effect:
     phased : bool
         Whether the effect is amplitude cos(argument + phase), hence linear in two columns.
     choices : dict of str to tuple of str
-        Allowed values of each text field.
+        Allowed values of each text field, from its `choice`.
     parent : str
         Effect without which this one is not tried, such as ``coulomb`` for effects that modify it; empty for none.
     commoner : tuple of str
@@ -179,11 +185,22 @@ class Effect:
     evaluate: ClassVar[Callable[..., float] | None] = None
     code: ClassVar[int] = -1
 
-    def __init_subclass__(cls, **kwargs: Any) -> None:
+    def __init_subclass__(cls, catalogued: bool = True, **kwargs: Any) -> None:
+        """Make the class a dataclass, read its fields, and register it under its name unless told otherwise."""
         super().__init_subclass__(**kwargs)
+        if "__dataclass_fields__" not in cls.__dict__:  # they are there in the copy that ``slots=True`` makes
+            dataclass(frozen=True)(cls)
+            del cls.__setattr__, cls.__delattr__  # a class may carry the decorator too, which refuses to replace them
+        fields = dataclasses.fields(cls)
+        cls.size = cls.size or next((f.name for f in fields), "")
+        cls.quantities = cls.quantities | {f.name: f.metadata["quantity"] for f in fields if "quantity" in f.metadata}
+        cls.choices = cls.choices | {f.name: tuple(f.metadata["codes"]) for f in fields if "codes" in f.metadata}
+        for f in fields:
+            if "codes" in f.metadata and f.name in cls.__annotations__:
+                cls.code = _code_of(f)  # type: ignore[assignment]
         if cls.evaluate is not None and "code" not in cls.__dict__:
             cls.code = codes.USER_OUTPUT if cls.port == "output" else codes.USER_TORQUE
-        if cls.__dict__.get("name") and cls.place in PLACES:
+        if cls.__dict__.get("name") and cls.place in PLACES and catalogued:
             _REGISTRY[cls.name] = cls
 
     def __post_init__(self) -> None:
@@ -519,6 +536,13 @@ class Effect:
         """
         numeric = {self.size: self.magnitude, **self.shape}
         return {self.quantities[k].labelled(k): v for k, v in numeric.items()} | self.options
+
+
+def _code_of(field: dataclasses.Field[Any]) -> property:
+    """The property ``code`` of an effect whose equation a text field selects."""
+    return property(
+        lambda self: field.metadata["codes"][getattr(self, field.name)], doc=f"The code of its {field.name}."
+    )
 
 
 def get_effect(name: str) -> type[Effect]:

@@ -7,35 +7,17 @@ there the same names stand for other equations, of the signal at the port ``at``
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any, ClassVar
 
 from whsklearn.effects import codes
 from whsklearn.effects.base import Effect
 from whsklearn.effects.drive import DeadZone, Saturation
 from whsklearn.effects.position import HardeningSpring
-from whsklearn.effects.quantity import Quantity
+from whsklearn.effects.quantity import choice, number
 from whsklearn.effects.timed import DisturbanceTone
 from whsklearn.effects.transmission import Backlash, FlexibleCoupling
 
 
-class AtPort:
-    """The port ``at`` decides the code; the name is that of the axis effect, which remains the registered one."""
-
-    _codes: ClassVar[dict[str, int]]
-    at: str
-
-    def __init_subclass__(cls, **kwargs: Any) -> None:
-        """Do not register the class."""
-
-    @property
-    def code(self) -> int:
-        """The code of the effect at its port in the compiled chain."""
-        return self._codes[self.at]
-
-
-@dataclass(frozen=True)
-class ChainPlay(AtPort, Effect):  # type: ignore[override]
+class ChainPlay(Effect, catalogued=False):
     """A play of width b at the input or between L1 and the law: after each reversal the signal does not follow.
 
     See Also
@@ -51,27 +33,20 @@ class ChainPlay(AtPort, Effect):  # type: ignore[override]
     [0.0, 0.0, 0.75, 0.75]
     """
 
-    gap: float = 0.1
-    at: str = "middle"
+    gap: float = number(0.1, "rad", 1e-5, 1e3, log=True, span=(1e-3, 1.5), starts=(0.02, 0.05, 0.12, 0.3, 0.6))
+    at: str = choice("middle", {"middle": codes.BACKLASH, "input": codes.PLAY_U})
 
-    name: ClassVar[str] = Backlash.name
-    place: ClassVar[str] = "transmission"
-    port: ClassVar[str] = "block"
-    column_kind: ClassVar[str] = "none"
-    equation: ClassVar[str] = "play of width b"
-    size: ClassVar[str] = "gap"
-    quantities: ClassVar[dict[str, Quantity]] = {
-        "gap": Quantity("rad", 1e-5, 1e3, log=True, span=(1e-3, 1.5), starts=(0.02, 0.05, 0.12, 0.3, 0.6))
-    }
-    signature: ClassVar[str] = "after a reversal the signal does not move until the play is crossed"
-    needs: ClassVar[str] = "reversals"
-    reference: ClassVar[str] = Backlash.reference
-    choices: ClassVar[dict[str, tuple[str, ...]]] = {"at": ("middle", "input")}
-    _codes: ClassVar[dict[str, int]] = {"middle": codes.BACKLASH, "input": codes.PLAY_U}
+    name = Backlash.name
+    place = "transmission"
+    port = "block"
+    column_kind = "none"
+    equation = "play of width b"
+    signature = "after a reversal the signal does not move until the play is crossed"
+    needs = "reversals"
+    reference = Backlash.reference
 
 
-@dataclass(frozen=True)
-class ChainResonance(AtPort, Effect):  # type: ignore[override]
+class ChainResonance(Effect, catalogued=False):
     """A resonance of static gain one between L1 and the law or behind L2: a mass on a spring with its input held over a
     sample.
 
@@ -88,31 +63,24 @@ class ChainResonance(AtPort, Effect):  # type: ignore[override]
     1.0
     """
 
-    frequency: float = 0.1
-    damping_ratio: float = 0.1
-    at: str = "middle"
+    frequency: float = number(
+        0.1, "Hz", 1e-3, 1e6, log=True, scale="resonance", span=(0.02, 1.96), starts=(0.16, 0.36, 0.64, 1.0, 1.5)
+    )
+    damping_ratio: float = number(0.1, "1", 0.002, 0.95, log=True, starts=(0.1,))
+    at: str = choice("middle", {"middle": codes.FLEXIBLE_COUPLING, "output": codes.RESONANCE_Y})
 
-    name: ClassVar[str] = FlexibleCoupling.name
-    place: ClassVar[str] = "transmission"
-    port: ClassVar[str] = "block"
-    column_kind: ClassVar[str] = "none"
-    equation: ClassVar[str] = "a resonance of gain one, natural frequency f, damping zeta"
-    size: ClassVar[str] = "frequency"
-    neutral: ClassVar[float] = math.inf
-    quantities: ClassVar[dict[str, Quantity]] = {
-        "frequency": Quantity("Hz", 1e-3, 1e6, log=True, scale="resonance", span=(0.02, 1.96),
-                              starts=(0.16, 0.36, 0.64, 1.0, 1.5)),
-        "damping_ratio": Quantity("1", 0.002, 0.95, log=True, starts=(0.1,)),
-    }  # fmt: skip
-    signature: ClassVar[str] = FlexibleCoupling.signature
-    needs: ClassVar[str] = FlexibleCoupling.needs
-    reference: ClassVar[str] = "Astrom, Wittenmark 1997, Computer-Controlled Systems, table 2.1"
-    choices: ClassVar[dict[str, tuple[str, ...]]] = {"at": ("middle", "output")}
-    _codes: ClassVar[dict[str, int]] = {"middle": codes.FLEXIBLE_COUPLING, "output": codes.RESONANCE_Y}
+    name = FlexibleCoupling.name
+    place = "transmission"
+    port = "block"
+    column_kind = "none"
+    equation = "a resonance of gain one, natural frequency f, damping zeta"
+    neutral = math.inf
+    signature = FlexibleCoupling.signature
+    needs = FlexibleCoupling.needs
+    reference = "Astrom, Wittenmark 1997, Computer-Controlled Systems, table 2.1"
 
 
-@dataclass(frozen=True)
-class ChainTone(AtPort, DisturbanceTone):  # type: ignore[override]
+class ChainTone(DisturbanceTone):
     """A tone A cos(2 pi f t + phi) that is added to the law's output, or to the input.
 
     See Also
@@ -128,14 +96,10 @@ class ChainTone(AtPort, DisturbanceTone):  # type: ignore[override]
     [0.0, 0.0, 1.0, 0.0, 1.0, 0.0]
     """
 
-    at: str = "law"
-
-    choices: ClassVar[dict[str, tuple[str, ...]]] = {"at": ("law", "input")}
-    _codes: ClassVar[dict[str, int]] = {"law": codes.DISTURBANCE_TONE, "input": codes.TONE_U}
+    at: str = choice("law", {"law": codes.DISTURBANCE_TONE, "input": codes.TONE_U})
 
 
-@dataclass(frozen=True)
-class ChainLimit(AtPort, Saturation):  # type: ignore[override]
+class ChainLimit(Saturation):
     """A limit of the input, clip(u, -U, U), or of x between L1 and the law.
 
     See Also
@@ -151,14 +115,10 @@ class ChainLimit(AtPort, Saturation):  # type: ignore[override]
     [0.0, 0.0, 0.5, 0.3]
     """
 
-    at: str = "input"
-
-    choices: ClassVar[dict[str, tuple[str, ...]]] = {"at": ("input", "middle")}
-    _codes: ClassVar[dict[str, int]] = {"input": codes.SATURATION, "middle": codes.SATURATION_X}
+    at: str = choice("input", {"input": codes.SATURATION, "middle": codes.SATURATION_X})
 
 
-@dataclass(frozen=True)
-class ChainDeadZone(AtPort, DeadZone):  # type: ignore[override]
+class ChainDeadZone(DeadZone):
     """A dead zone of the input, u - clip(u, -d, d), or of x between L1 and the law.
 
     See Also
@@ -174,14 +134,10 @@ class ChainDeadZone(AtPort, DeadZone):  # type: ignore[override]
     [0.0, 0.0, 0.5, 0.0]
     """
 
-    at: str = "input"
-
-    choices: ClassVar[dict[str, tuple[str, ...]]] = {"at": ("input", "middle")}
-    _codes: ClassVar[dict[str, int]] = {"input": codes.DEAD_ZONE, "middle": codes.DEAD_ZONE_X}
+    at: str = choice("input", {"input": codes.DEAD_ZONE, "middle": codes.DEAD_ZONE_X})
 
 
-@dataclass(frozen=True)
-class ChainSpring(AtPort, HardeningSpring):  # type: ignore[override]
+class ChainSpring(HardeningSpring):
     """A spring c (x - x_0)^3 that adds to the law, or that acts on the mass that L1 represents: it is then subtracted
     from the input.
 
@@ -202,10 +158,7 @@ class ChainSpring(AtPort, HardeningSpring):  # type: ignore[override]
     1.0
     """
 
-    at: str = "law"
-
-    choices: ClassVar[dict[str, tuple[str, ...]]] = {"at": ("law", "input")}
-    _codes: ClassVar[dict[str, int]] = {"law": codes.HARDENING_SPRING, "input": codes.SPRING_U}
+    at: str = choice("law", {"law": codes.HARDENING_SPRING, "input": codes.SPRING_U})
 
 
 CHAIN_FORMS: dict[str, type[Effect]] = {

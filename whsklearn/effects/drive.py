@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import ClassVar
 
 from whsklearn.effects import codes
 from whsklearn.effects.base import Effect
-from whsklearn.effects.quantity import Quantity
+from whsklearn.effects.quantity import number
 
 
-@dataclass(frozen=True)
-class InputOffset(Effect):
+class DriveEffect(Effect):
+    """An effect on the drive; its columns are the torques that the drive loses to it (Nm)."""
+
+    place = "drive"
+    port = "input"
+
+
+class InputOffset(DriveEffect):
     """A constant torque that the drive must supply, c (Nm): amplifier offset, a constant load.
 
     See Also
@@ -26,26 +30,21 @@ class InputOffset(Effect):
     0.1
     """
 
-    torque: float = 0.1
+    torque: float = number(0.1, "Nm", -1e3, 1e3)
 
-    name: ClassVar[str] = "input_offset"
-    place: ClassVar[str] = "drive"
-    equation: ClassVar[str] = "c"
-    size: ClassVar[str] = "torque"
-    quantities: ClassVar[dict[str, Quantity]] = {"torque": Quantity("Nm", -1e3, 1e3)}
-    signature: ClassVar[str] = "a constant, at rest and in motion"
-    needs: ClassVar[str] = "both directions; rest distinguishes it from asymmetric_coulomb"
-    aliases: ClassVar[tuple[str, ...]] = ("asymmetric_coulomb",)
-    reference: ClassVar[str] = (
+    name = "input_offset"
+    equation = "c"
+    signature = "a constant, at rest and in motion"
+    needs = "both directions; rest distinguishes it from asymmetric_coulomb"
+    aliases = ("asymmetric_coulomb",)
+    reference = (
         "Janot, Gautier, Brunot 2019, Data Set and Reference Models of EMPS, Nonlinear System Identification Benchmarks"
     )
-    port: ClassVar[str] = "input"
-    elementary: ClassVar[bool] = True
-    code: ClassVar[int] = codes.INPUT_OFFSET
+    elementary = True
+    code = codes.INPUT_OFFSET
 
 
-@dataclass(frozen=True)
-class DeadZone(Effect):
+class DeadZone(DriveEffect):
     """The amplifier delivers nothing below a threshold d, and d less above it: u_eff = u - clip(u, -d, d) (Nm).
 
     See Also
@@ -59,27 +58,18 @@ class DeadZone(Effect):
     [-0.05, 0.02]
     """
 
-    width: float = 0.05
+    width: float = number(0.05, "Nm", 1e-4, 1e2, log=True, span=(1e-4, 2.0), starts=(0.01, 0.028, 0.077, 0.22, 0.6))
 
-    name: ClassVar[str] = "dead_zone"
-    place: ClassVar[str] = "drive"
-    equation: ClassVar[str] = "u_eff = u - clip(u, -d, d)"
-    size: ClassVar[str] = "width"
-    quantities: ClassVar[dict[str, Quantity]] = {
-        "width": Quantity("Nm", 1e-4, 1e2, log=True, span=(1e-4, 2.0), starts=(0.01, 0.028, 0.077, 0.22, 0.6))
-    }
-    signature: ClassVar[str] = "a step in the sign of the drive, not of velocity"
-    needs: ClassVar[str] = "a small drive during motion"
-    reference: ClassVar[str] = (
-        "Tao, Kokotovic 1996, Adaptive Control of Systems with Actuator and Sensor Nonlinearities, Wiley"
-    )
-    port: ClassVar[str] = "input"
-    column_kind: ClassVar[str] = "at_size"
-    code: ClassVar[int] = codes.DEAD_ZONE
+    name = "dead_zone"
+    equation = "u_eff = u - clip(u, -d, d)"
+    signature = "a step in the sign of the drive, not of velocity"
+    needs = "a small drive during motion"
+    reference = "Tao, Kokotovic 1996, Adaptive Control of Systems with Actuator and Sensor Nonlinearities, Wiley"
+    column_kind = "at_size"
+    code = codes.DEAD_ZONE
 
 
-@dataclass(frozen=True)
-class Saturation(Effect):
+class Saturation(DriveEffect):
     """The amplifier delivers no more than its limit, u_eff = clip(u, -U, U) (Nm).
 
     See Also
@@ -93,24 +83,18 @@ class Saturation(Effect):
     [0.5, 0.0]
     """
 
-    limit: float = 1.0
+    limit: float = number(
+        1.0, "Nm", 1e-3, 1e4, log=True, scale="peak", span=(0.01, 1.1), starts=(0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
+    )
 
-    name: ClassVar[str] = "saturation"
-    place: ClassVar[str] = "drive"
-    equation: ClassVar[str] = "u_eff = clip(u, -U, U)"
-    size: ClassVar[str] = "limit"
-    quantities: ClassVar[dict[str, Quantity]] = {
-        "limit": Quantity(
-            "Nm", 1e-3, 1e4, log=True, scale="peak", span=(0.01, 1.1), starts=(0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
-        )
-    }
-    signature: ClassVar[str] = "a gap at high drive only, with wind-up after it"
-    needs: ClassVar[str] = "drive above the limit"
-    reference: ClassVar[str] = "Astrom, Hagglund 2006, Advanced PID Control, ISA, on integrator windup"
-    port: ClassVar[str] = "input"
-    column_kind: ClassVar[str] = "at_size"
-    neutral: ClassVar[float] = math.inf
-    code: ClassVar[int] = codes.SATURATION
+    name = "saturation"
+    equation = "u_eff = clip(u, -U, U)"
+    signature = "a gap at high drive only, with wind-up after it"
+    needs = "drive above the limit"
+    reference = "Astrom, Hagglund 2006, Advanced PID Control, ISA, on integrator windup"
+    column_kind = "at_size"
+    neutral = math.inf
+    code = codes.SATURATION
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -118,8 +102,7 @@ class Saturation(Effect):
             raise ValueError(f"Saturation: limit is {self.limit}, expected a torque above zero; give it in Nm.")
 
 
-@dataclass(frozen=True)
-class InputDelay(Effect):
+class InputDelay(DriveEffect):
     """The drive acts later than it is logged, u_eff(t) = u(t - tau), tau in s.
 
     Its column is the first order of it, du/dt.
@@ -135,26 +118,19 @@ class InputDelay(Effect):
     [0.1, 0.1, 0.1]
     """
 
-    delay: float = 1e-3
+    delay: float = number(1e-3, "s", 1e-5, 0.5, log=True, scale="dt", span=(0.01, 300.0), starts=(1.5, 4.0, 20.0, 50.0))
 
-    name: ClassVar[str] = "input_delay"
-    place: ClassVar[str] = "drive"
-    equation: ClassVar[str] = "u_eff(t) = u(t - tau)"
-    size: ClassVar[str] = "delay"
-    quantities: ClassVar[dict[str, Quantity]] = {
-        "delay": Quantity("s", 1e-5, 0.5, log=True, scale="dt", span=(0.01, 300.0), starts=(1.5, 4.0, 20.0, 50.0))
-    }
-    signature: ClassVar[str] = "a gap that follows du/dt, with linear phase"
-    needs: ClassVar[str] = "frequencies of 0.2 / (2 pi tau) and above"
-    aliases: ClassVar[tuple[str, ...]] = ("actuator_lag",)
-    reference: ClassVar[str] = "Astrom, Hagglund 2006, Advanced PID Control, ISA, first-order lag with dead time"
-    port: ClassVar[str] = "input"
-    column_kind: ClassVar[str] = "first_order"
-    code: ClassVar[int] = codes.INPUT_DELAY
+    name = "input_delay"
+    equation = "u_eff(t) = u(t - tau)"
+    signature = "a gap that follows du/dt, with linear phase"
+    needs = "frequencies of 0.2 / (2 pi tau) and above"
+    aliases = ("actuator_lag",)
+    reference = "Astrom, Hagglund 2006, Advanced PID Control, ISA, first-order lag with dead time"
+    column_kind = "first_order"
+    code = codes.INPUT_DELAY
 
 
-@dataclass(frozen=True)
-class ActuatorLag(Effect):
+class ActuatorLag(DriveEffect):
     """The torque follows the command as a first-order lag, T du_eff/dt = u - u_eff, T in s: a current loop, a valve.
 
     Its column is its first-order approximation, du/dt, the same as that of a delay.
@@ -170,28 +146,21 @@ class ActuatorLag(Effect):
     [0.1, 0.1, 0.1]
     """
 
-    time_constant: float = 1e-3
+    time_constant: float = number(
+        1e-3, "s", 1e-5, 0.5, log=True, scale="dt", span=(0.01, 300.0), starts=(1.5, 4.0, 20.0, 50.0)
+    )
 
-    name: ClassVar[str] = "actuator_lag"
-    place: ClassVar[str] = "drive"
-    equation: ClassVar[str] = "T du_eff/dt = u - u_eff"
-    size: ClassVar[str] = "time_constant"
-    quantities: ClassVar[dict[str, Quantity]] = {
-        "time_constant": Quantity(
-            "s", 1e-5, 0.5, log=True, scale="dt", span=(0.01, 300.0), starts=(1.5, 4.0, 20.0, 50.0)
-        )
-    }
-    signature: ClassVar[str] = "a gap that follows du/dt and rolls off"
-    needs: ClassVar[str] = "frequencies of 0.5 / (2 pi T) and above"
-    aliases: ClassVar[tuple[str, ...]] = ("input_delay",)
-    reference: ClassVar[str] = "Astrom, Hagglund 2006, Advanced PID Control, ISA, first-order lag with dead time"
-    port: ClassVar[str] = "input"
-    column_kind: ClassVar[str] = "first_order"
-    code: ClassVar[int] = codes.ACTUATOR_LAG
+    name = "actuator_lag"
+    equation = "T du_eff/dt = u - u_eff"
+    signature = "a gap that follows du/dt and rolls off"
+    needs = "frequencies of 0.5 / (2 pi T) and above"
+    aliases = ("input_delay",)
+    reference = "Astrom, Hagglund 2006, Advanced PID Control, ISA, first-order lag with dead time"
+    column_kind = "first_order"
+    code = codes.ACTUATOR_LAG
 
 
-@dataclass(frozen=True)
-class TorqueRipple(Effect):
+class TorqueRipple(DriveEffect):
     """The torque constant varies with the rotor's angle, u_eff = u (1 - A cos(k q + phi)).
 
     See Also
@@ -205,23 +174,15 @@ class TorqueRipple(Effect):
     -0.2
     """
 
-    amplitude: float = 0.03
-    order: float = 6.0
-    phase: float = 0.0
+    amplitude: float = number(0.03, "1", 1e-4, 0.3, log=True)
+    order: float = number(6.0, "1", 0.8, 256.0, scan="position")
+    phase: float = number(0.0, "rad", -math.pi, math.pi)
 
-    name: ClassVar[str] = "torque_ripple"
-    place: ClassVar[str] = "drive"
-    equation: ClassVar[str] = "u_eff = u (1 - A cos(k q + phi))"
-    size: ClassVar[str] = "amplitude"
-    quantities: ClassVar[dict[str, Quantity]] = {
-        "amplitude": Quantity("1", 1e-4, 0.3, log=True),
-        "order": Quantity("1", 0.8, 256.0, scan="position"),
-        "phase": Quantity("rad", -math.pi, math.pi),
-    }
-    signature: ClassVar[str] = "a wave over position, proportional to the drive"
-    needs: ClassVar[str] = "both signs of torque over a period of travel"
-    reference: ClassVar[str] = "Jahns, Soong 1996, IEEE Trans. Ind. Electron. 43(2), 321-330"
-    port: ClassVar[str] = "input"
-    phased: ClassVar[bool] = True
-    repeats: ClassVar[bool] = True
-    code: ClassVar[int] = codes.TORQUE_RIPPLE
+    name = "torque_ripple"
+    equation = "u_eff = u (1 - A cos(k q + phi))"
+    signature = "a wave over position, proportional to the drive"
+    needs = "both signs of torque over a period of travel"
+    reference = "Jahns, Soong 1996, IEEE Trans. Ind. Electron. 43(2), 321-330"
+    phased = True
+    repeats = True
+    code = codes.TORQUE_RIPPLE

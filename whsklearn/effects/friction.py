@@ -7,15 +7,12 @@ Wiener-Hammerstein system velocity is dx = x(t) - x(t-1) of (4).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import ClassVar
 
 from whsklearn.effects import codes
 from whsklearn.effects.base import Effect
-from whsklearn.effects.quantity import Quantity
+from whsklearn.effects.quantity import number
 
 
-@dataclass(frozen=True)
 class StaticEffect(Effect):
     """An effect that is a memoryless term f(x, dx), so a law can hold it.
 
@@ -34,7 +31,7 @@ class StaticEffect(Effect):
     (0.1, 2.0)
     """
 
-    code: ClassVar[int] = -1
+    code = -1
 
     @property
     def term_shape(self) -> tuple[float, ...]:
@@ -42,7 +39,6 @@ class StaticEffect(Effect):
         return tuple(self.shape.values())
 
 
-@dataclass(frozen=True)
 class Viscous(StaticEffect):
     """Friction proportional to velocity, c v (Nm); gamma_6 of (3) and (4).
 
@@ -58,21 +54,18 @@ class Viscous(StaticEffect):
     -1.0
     """
 
-    coefficient: float = 1.0
+    coefficient: float = number(1.0, "Nm s/rad", 1e-4, 1e3, log=True)
 
-    name: ClassVar[str] = "viscous"
-    place: ClassVar[str] = "friction"
-    equation: ClassVar[str] = "c v"
-    size: ClassVar[str] = "coefficient"
-    quantities: ClassVar[dict[str, Quantity]] = {"coefficient": Quantity("Nm s/rad", 1e-4, 1e3, log=True)}
-    signature: ClassVar[str] = "a straight line against velocity"
-    needs: ClassVar[str] = "at least two speeds"
-    reference: ClassVar[str] = "Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30(7), 1083-1138"
-    elementary: ClassVar[bool] = True
-    code: ClassVar[int] = codes.VISCOUS
+    name = "viscous"
+    place = "friction"
+    equation = "c v"
+    signature = "a straight line against velocity"
+    needs = "at least two speeds"
+    reference = "Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30(7), 1083-1138"
+    elementary = True
+    code = codes.VISCOUS
 
 
-@dataclass(frozen=True)
 class Coulomb(StaticEffect):
     """Dry friction of constant size against the motion, Fc sign(v) (Nm); beta_1 of (4).
 
@@ -88,21 +81,18 @@ class Coulomb(StaticEffect):
     [-0.7, 0.0, 0.7]
     """
 
-    torque: float = 1.0
+    torque: float = number(1.0, "Nm", 1e-4, 1e3, log=True)
 
-    name: ClassVar[str] = "coulomb"
-    place: ClassVar[str] = "friction"
-    equation: ClassVar[str] = "Fc sign(v)"
-    size: ClassVar[str] = "torque"
-    quantities: ClassVar[dict[str, Quantity]] = {"torque": Quantity("Nm", 1e-4, 1e3, log=True)}
-    signature: ClassVar[str] = "a step at zero velocity"
-    needs: ClassVar[str] = "reversals"
-    reference: ClassVar[str] = "Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30(7), 1083-1138"
-    elementary: ClassVar[bool] = True
-    code: ClassVar[int] = codes.COULOMB
+    name = "coulomb"
+    place = "friction"
+    equation = "Fc sign(v)"
+    signature = "a step at zero velocity"
+    needs = "reversals"
+    reference = "Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30(7), 1083-1138"
+    elementary = True
+    code = codes.COULOMB
 
 
-@dataclass(frozen=True)
 class AsymmetricCoulomb(StaticEffect):
     """The half difference of dry friction between the two directions, c |sign(v)| (Nm).
 
@@ -117,22 +107,19 @@ class AsymmetricCoulomb(StaticEffect):
     [0.2, 0.0, 0.2]
     """
 
-    torque: float = 1.0
+    torque: float = number(1.0, "Nm", -1e3, 1e3)
 
-    name: ClassVar[str] = "asymmetric_coulomb"
-    place: ClassVar[str] = "friction"
-    equation: ClassVar[str] = "c |sign(v)|"
-    size: ClassVar[str] = "torque"
-    quantities: ClassVar[dict[str, Quantity]] = {"torque": Quantity("Nm", -1e3, 1e3)}
-    signature: ClassVar[str] = "a constant while the axis moves, zero at rest"
-    needs: ClassVar[str] = "rest and both directions"
-    aliases: ClassVar[tuple[str, ...]] = ("input_offset",)
-    reference: ClassVar[str] = "Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30(7), 1083-1138"
-    commoner: ClassVar[tuple[str, ...]] = ("input_offset",)
-    code: ClassVar[int] = codes.ASYMMETRIC_COULOMB
+    name = "asymmetric_coulomb"
+    place = "friction"
+    equation = "c |sign(v)|"
+    signature = "a constant while the axis moves, zero at rest"
+    needs = "rest and both directions"
+    aliases = ("input_offset",)
+    reference = "Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30(7), 1083-1138"
+    commoner = ("input_offset",)
+    code = codes.ASYMMETRIC_COULOMB
 
 
-@dataclass(frozen=True)
 class AsymmetricViscous(StaticEffect):
     """The half difference of viscous friction between the two directions, c |v| (Nm).
 
@@ -147,22 +134,19 @@ class AsymmetricViscous(StaticEffect):
     [0.2, 0.3]
     """
 
-    coefficient: float = 1.0
+    coefficient: float = number(1.0, "Nm s/rad", -1e3, 1e3)
 
-    name: ClassVar[str] = "asymmetric_viscous"
-    place: ClassVar[str] = "friction"
-    equation: ClassVar[str] = "c |v|"
-    size: ClassVar[str] = "coefficient"
-    quantities: ClassVar[dict[str, Quantity]] = {"coefficient": Quantity("Nm s/rad", -1e3, 1e3)}
-    signature: ClassVar[str] = "a V against velocity"
-    needs: ClassVar[str] = "both directions at several speeds"
-    parent: ClassVar[str] = "viscous"
-    commoner: ClassVar[tuple[str, ...]] = ("input_offset",)
-    reference: ClassVar[str] = "Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30(7), 1083-1138"
-    code: ClassVar[int] = codes.ASYMMETRIC_VISCOUS
+    name = "asymmetric_viscous"
+    place = "friction"
+    equation = "c |v|"
+    signature = "a V against velocity"
+    needs = "both directions at several speeds"
+    parent = "viscous"
+    commoner = ("input_offset",)
+    reference = "Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30(7), 1083-1138"
+    code = codes.ASYMMETRIC_VISCOUS
 
 
-@dataclass(frozen=True)
 class Stribeck(StaticEffect):
     """The excess of friction near standstill that fades with speed, c exp(-|v/v_s|^delta) sign(v) (Nm).
 
@@ -178,30 +162,21 @@ class Stribeck(StaticEffect):
     [0.3, 0.11, 0.0]
     """
 
-    torque: float = 1.0
-    velocity: float = 0.1
-    exponent: float = 2.0
+    torque: float = number(1.0, "Nm", 1e-4, 1e3, log=True)
+    # wider than half the rms speed, it is curvature at speed, which drag explains equally well
+    velocity: float = number(0.1, "rad/s", 1e-3, 2.0, log=True, span=(0.004, 0.5), starts=(0.01, 0.03, 0.08, 0.2, 0.4))
+    exponent: float = number(2.0, "1", 0.5, 2.6, starts=(1.0, 2.0))
 
-    name: ClassVar[str] = "stribeck"
-    place: ClassVar[str] = "friction"
-    equation: ClassVar[str] = "c exp(-|v/v_s|^delta) sign(v)"
-    size: ClassVar[str] = "torque"
-    quantities: ClassVar[dict[str, Quantity]] = {
-        "torque": Quantity("Nm", 1e-4, 1e3, log=True),
-        # wider than half the rms speed, it is curvature at speed, which drag explains equally well
-        "velocity": Quantity("rad/s", 1e-3, 2.0, log=True, span=(0.004, 0.5), starts=(0.01, 0.03, 0.08, 0.2, 0.4)),
-        "exponent": Quantity("1", 0.5, 2.6, starts=(1.0, 2.0)),
-    }
-    signature: ClassVar[str] = "an odd bump below twice the Stribeck velocity"
-    needs: ClassVar[str] = "time spent below the Stribeck velocity"
-    parent: ClassVar[str] = "coulomb"
-    reference: ClassVar[str] = (
-        "Canudas de Wit, Olsson, Astrom, Lischinsky 1995, IEEE Trans. Autom. Control 40(3), 419-425"
-    )
-    code: ClassVar[int] = codes.STRIBECK_EXP
+    name = "stribeck"
+    place = "friction"
+    equation = "c exp(-|v/v_s|^delta) sign(v)"
+    signature = "an odd bump below twice the Stribeck velocity"
+    needs = "time spent below the Stribeck velocity"
+    parent = "coulomb"
+    reference = "Canudas de Wit, Olsson, Astrom, Lischinsky 1995, IEEE Trans. Autom. Control 40(3), 419-425"
+    code = codes.STRIBECK_EXP
 
 
-@dataclass(frozen=True)
 class ReducedStribeck(StaticEffect):
     """The Stribeck term of (4), -beta_2 tanh(dx / v_s) with v_s = 1.
 
@@ -219,24 +194,18 @@ class ReducedStribeck(StaticEffect):
     -0.152
     """
 
-    torque: float = 1.0
-    velocity: float = 1.0
+    torque: float = number(1.0, "Nm", 1e-4, 1e3, log=True)
+    velocity: float = number(1.0, "rad/s", 1e-3, 1e3, log=True)
 
-    name: ClassVar[str] = "stribeck"
-    place: ClassVar[str] = "static"  # in the catalogue, ``stribeck`` is the exponential term
-    equation: ClassVar[str] = "-beta_2 tanh(dx / v_s)"
-    size: ClassVar[str] = "torque"
-    quantities: ClassVar[dict[str, Quantity]] = {
-        "torque": Quantity("Nm", 1e-4, 1e3, log=True),
-        "velocity": Quantity("rad/s", 1e-3, 1e3, log=True),
-    }
-    signature: ClassVar[str] = "friction that falls with speed, within some v_s of rest"
-    needs: ClassVar[str] = "speeds on both sides of v_s, in both directions"
-    reference: ClassVar[str] = "paper, (4)"
-    code: ClassVar[int] = codes.STRIBECK_TANH
+    name = "stribeck"
+    place = "static"  # in the catalogue, ``stribeck`` is the exponential term
+    equation = "-beta_2 tanh(dx / v_s)"
+    signature = "friction that falls with speed, within some v_s of rest"
+    needs = "speeds on both sides of v_s, in both directions"
+    reference = "paper, (4)"
+    code = codes.STRIBECK_TANH
 
 
-@dataclass(frozen=True)
 class QuadraticDrag(StaticEffect):
     """Drag of air or oil at high speed, c v |v| (Nm).
 
@@ -251,22 +220,19 @@ class QuadraticDrag(StaticEffect):
     [-0.4, 0.4]
     """
 
-    coefficient: float = 1.0
+    coefficient: float = number(1.0, "Nm s2/rad2", 1e-6, 1e3, log=True)
 
-    name: ClassVar[str] = "quadratic_drag"
-    place: ClassVar[str] = "friction"
-    equation: ClassVar[str] = "c v |v|"
-    size: ClassVar[str] = "coefficient"
-    quantities: ClassVar[dict[str, Quantity]] = {"coefficient": Quantity("Nm s2/rad2", 1e-6, 1e3, log=True)}
-    signature: ClassVar[str] = "an odd parabola against velocity"
-    needs: ClassVar[str] = "top speed"
-    parent: ClassVar[str] = "viscous"
-    reference: ClassVar[str] = "Batchelor 1967, An Introduction to Fluid Dynamics, Cambridge University Press"
-    code: ClassVar[int] = codes.QUADRATIC_DRAG
+    name = "quadratic_drag"
+    place = "friction"
+    equation = "c v |v|"
+    signature = "an odd parabola against velocity"
+    needs = "top speed"
+    parent = "viscous"
+    reference = "Batchelor 1967, An Introduction to Fluid Dynamics, Cambridge University Press"
+    code = codes.QUADRATIC_DRAG
 
 
 # --- friction that varies with more than velocity: with the load, with position, with time --------------------------
-@dataclass(frozen=True)
 class LoadFriction(Effect):
     """Dry friction that grows with the torque transmitted by the gears, c |u| sign(v) (Nm).
 
@@ -282,21 +248,18 @@ class LoadFriction(Effect):
     0.4
     """
 
-    coefficient: float = 0.1
+    coefficient: float = number(0.1, "1", 1e-3, 0.5, log=True)
 
-    name: ClassVar[str] = "load_friction"
-    place: ClassVar[str] = "friction"
-    equation: ClassVar[str] = "c |u| sign(v)"
-    size: ClassVar[str] = "coefficient"
-    quantities: ClassVar[dict[str, Quantity]] = {"coefficient": Quantity("1", 1e-3, 0.5, log=True)}
-    signature: ClassVar[str] = "a step at zero velocity whose height follows the drive"
-    needs: ClassVar[str] = "several loads or accelerations at equal speed"
-    commoner: ClassVar[tuple[str, ...]] = ("coulomb",)
-    reference: ClassVar[str] = "Bittencourt, Gunnarsson 2012, ASME J. Dyn. Syst. Meas. Control 134(5), 051013"
-    code: ClassVar[int] = codes.LOAD_FRICTION
+    name = "load_friction"
+    place = "friction"
+    equation = "c |u| sign(v)"
+    signature = "a step at zero velocity whose height follows the drive"
+    needs = "several loads or accelerations at equal speed"
+    commoner = ("coulomb",)
+    reference = "Bittencourt, Gunnarsson 2012, ASME J. Dyn. Syst. Meas. Control 134(5), 051013"
+    code = codes.LOAD_FRICTION
 
 
-@dataclass(frozen=True)
 class PositionFriction(StaticEffect):
     """Dry friction that varies over a turn, A cos(k q + phi) sign(v) (Nm): a bent shaft, an uneven bearing.
 
@@ -311,30 +274,23 @@ class PositionFriction(StaticEffect):
     [-0.1, 0.1]
     """
 
-    torque: float = 0.1
-    order: float = 1.0
-    phase: float = 0.0
+    torque: float = number(0.1, "Nm", 1e-4, 1e3, log=True)
+    order: float = number(1.0, "1", 0.8, 256.0, scan="position")
+    phase: float = number(0.0, "rad", -math.pi, math.pi)
 
-    name: ClassVar[str] = "position_friction"
-    place: ClassVar[str] = "friction"
-    equation: ClassVar[str] = "A cos(k q + phi) sign(v)"
-    size: ClassVar[str] = "torque"
-    quantities: ClassVar[dict[str, Quantity]] = {
-        "torque": Quantity("Nm", 1e-4, 1e3, log=True),
-        "order": Quantity("1", 0.8, 256.0, scan="position"),
-        "phase": Quantity("rad", -math.pi, math.pi),
-    }
-    signature: ClassVar[str] = "a wave over position that changes sign with the direction of travel"
-    needs: ClassVar[str] = "the same positions passed in both directions"
-    parent: ClassVar[str] = "coulomb"
-    repeats: ClassVar[bool] = True
-    commoner: ClassVar[tuple[str, ...]] = ("cogging",)  # in one direction they are the same
-    reference: ClassVar[str] = "Armstrong-Helouvry 1991, Control of Machines with Friction, Kluwer"
-    phased: ClassVar[bool] = True
-    code: ClassVar[int] = codes.POSITION_FRICTION
+    name = "position_friction"
+    place = "friction"
+    equation = "A cos(k q + phi) sign(v)"
+    signature = "a wave over position that changes sign with the direction of travel"
+    needs = "the same positions passed in both directions"
+    parent = "coulomb"
+    repeats = True
+    commoner = ("cogging",)  # in one direction they are the same
+    reference = "Armstrong-Helouvry 1991, Control of Machines with Friction, Kluwer"
+    phased = True
+    code = codes.POSITION_FRICTION
 
 
-@dataclass(frozen=True)
 class FrictionDrift(Effect):
     """Dry friction that settles while the axis warms up, c (1 - exp(-t/T)) sign(v) (Nm); a negative c means that it
     falls.
@@ -350,19 +306,14 @@ class FrictionDrift(Effect):
     -0.063
     """
 
-    torque: float = -0.1
-    time_constant: float = 20.0
+    torque: float = number(-0.1, "Nm", -1e3, 1e3)
+    time_constant: float = number(20.0, "s", 1.0, 1e4, log=True, span=(0.03, 30.0), starts=(0.1, 0.27, 0.71, 1.9, 5.0))
 
-    name: ClassVar[str] = "friction_drift"
-    place: ClassVar[str] = "friction"
-    equation: ClassVar[str] = "c (1 - exp(-t/T)) sign(v)"
-    size: ClassVar[str] = "torque"
-    quantities: ClassVar[dict[str, Quantity]] = {
-        "torque": Quantity("Nm", -1e3, 1e3),
-        "time_constant": Quantity("s", 1.0, 1e4, log=True, span=(0.03, 30.0), starts=(0.1, 0.27, 0.71, 1.9, 5.0)),
-    }
-    signature: ClassVar[str] = "the step at zero velocity has different heights early and late in the record"
-    needs: ClassVar[str] = "a long run with all speeds throughout"
-    parent: ClassVar[str] = "coulomb"
-    reference: ClassVar[str] = "Simoni, Beschi, Legnani, Visioli 2017, Robotica, doi 10.1017/S0263574717000509"
-    code: ClassVar[int] = codes.FRICTION_DRIFT
+    name = "friction_drift"
+    place = "friction"
+    equation = "c (1 - exp(-t/T)) sign(v)"
+    signature = "the step at zero velocity has different heights early and late in the record"
+    needs = "a long run with all speeds throughout"
+    parent = "coulomb"
+    reference = "Simoni, Beschi, Legnani, Visioli 2017, Robotica, doi 10.1017/S0263574717000509"
+    code = codes.FRICTION_DRIFT

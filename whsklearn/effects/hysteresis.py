@@ -8,27 +8,18 @@ distance.  The effect adds to the law's Coulomb term; if it replaces that term, 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import ClassVar
 
 from whsklearn.effects import codes
 from whsklearn.effects.base import Effect
 from whsklearn.effects.equations import N_STATES
-from whsklearn.effects.quantity import Quantity, Scales
+from whsklearn.effects.quantity import Scales, number
 
-_TORQUE = Quantity("Nm", 1e-4, 1e3, log=True)
-_DISTANCE = Quantity(
-    "rad", 1e-6, 0.2, log=True, span=(2e-4, 0.5), starts=(5e-4, 1.1e-3, 2.3e-3, 4.8e-3, 0.01, 0.022, 0.047, 0.1)
-)
-_RATIO = Quantity("1", 1.0, 2.5)
-_VELOCITY = Quantity("rad/s", 1e-3, 2.0, log=True)
 # relative to the torque's level, of the peak after a reversal, kappa = d v / x_s with v the speed that the axis has
 # reached after the presliding distance: critical damping of the bristles, d = 2 sqrt(J x_s / c), gives 2 sqrt(2 J a /
 # c)
 _KICKS = (0.2, 0.8, 3.0)
 
 
-@dataclass(frozen=True)
 class PreslidingHysteresis(Effect):
     """Dahl's model, c z with dz/dx = (1 - z sign(v)) / x_s (Nm), the simplest of the family.
 
@@ -47,22 +38,27 @@ class PreslidingHysteresis(Effect):
     [0.0, 0.063, 0.1, -0.026]
     """
 
-    torque: float = 0.1
-    distance: float = 1e-3
+    torque: float = number(0.1, "Nm", 1e-4, 1e3, log=True)
+    distance: float = number(
+        1e-3,
+        "rad",
+        1e-6,
+        0.2,
+        log=True,
+        span=(2e-4, 0.5),
+        starts=(5e-4, 1.1e-3, 2.3e-3, 4.8e-3, 0.01, 0.022, 0.047, 0.1),
+    )
 
-    name: ClassVar[str] = "presliding_hysteresis"
-    place: ClassVar[str] = "friction"
-    equation: ClassVar[str] = "c z, dz/dt = (v - |v| z) / x_s"
-    size: ClassVar[str] = "torque"
-    quantities: ClassVar[dict[str, Quantity]] = {"torque": _TORQUE, "distance": _DISTANCE}
-    signature: ClassVar[str] = "after each reversal friction builds up over a short distance, along a curve"
-    needs: ClassVar[str] = "many small reversals"
-    reference: ClassVar[str] = "Dahl 1968, A solid friction model, Aerospace Corporation TOR-0158(3107-18)-1"
-    parent: ClassVar[str] = "coulomb"
-    code: ClassVar[int] = codes.DAHL
+    name = "presliding_hysteresis"
+    place = "friction"
+    equation = "c z, dz/dt = (v - |v| z) / x_s"
+    signature = "after each reversal friction builds up over a short distance, along a curve"
+    needs = "many small reversals"
+    reference = "Dahl 1968, A solid friction model, Aerospace Corporation TOR-0158(3107-18)-1"
+    parent = "coulomb"
+    code = codes.DAHL
 
 
-@dataclass(frozen=True)
 class LuGre(PreslidingHysteresis):
     """LuGre: Dahl's spring whose end level falls with speed (Stribeck), with damping; c (z + d dz/dt) (Nm).
 
@@ -79,26 +75,15 @@ class LuGre(PreslidingHysteresis):
     [0.0, 0.148, 0.1]
     """
 
-    torque: float = 0.1
-    distance: float = 1e-3
-    ratio: float = 1.5
-    velocity: float = 0.05
-    damping: float = 1e-3
+    ratio: float = number(1.5, "1", 1.0, 2.5, starts=(1.0, 1.5))
+    velocity: float = number(0.05, "rad/s", 1e-3, 2.0, log=True, span=(4e-3, 0.5), starts=(0.01, 0.03, 0.1, 0.3))
+    damping: float = number(1e-3, "s", 0.0, 2.0, log=True, span=(3e-4, 10.0), scale="stroke")
 
-    equation: ClassVar[str] = "c (z + d dz/dt), dz/dt = (v - |v| z / g(v)) / x_s, g = 1 + (r - 1) exp(-(v/v_s)^2)"
-    quantities: ClassVar[dict[str, Quantity]] = {
-        "torque": _TORQUE,
-        "distance": _DISTANCE,
-        "ratio": Quantity("1", 1.0, 2.5, starts=(1.0, 1.5)),
-        "velocity": Quantity("rad/s", 1e-3, 2.0, log=True, span=(4e-3, 0.5), starts=(0.01, 0.03, 0.1, 0.3)),
-        "damping": Quantity("s", 0.0, 2.0, log=True, span=(3e-4, 10.0), scale="stroke"),
-    }
-    later: ClassVar[tuple[str, ...]] = ("ratio", "velocity")
-    sought: ClassVar[bool] = True
-    reference: ClassVar[str] = (
-        "Canudas de Wit, Olsson, Astrom, Lischinsky 1995, IEEE Trans. Autom. Control 40(3), 419-425"
-    )
-    code: ClassVar[int] = codes.LUGRE
+    equation = "c (z + d dz/dt), dz/dt = (v - |v| z / g(v)) / x_s, g = 1 + (r - 1) exp(-(v/v_s)^2)"
+    later = ("ratio", "velocity")
+    sought = True
+    reference = "Canudas de Wit, Olsson, Astrom, Lischinsky 1995, IEEE Trans. Autom. Control 40(3), 419-425"
+    code = codes.LUGRE
 
     def labelled(self) -> dict[str, float | str]:
         """All fields under names with their unit; without the Stribeck speed if the level does not fall.
@@ -136,7 +121,6 @@ class LuGre(PreslidingHysteresis):
         return out
 
 
-@dataclass(frozen=True)
 class GeneralizedMaxwellSlip(PreslidingHysteresis):
     """Maxwell elements in parallel, each sticking up to its own distance, with a memory of nested reversals; c
     mean(z_i) (Nm).
@@ -156,22 +140,13 @@ class GeneralizedMaxwellSlip(PreslidingHysteresis):
     [0.0, 0.052, 0.1]
     """
 
-    torque: float = 0.1
-    distance: float = 1e-3
-    elements: float = 4.0
-    ratio: float = 1.0
-    velocity: float = 0.05
+    elements: float = number(4.0, "1", 1, N_STATES)
+    ratio: float = number(1.0, "1", 1.0, 2.5)
+    velocity: float = number(0.05, "rad/s", 1e-3, 2.0, log=True)
 
-    equation: ClassVar[str] = "c mean(z_i), dz_i = dx / x_i while |z_i| < g(v), else z_i = g(v) sign(v)"
-    quantities: ClassVar[dict[str, Quantity]] = {
-        "torque": _TORQUE,
-        "distance": _DISTANCE,
-        "elements": Quantity("1", 1, N_STATES),
-        "ratio": _RATIO,
-        "velocity": _VELOCITY,
-    }
-    reference: ClassVar[str] = "Al-Bender, Lampaert, Swevers 2005, IEEE Trans. Autom. Control 50(11), 1883-1887"
-    code: ClassVar[int] = codes.MAXWELL_SLIP
+    equation = "c mean(z_i), dz_i = dx / x_i while |z_i| < g(v), else z_i = g(v) sign(v)"
+    reference = "Al-Bender, Lampaert, Swevers 2005, IEEE Trans. Autom. Control 50(11), 1883-1887"
+    code = codes.MAXWELL_SLIP
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -179,7 +154,6 @@ class GeneralizedMaxwellSlip(PreslidingHysteresis):
             raise ValueError(f"{self.elements} elements, expected a whole number from 1 to {N_STATES}; lower it.")
 
 
-@dataclass(frozen=True)
 class BoucWen(PreslidingHysteresis):
     """Bouc-Wen with exponent 1 and beta + gamma = 1, c z (Nm): beta = 1 is Dahl, a smaller beta gives a slimmer loop.
 
@@ -195,15 +169,8 @@ class BoucWen(PreslidingHysteresis):
     [0.0, 0.063, 0.1, -0.02]
     """
 
-    torque: float = 0.1
-    distance: float = 1e-3
-    beta: float = 0.8
+    beta: float = number(0.8, "1", 0.3, 1.0)
 
-    equation: ClassVar[str] = "c z, dz/dt = (v - beta |v| z - (1 - beta) v |z|) / x_s"
-    quantities: ClassVar[dict[str, Quantity]] = {
-        "torque": _TORQUE,
-        "distance": _DISTANCE,
-        "beta": Quantity("1", 0.3, 1.0),
-    }
-    reference: ClassVar[str] = "Wen 1976, ASCE J. Eng. Mech. Div. 102(2), 249-263"
-    code: ClassVar[int] = codes.BOUC_WEN
+    equation = "c z, dz/dt = (v - beta |v| z - (1 - beta) v |z|) / x_s"
+    reference = "Wen 1976, ASCE J. Eng. Mech. Div. 102(2), 249-263"
+    code = codes.BOUC_WEN

@@ -6,24 +6,11 @@ three numbers give its position, its width and the period after which it repeats
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import ClassVar
-
 from whsklearn.effects import codes
 from whsklearn.effects.base import Effect
-from whsklearn.effects.quantity import Quantity
-
-_FORMS = {
-    "position": codes.LEARNED_POSITION,
-    "speed": codes.LEARNED_SPEED,
-    "position and direction": codes.LEARNED_FRICTION,
-    "position and velocity": codes.LEARNED_DAMPING,
-    "velocity": codes.LEARNED_VELOCITY,
-    "drive": codes.LEARNED_DRIVE,
-}
+from whsklearn.effects.quantity import choice, number
 
 
-@dataclass(frozen=True)
 class LearnedTorque(Effect):
     """One basis function of a learned curve, c B((x - x_0) / w) r (Nm) with the cubic spline B and x, r by ``over``.
 
@@ -42,29 +29,26 @@ class LearnedTorque(Effect):
     [0.0, 0.1, 0.4]
     """
 
-    torque: float = 0.1
-    centre: float = 0.0
-    width: float = 0.5
-    period: float = 0.0
-    over: str = "position"
+    torque: float = number(0.1, "Nm", -1e3, 1e3)
+    centre: float = number(0.0, "1", -1e6, 1e6, starts=(0.0,))
+    width: float = number(0.5, "1", 1e-9, 1e6, log=True, starts=(0.5,))
+    period: float = number(0.0, "1", 0.0, 1e6, starts=(0.0,))
+    over: str = choice(
+        "position",
+        {
+            "position": codes.LEARNED_POSITION,
+            "speed": codes.LEARNED_SPEED,
+            "position and direction": codes.LEARNED_FRICTION,
+            "position and velocity": codes.LEARNED_DAMPING,
+            "velocity": codes.LEARNED_VELOCITY,
+            "drive": codes.LEARNED_DRIVE,
+        },
+    )
 
-    name: ClassVar[str] = "learned_torque"
-    place: ClassVar[str] = "static"  # it does not name an effect, so no search tries it
-    equation: ClassVar[str] = "sum of c B((x - x_0)/w)"
-    size: ClassVar[str] = "torque"
-    quantities: ClassVar[dict[str, Quantity]] = {
-        "torque": Quantity("Nm", -1e3, 1e3),
-        "centre": Quantity("1", -1e6, 1e6, starts=(0.0,)),
-        "width": Quantity("1", 1e-9, 1e6, log=True, starts=(0.5,)),
-        "period": Quantity("1", 0.0, 1e6, starts=(0.0,)),
-    }
-    signature: ClassVar[str] = "the residual follows a signal, but no law of the catalogue"
-    needs: ClassVar[str] = "several passes over the same places or speeds"
-    reference: ClassVar[str] = "Eilers, Marx 1996, Flexible smoothing with B-splines and penalties, Stat. Sci. 11(2)"
-    choices: ClassVar[dict[str, tuple[str, ...]]] = {"over": tuple(_FORMS)}
-    held: ClassVar[tuple[str, ...]] = ("centre", "width", "period")
-
-    @property
-    def code(self) -> int:  # type: ignore[override]
-        """The code of the signals that it depends on."""
-        return _FORMS[self.over]
+    name = "learned_torque"
+    place = "static"  # it does not name an effect, so no search tries it
+    equation = "sum of c B((x - x_0)/w)"
+    signature = "the residual follows a signal, but no law of the catalogue"
+    needs = "several passes over the same places or speeds"
+    reference = "Eilers, Marx 1996, Flexible smoothing with B-splines and penalties, Stat. Sci. 11(2)"
+    held = ("centre", "width", "period")

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -226,3 +229,50 @@ class Quantity:
     def positive(self) -> bool:
         """Whether plausible values are never below zero."""
         return self.low >= 0.0 and not math.isinf(self.low)
+
+
+def number(default: float, unit: str, low: float, high: float, **search: Any) -> Any:
+    """A numeric field of an effect: its default and its `Quantity`.
+
+    Parameters
+    ----------
+    default : float
+        In ``unit``.
+    unit : str
+        As in ``"Nm"``; ``"1"`` for none.
+    low, high : float
+        Plausible range.
+    **search
+        The other fields of `Quantity`.
+
+    Examples
+    --------
+    >>> from whsklearn.effects import Effect, number
+    >>> class Pull(Effect):
+    ...     torque: float = number(0.1, "Nm", -1.0, 1.0)
+    >>> Pull(0.2), Pull.size, Pull.quantities["torque"].unit
+    (Pull(torque=0.2), 'torque', 'Nm')
+    """
+    return dataclasses.field(default=default, metadata={"quantity": Quantity(unit, low, high, **search)})
+
+
+def choice(default: str, by_text: Mapping[str, int]) -> Any:
+    """A text field of an effect, which selects its equation.
+
+    Parameters
+    ----------
+    default : str
+        One of the texts.
+    by_text : dict of str to int
+        The code of each allowed text.
+
+    Examples
+    --------
+    >>> from whsklearn.effects import Effect, choice, codes, number
+    >>> class Limit(Effect):
+    ...     width: float = number(0.1, "Nm", 1e-3, 1.0)
+    ...     kind: str = choice("dead", {"dead": codes.DEAD_ZONE, "top": codes.SATURATION})
+    >>> Limit(kind="top").code == codes.SATURATION, Limit.choices
+    (True, {'kind': ('dead', 'top')})
+    """
+    return dataclasses.field(default=default, metadata={"codes": by_text})

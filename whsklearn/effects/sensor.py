@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import ClassVar
 
 from whsklearn.effects import codes
 from whsklearn.effects.base import Effect
-from whsklearn.effects.quantity import Quantity
+from whsklearn.effects.quantity import number
 
 
-@dataclass(frozen=True)
-class OutputOffset(Effect):
+class SensorEffect(Effect):
+    """An effect on the reading; its columns are what it adds to the measured position (rad)."""
+
+    place = "sensor"
+    port = "output"
+
+
+class OutputOffset(SensorEffect):
     """The sensor has a zero offset, y = q + c (rad).
 
     See Also
@@ -26,22 +30,17 @@ class OutputOffset(Effect):
     0.01
     """
 
-    offset: float = 1e-3
+    offset: float = number(1e-3, "rad", -10.0, 10.0)
 
-    name: ClassVar[str] = "output_offset"
-    place: ClassVar[str] = "sensor"
-    equation: ClassVar[str] = "y = q + c"
-    size: ClassVar[str] = "offset"
-    quantities: ClassVar[dict[str, Quantity]] = {"offset": Quantity("rad", -10.0, 10.0)}
-    signature: ClassVar[str] = "a constant in the position but not in the torque"
-    needs: ClassVar[str] = "a torque that depends on position, or a known start"
-    reference: ClassVar[str] = "Ljung 1999, System Identification, 2nd ed., sec. 14.1"
-    port: ClassVar[str] = "output"
-    code: ClassVar[int] = codes.OUTPUT_OFFSET
+    name = "output_offset"
+    equation = "y = q + c"
+    signature = "a constant in the position but not in the torque"
+    needs = "a torque that depends on position, or a known start"
+    reference = "Ljung 1999, System Identification, 2nd ed., sec. 14.1"
+    code = codes.OUTPUT_OFFSET
 
 
-@dataclass(frozen=True)
-class OutputDrift(Effect):
+class OutputDrift(SensorEffect):
     """The sensor's zero drifts at a constant rate, y = q + c t (rad).
 
     See Also
@@ -55,22 +54,17 @@ class OutputDrift(Effect):
     0.02
     """
 
-    rate: float = 1e-3
+    rate: float = number(1e-3, "rad/s", -0.1, 0.1)
 
-    name: ClassVar[str] = "output_drift"
-    place: ClassVar[str] = "sensor"
-    equation: ClassVar[str] = "y = q + c t"
-    size: ClassVar[str] = "rate"
-    quantities: ClassVar[dict[str, Quantity]] = {"rate": Quantity("rad/s", -0.1, 0.1)}
-    signature: ClassVar[str] = "a trend in the position but not in the torque"
-    needs: ClassVar[str] = "a long run"
-    reference: ClassVar[str] = "Ljung 1999, System Identification, 2nd ed., sec. 14.1"
-    port: ClassVar[str] = "output"
-    code: ClassVar[int] = codes.OUTPUT_DRIFT
+    name = "output_drift"
+    equation = "y = q + c t"
+    signature = "a trend in the position but not in the torque"
+    needs = "a long run"
+    reference = "Ljung 1999, System Identification, 2nd ed., sec. 14.1"
+    code = codes.OUTPUT_DRIFT
 
 
-@dataclass(frozen=True)
-class SensorRectification(Effect):
+class SensorRectification(SensorEffect):
     """The sensor loses the sign, wholly (fraction 1) or in part: y = (1 - f) q + f |q| (rad).
 
     See Also
@@ -83,24 +77,19 @@ class SensorRectification(Effect):
     [1.0, 0.0]
     """
 
-    fraction: float = 1.0
+    fraction: float = number(1.0, "1", 0.0, 1.0, starts=(1.0,))
 
-    name: ClassVar[str] = "sensor_rectification"
-    place: ClassVar[str] = "sensor"
-    equation: ClassVar[str] = "y = (1 - f) q + f |q|"
-    size: ClassVar[str] = "fraction"
-    quantities: ClassVar[dict[str, Quantity]] = {"fraction": Quantity("1", 0.0, 1.0, starts=(1.0,))}
-    signature: ClassVar[str] = "a gap where the position should be negative, and nowhere else"
-    needs: ClassVar[str] = "both signs of position"
-    reference: ClassVar[str] = (
+    name = "sensor_rectification"
+    equation = "y = (1 - f) q + f |q|"
+    signature = "a gap where the position should be negative, and nowhere else"
+    needs = "both signs of position"
+    reference = (
         "Wigren, Schoukens 2017, Coupled Electric Drives Data Set and Reference Models, Uppsala University 2017-024"
     )
-    port: ClassVar[str] = "output"
-    code: ClassVar[int] = codes.SENSOR_RECTIFICATION
+    code = codes.SENSOR_RECTIFICATION
 
 
-@dataclass(frozen=True)
-class EncoderEccentricity(Effect):
+class EncoderEccentricity(SensorEffect):
     """The disc of the encoder is off centre (order 1) or bent (order 2): y = q + A cos(k q + phi) (rad).
 
     See Also
@@ -114,31 +103,20 @@ class EncoderEccentricity(Effect):
     [0.001, -0.001]
     """
 
-    amplitude: float = 1e-3
-    order: float = 1.0
-    phase: float = 0.0
+    amplitude: float = number(1e-3, "rad", 1e-6, 0.1, log=True)
+    order: float = number(1.0, "1", 0.8, 64.0, starts=(1.0, 2.0, 3.0, 4.0))
+    phase: float = number(0.0, "rad", -math.pi, math.pi)
 
-    name: ClassVar[str] = "encoder_eccentricity"
-    place: ClassVar[str] = "sensor"
-    equation: ClassVar[str] = "y = q + A cos(k q + phi), A = eccentricity / radius"
-    size: ClassVar[str] = "amplitude"
-    quantities: ClassVar[dict[str, Quantity]] = {
-        "amplitude": Quantity("rad", 1e-6, 0.1, log=True),
-        "order": Quantity("1", 0.8, 64.0, starts=(1.0, 2.0, 3.0, 4.0)),
-        "phase": Quantity("rad", -math.pi, math.pi),
-    }
-    signature: ClassVar[str] = "a wave over position whose torque grows with the square of speed"
-    needs: ClassVar[str] = "a turn at two speeds"
-    reference: ClassVar[str] = (
-        "makers' notes: Celera Motion, scale eccentricity (order 1, e/R); Synapticon Circulo, ovality (order 2)"
-    )
-    port: ClassVar[str] = "output"
-    phased: ClassVar[bool] = True
-    code: ClassVar[int] = codes.ENCODER_ECCENTRICITY
+    name = "encoder_eccentricity"
+    equation = "y = q + A cos(k q + phi), A = eccentricity / radius"
+    signature = "a wave over position whose torque grows with the square of speed"
+    needs = "a turn at two speeds"
+    reference = "makers' notes: Celera Motion, scale eccentricity (order 1, e/R); Synapticon Circulo, ovality (order 2)"
+    phased = True
+    code = codes.ENCODER_ECCENTRICITY
 
 
-@dataclass(frozen=True)
-class Quantization(Effect):
+class Quantization(SensorEffect):
     """The sensor counts in steps, y = s round(q / s) (rad); it has no column.
 
     See Also
@@ -152,16 +130,12 @@ class Quantization(Effect):
     {'step_rad': 0.001}
     """
 
-    step: float = 1e-3
+    step: float = number(1e-3, "rad", 1e-8, 0.1, log=True)
 
-    name: ClassVar[str] = "quantization"
-    place: ClassVar[str] = "sensor"
-    equation: ClassVar[str] = "y = s round(q / s)"
-    size: ClassVar[str] = "step"
-    quantities: ClassVar[dict[str, Quantity]] = {"step": Quantity("rad", 1e-8, 0.1, log=True)}
-    signature: ClassVar[str] = "positions that are multiples of a step"
-    needs: ClassVar[str] = "slow motion and less noise than a step"
-    reference: ClassVar[str] = "Widrow, Kollar, Liu 1996, IEEE Trans. Instrum. Meas. 45(2), 353-361"
-    port: ClassVar[str] = "output"
-    column_kind: ClassVar[str] = "none"
-    code: ClassVar[int] = codes.QUANTIZATION
+    name = "quantization"
+    equation = "y = s round(q / s)"
+    signature = "positions that are multiples of a step"
+    needs = "slow motion and less noise than a step"
+    reference = "Widrow, Kollar, Liu 1996, IEEE Trans. Instrum. Meas. 45(2), 353-361"
+    column_kind = "none"
+    code = codes.QUANTIZATION

@@ -6,18 +6,20 @@ six-parameter smooth friction law (3) is a sum like any other.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import ClassVar
-
 from whsklearn.effects import codes
 from whsklearn.effects.friction import StaticEffect
-from whsklearn.effects.quantity import Quantity
-
-_WEIGHT = Quantity("y per x", -1e6, 1e6)
+from whsklearn.effects.quantity import number
 
 
-@dataclass(frozen=True)
-class Tanh(StaticEffect):
+class LawTerm(StaticEffect):
+    """A term of a law of any system: its weight is in the unit of y per that of the term."""
+
+    weight: float = number(1.0, "y per x", -1e6, 1e6)
+
+    place = "static"
+
+
+class Tanh(LawTerm):
     """weight tanh(dx / velocity), in y's unit: the smooth Coulomb term gamma_4 tanh(gamma_5 dx) of (3).
 
     See Also
@@ -36,21 +38,16 @@ class Tanh(StaticEffect):
     0.381
     """
 
-    weight: float = 1.0
-    velocity: float = 1.0
+    velocity: float = number(1.0, "x", 1e-6, 1e6, log=True)
 
-    name: ClassVar[str] = "tanh"
-    place: ClassVar[str] = "static"
-    equation: ClassVar[str] = "w tanh(dx / v)"
-    size: ClassVar[str] = "weight"
-    quantities: ClassVar[dict[str, Quantity]] = {"weight": _WEIGHT, "velocity": Quantity("x", 1e-6, 1e6, log=True)}
-    signature: ClassVar[str] = "a step at zero speed with a rounded edge"
-    needs: ClassVar[str] = "speeds on both sides of v, in both directions"
-    code: ClassVar[int] = codes.TANH
+    name = "tanh"
+    equation = "w tanh(dx / v)"
+    signature = "a step at zero speed with a rounded edge"
+    needs = "speeds on both sides of v, in both directions"
+    code = codes.TANH
 
 
-@dataclass(frozen=True)
-class TanhDifference(StaticEffect):
+class TanhDifference(LawTerm):
     """weight (tanh(dx / fast) - tanh(dx / slow)), in y's unit: the Stribeck term of (3).
 
     See Also
@@ -69,26 +66,17 @@ class TanhDifference(StaticEffect):
     0.704
     """
 
-    weight: float = 1.0
-    fast: float = 0.1
-    slow: float = 1.0
+    fast: float = number(0.1, "x", 1e-6, 1e6, log=True)
+    slow: float = number(1.0, "x", 1e-6, 1e6, log=True)
 
-    name: ClassVar[str] = "tanh_difference"
-    place: ClassVar[str] = "static"
-    equation: ClassVar[str] = "w (tanh(dx / v_1) - tanh(dx / v_2))"
-    size: ClassVar[str] = "weight"
-    quantities: ClassVar[dict[str, Quantity]] = {
-        "weight": _WEIGHT,
-        "fast": Quantity("x", 1e-6, 1e6, log=True),
-        "slow": Quantity("x", 1e-6, 1e6, log=True),
-    }
-    signature: ClassVar[str] = "a hump of friction at low speed that is gone at high speed"
-    needs: ClassVar[str] = "speeds between v_1 and v_2, in both directions"
-    code: ClassVar[int] = codes.TANH_DIFFERENCE
+    name = "tanh_difference"
+    equation = "w (tanh(dx / v_1) - tanh(dx / v_2))"
+    signature = "a hump of friction at low speed that is gone at high speed"
+    needs = "speeds between v_1 and v_2, in both directions"
+    code = codes.TANH_DIFFERENCE
 
 
-@dataclass(frozen=True)
-class Power(StaticEffect):
+class Power(LawTerm):
     """weight x^degree, in y's unit: a term of a polynomial.
 
     See Also
@@ -107,17 +95,13 @@ class Power(StaticEffect):
     -16.0
     """
 
-    weight: float = 1.0
-    degree: float = 1.0
+    degree: float = number(1.0, "1", 0, 9)
 
-    name: ClassVar[str] = "power"
-    place: ClassVar[str] = "static"
-    equation: ClassVar[str] = "w x^k"
-    size: ClassVar[str] = "weight"
-    quantities: ClassVar[dict[str, Quantity]] = {"weight": _WEIGHT, "degree": Quantity("1", 0, 9)}
-    signature: ClassVar[str] = "a curve over x that grows with the k-th power"
-    needs: ClassVar[str] = "the whole range of x; its ends determine the high powers"
-    code: ClassVar[int] = codes.POWER
+    name = "power"
+    equation = "w x^k"
+    signature = "a curve over x that grows with the k-th power"
+    needs = "the whole range of x; its ends determine the high powers"
+    code = codes.POWER
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -125,8 +109,7 @@ class Power(StaticEffect):
             raise ValueError(f"Power: degree is {self.degree}, expected a whole number >= 0; use Hinge for kinks.")
 
 
-@dataclass(frozen=True)
-class Hinge(StaticEffect):
+class Hinge(LawTerm):
     """weight max(x - knot, 0), in y's unit: a term of a piecewise-linear law.
 
     See Also
@@ -145,21 +128,16 @@ class Hinge(StaticEffect):
     [0.0, 1.0]
     """
 
-    weight: float = 1.0
-    knot: float = 0.0
+    knot: float = number(0.0, "x", -1e6, 1e6)
 
-    name: ClassVar[str] = "hinge"
-    place: ClassVar[str] = "static"
-    equation: ClassVar[str] = "w max(x - knot, 0)"
-    size: ClassVar[str] = "weight"
-    quantities: ClassVar[dict[str, Quantity]] = {"weight": _WEIGHT, "knot": Quantity("x", -1e6, 1e6)}
-    signature: ClassVar[str] = "a kink at the knot, zero below it"
-    needs: ClassVar[str] = "samples on both sides of the knot"
-    code: ClassVar[int] = codes.HINGE
+    name = "hinge"
+    equation = "w max(x - knot, 0)"
+    signature = "a kink at the knot, zero below it"
+    needs = "samples on both sides of the knot"
+    code = codes.HINGE
 
 
-@dataclass(frozen=True)
-class NaturalSpline(StaticEffect):
+class NaturalSpline(LawTerm):
     """One of the functions that span the natural cubic splines over given knots, in y's unit.
 
     Together with a constant and x they span all splines that are cubic between the knots and straight
@@ -176,25 +154,16 @@ class NaturalSpline(StaticEffect):
     [0.0, 0.5, 6.0]
     """
 
-    weight: float = 1.0
-    knot: float = -1.0
-    last_but_one: float = 0.0
-    last: float = 1.0
+    knot: float = number(-1.0, "x", -1e6, 1e6)
+    last_but_one: float = number(0.0, "x", -1e6, 1e6)
+    last: float = number(1.0, "x", -1e6, 1e6)
 
-    name: ClassVar[str] = "natural_spline"
-    place: ClassVar[str] = "static"
-    equation: ClassVar[str] = "w (d_k(x) - d_m(x)), d_k(x) = ((x - k)_+^3 - (x - l)_+^3) / (l - k)"
-    size: ClassVar[str] = "weight"
-    quantities: ClassVar[dict[str, Quantity]] = {
-        "weight": _WEIGHT,
-        "knot": Quantity("x", -1e6, 1e6),
-        "last_but_one": Quantity("x", -1e6, 1e6),
-        "last": Quantity("x", -1e6, 1e6),
-    }
-    reference: ClassVar[str] = "Hastie, Tibshirani, Friedman 2009, The Elements of Statistical Learning, (5.4)"
-    signature: ClassVar[str] = "a smooth bend over x, straight beyond the outer knots"
-    needs: ClassVar[str] = "samples between all of the knots"
-    code: ClassVar[int] = codes.NATURAL_SPLINE
+    name = "natural_spline"
+    equation = "w (d_k(x) - d_m(x)), d_k(x) = ((x - k)_+^3 - (x - l)_+^3) / (l - k)"
+    reference = "Hastie, Tibshirani, Friedman 2009, The Elements of Statistical Learning, (5.4)"
+    signature = "a smooth bend over x, straight beyond the outer knots"
+    needs = "samples between all of the knots"
+    code = codes.NATURAL_SPLINE
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -203,8 +172,7 @@ class NaturalSpline(StaticEffect):
             raise ValueError(f"NaturalSpline: the knots are {knots}, expected increasing numbers; sort them.")
 
 
-@dataclass(frozen=True)
-class SpeedHinge(StaticEffect):
+class SpeedHinge(LawTerm):
     """weight sign(dx) max(|dx| - knot, 0), in y's unit: a kink of an odd friction curve over speed.
 
     See Also
@@ -223,14 +191,10 @@ class SpeedHinge(StaticEffect):
     [-1.0, 0.0, 1.0]
     """
 
-    weight: float = 1.0
-    knot: float = 1.0
+    knot: float = number(1.0, "x", 1e-9, 1e6, log=True)
 
-    name: ClassVar[str] = "speed_hinge"
-    place: ClassVar[str] = "static"
-    equation: ClassVar[str] = "w sign(dx) max(|dx| - knot, 0)"
-    size: ClassVar[str] = "weight"
-    quantities: ClassVar[dict[str, Quantity]] = {"weight": _WEIGHT, "knot": Quantity("x", 1e-9, 1e6, log=True)}
-    signature: ClassVar[str] = "a kink of the friction curve at the same speed in both directions"
-    needs: ClassVar[str] = "speeds on both sides of the knot, in both directions"
-    code: ClassVar[int] = codes.SPEED_HINGE
+    name = "speed_hinge"
+    equation = "w sign(dx) max(|dx| - knot, 0)"
+    signature = "a kink of the friction curve at the same speed in both directions"
+    needs = "speeds on both sides of the knot, in both directions"
+    code = codes.SPEED_HINGE

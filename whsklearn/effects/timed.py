@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import ClassVar
 
 from whsklearn.effects import codes
 from whsklearn.effects.base import Effect
-from whsklearn.effects.quantity import Quantity
+from whsklearn.effects.quantity import choice, number
 
 
-@dataclass(frozen=True)
 class DisturbanceTone(Effect):
     """An external torque of one frequency, A cos(2 pi f t + phi) (Nm): mains, a fan, a pump.
 
@@ -26,36 +23,21 @@ class DisturbanceTone(Effect):
     [0.05, -0.05]
     """
 
-    amplitude: float = 0.05
-    frequency: float = 25.0
-    phase: float = 0.0
+    amplitude: float = number(0.05, "Nm", 1e-4, 1e3, log=True)
+    frequency: float = number(25.0, "Hz", 0.05, 500.0, log=True, span=(1.0, 1e5), scan="time")
+    phase: float = number(0.0, "rad", -math.pi, math.pi)
 
-    name: ClassVar[str] = "disturbance_tone"
-    place: ClassVar[str] = "time"
-    equation: ClassVar[str] = "A cos(2 pi f t + phi)"
-    size: ClassVar[str] = "amplitude"
-    quantities: ClassVar[dict[str, Quantity]] = {
-        "amplitude": Quantity("Nm", 1e-4, 1e3, log=True),
-        "frequency": Quantity("Hz", 0.05, 500.0, log=True, span=(1.0, 1e5), scan="time"),
-        "phase": Quantity("rad", -math.pi, math.pi),
-    }
-    signature: ClassVar[str] = "a line at a fixed frequency, with no relation to the reference"
-    needs: ClassVar[str] = "two speeds (at one speed cogging looks the same)"
-    reference: ClassVar[str] = "Bodson, Douglas 1997, Automatica 33(12), 2213-2221"
-    phased: ClassVar[bool] = True
-    repeats: ClassVar[bool] = True
-    code: ClassVar[int] = codes.DISTURBANCE_TONE
+    name = "disturbance_tone"
+    place = "time"
+    equation = "A cos(2 pi f t + phi)"
+    signature = "a line at a fixed frequency, with no relation to the reference"
+    needs = "two speeds (at one speed cogging looks the same)"
+    reference = "Bodson, Douglas 1997, Automatica 33(12), 2213-2221"
+    phased = True
+    repeats = True
+    code = codes.DISTURBANCE_TONE
 
 
-_CHANGES = {
-    "inertia": codes.CHANGE_INERTIA,
-    "viscous": codes.CHANGE_VISCOUS,
-    "coulomb": codes.CHANGE_COULOMB,
-    "gain": codes.CHANGE_GAIN,
-}
-
-
-@dataclass(frozen=True)
 class ParameterChange(Effect):
     """One parameter of the axis takes another value from a certain time on; ``change`` is in the parameter's unit.
 
@@ -72,24 +54,24 @@ class ParameterChange(Effect):
     [0.0, 0.2]
     """
 
-    change: float = 0.01
-    time: float = 1.0
-    parameter: str = "inertia"
-
-    name: ClassVar[str] = "parameter_change"
-    place: ClassVar[str] = "time"
-    equation: ClassVar[str] = "c r(t) for t >= t_0, r = a, v, sign(v) or -u"
-    size: ClassVar[str] = "change"
-    quantities: ClassVar[dict[str, Quantity]] = {
-        "change": Quantity("1", -1e3, 1e3),
-        "time": Quantity("s", 0.0, 1e5, span=(0.08, 0.92), scan="step"),
-    }
-    signature: ClassVar[str] = "a parameter that differs before and after"
-    needs: ClassVar[str] = "the same motion before and after the change"
-    reference: ClassVar[str] = (
-        "Basseville, Nikiforov 1993, Detection of Abrupt Changes: Theory and Application, Prentice Hall"
+    change: float = number(0.01, "1", -1e3, 1e3)
+    time: float = number(1.0, "s", 0.0, 1e5, span=(0.08, 0.92), scan="step")
+    parameter: str = choice(
+        "inertia",
+        {
+            "inertia": codes.CHANGE_INERTIA,
+            "viscous": codes.CHANGE_VISCOUS,
+            "coulomb": codes.CHANGE_COULOMB,
+            "gain": codes.CHANGE_GAIN,
+        },
     )
-    choices: ClassVar[dict[str, tuple[str, ...]]] = {"parameter": tuple(_CHANGES)}
+
+    name = "parameter_change"
+    place = "time"
+    equation = "c r(t) for t >= t_0, r = a, v, sign(v) or -u"
+    signature = "a parameter that differs before and after"
+    needs = "the same motion before and after the change"
+    reference = "Basseville, Nikiforov 1993, Detection of Abrupt Changes: Theory and Application, Prentice Hall"
 
     @classmethod
     def parent_of(cls, **options: str) -> str:
@@ -101,8 +83,3 @@ class ParameterChange(Effect):
             Fields that are text.
         """
         return options["parameter"] if options["parameter"] in ("viscous", "coulomb") else ""
-
-    @property
-    def code(self) -> int:  # type: ignore[override]
-        """The code of the parameter that changes."""
-        return _CHANGES[self.parameter]

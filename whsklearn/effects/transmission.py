@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import ClassVar
 
 from whsklearn._numba import njit
 from whsklearn.effects import codes
 from whsklearn.effects.base import Effect
-from whsklearn.effects.quantity import Quantity
+from whsklearn.effects.quantity import number
 
-_SHARE = Quantity("1", 0.05, 0.95, starts=(0.45,))
 _equation = njit(cache=False, error_model="numpy")
 
 
@@ -72,15 +69,14 @@ def play(gap, reading, x):
     return x + half if x + half < reading else reading
 
 
-@dataclass(frozen=True)
 class TransmissionEffect(Effect):
     """An effect that splits the inertia; ``load_share`` of it is behind the transmission."""
 
-    place: ClassVar[str] = "transmission"
-    port: ClassVar[str] = "block"
-    column_kind: ClassVar[str] = "none"
-    finest: ClassVar[float] = 2.5e-4
-    essential: ClassVar[tuple[str, ...]] = ("load_share",)  # a load without mass, or a motor without one, is one body
+    place = "transmission"
+    port = "block"
+    column_kind = "none"
+    finest = 2.5e-4
+    essential = ("load_share",)  # a load without mass, or a motor without one, is one body
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -90,7 +86,6 @@ class TransmissionEffect(Effect):
             )
 
 
-@dataclass(frozen=True)
 class Backlash(TransmissionEffect):
     """Play between motor and load; the contact is stiff and damped, and can only push.
 
@@ -109,28 +104,20 @@ class Backlash(TransmissionEffect):
     {'gap_rad': 0.002, 'load_share': 0.5, 'frequency_hz': 60.0, 'damping_ratio': 0.3}
     """
 
-    gap: float = 2e-3
-    load_share: float = 0.5
-    frequency: float = 60.0
-    damping_ratio: float = 0.3
+    gap: float = number(2e-3, "rad", 1e-5, 0.5, log=True, span=(1e-5, 0.5), starts=(1e-3, 3e-3, 1e-2, 3e-2))
+    load_share: float = number(0.5, "1", 0.05, 0.95, starts=(0.45,))
+    frequency: float = number(60.0, "Hz", 5.0, 1e3, log=True, scale="resonance", span=(0.1, 1.0), starts=(0.6,))
+    damping_ratio: float = number(0.3, "1", 0.01, 1.5, starts=(0.15,))
 
-    name: ClassVar[str] = "backlash"
-    equation: ClassVar[str] = "T_c = k (d - clip(d, -b/2, b/2)) + c dd/dt in contact, d = q_m - q_l"
-    size: ClassVar[str] = "gap"
-    quantities: ClassVar[dict[str, Quantity]] = {
-        "gap": Quantity("rad", 1e-5, 0.5, log=True, span=(1e-5, 0.5), starts=(1e-3, 3e-3, 1e-2, 3e-2)),
-        "load_share": _SHARE,
-        "frequency": Quantity("Hz", 5.0, 1e3, log=True, scale="resonance", span=(0.1, 1.0), starts=(0.6,)),
-        "damping_ratio": Quantity("1", 0.01, 1.5, starts=(0.15,)),
-    }
-    signature: ClassVar[str] = "after a reversal the drive moves the motor alone until an impact"
-    needs: ClassVar[str] = "reversals under load"
-    reference: ClassVar[str] = "Nordin, Gutman 2002, Automatica 38(10), 1633-1649"
-    finest: ClassVar[float] = 1.25e-4  # an impact lasts a few steps
-    code: ClassVar[int] = codes.BACKLASH
+    name = "backlash"
+    equation = "T_c = k (d - clip(d, -b/2, b/2)) + c dd/dt in contact, d = q_m - q_l"
+    signature = "after a reversal the drive moves the motor alone until an impact"
+    needs = "reversals under load"
+    reference = "Nordin, Gutman 2002, Automatica 38(10), 1633-1649"
+    finest = 1.25e-4  # an impact lasts a few steps
+    code = codes.BACKLASH
 
 
-@dataclass(frozen=True)
 class FlexibleCoupling(TransmissionEffect):
     """A spring between motor and load, T_c = (q_m - q_l) / C + c (v_m - v_l) (Nm).
 
@@ -145,21 +132,15 @@ class FlexibleCoupling(TransmissionEffect):
     {'compliance_rad_per_nm': 0.001, 'load_share': 0.5, 'damping_ratio': 0.03}
     """
 
-    compliance: float = 1e-3
-    load_share: float = 0.5
-    damping_ratio: float = 0.03
+    compliance: float = number(
+        1e-3, "rad/Nm", 1e-7, 1e1, log=True, span=(0.5, 1e4), starts=(2.25, 6.6, 20.0, 56.0, 165.0, 506.0)
+    )
+    load_share: float = number(0.5, "1", 0.05, 0.95, starts=(0.45,))
+    damping_ratio: float = number(0.03, "1", 0.003, 1.0, starts=(0.06,))
 
-    name: ClassVar[str] = "flexible_coupling"
-    equation: ClassVar[str] = "T_c = (q_m - q_l) / C + c (v_m - v_l), c = 2 zeta sqrt(J_r / C), J_r = J_m J_l / J"
-    size: ClassVar[str] = "compliance"
-    quantities: ClassVar[dict[str, Quantity]] = {
-        "compliance": Quantity(
-            "rad/Nm", 1e-7, 1e1, log=True, span=(0.5, 1e4), starts=(2.25, 6.6, 20.0, 56.0, 165.0, 506.0)
-        ),
-        "load_share": _SHARE,
-        "damping_ratio": Quantity("1", 0.003, 1.0, starts=(0.06,)),
-    }
-    signature: ClassVar[str] = "a resonance at a fixed frequency that the drive excites"
-    needs: ClassVar[str] = "energy near the resonance"
-    reference: ClassVar[str] = "Spong 1987, ASME J. Dyn. Syst. Meas. Control 109(4), 310-319"
-    code: ClassVar[int] = codes.FLEXIBLE_COUPLING
+    name = "flexible_coupling"
+    equation = "T_c = (q_m - q_l) / C + c (v_m - v_l), c = 2 zeta sqrt(J_r / C), J_r = J_m J_l / J"
+    signature = "a resonance at a fixed frequency that the drive excites"
+    needs = "energy near the resonance"
+    reference = "Spong 1987, ASME J. Dyn. Syst. Meas. Control 109(4), 310-319"
+    code = codes.FLEXIBLE_COUPLING
