@@ -28,7 +28,7 @@ class Beside:
     def __init__(self) -> None:
         self.rows: list[tuple[float, ...]] = []
 
-    def __call__(self, residual, x0, steps, bounds, *, max_iterations=15, tolerance=2e-4, slopes=None):
+    def __call__(self, residual, x0, steps, bounds, *, max_iterations=15, tolerance=2e-4, slopes=None, workers=None):
         """The own fit's answer, after both were run."""
         calls = 0
 
@@ -37,7 +37,7 @@ class Beside:
             calls += 1
             return residual(x)
 
-        options = {"max_iterations": max_iterations, "tolerance": tolerance, "slopes": slopes}
+        options = {"max_iterations": max_iterations, "tolerance": tolerance, "slopes": slopes, "workers": workers}
         began = time.process_time()
         fit = own.least_squares(counted, x0, steps, bounds, **options)
         row = [calls, time.process_time() - began, fit.cost]

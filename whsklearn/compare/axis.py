@@ -212,9 +212,7 @@ def by_shape(view: InverseView, model: AxisModel) -> Array:
         term = model.terms[i]
         kind = term.kind
         for slot in range(kind.linear, kind.n_slots):
-            step = SMALL * (
-                abs(term.q[slot]) if kind.ratios(slot - kind.linear) else kind.spread(slot - kind.linear, model.scene)
-            )
+            step = SMALL * (abs(term.q[slot]) if kind.ratios(slot) else kind.spread(slot - kind.linear, model.scene))
             ends = [view.term_columns(model, term.with_slot(slot, term.q[slot] + by), None) for by in (step, -step)]
             change = (ends[0] - ends[1]) @ np.array(term.q[: kind.linear])
             beside = change[view.at] - q @ (q.T @ change[view.at])

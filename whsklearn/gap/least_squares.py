@@ -49,7 +49,9 @@ class Fit:
     cost: float
 
 
-def jacobian(residual: Callable[[Array], Array], x: Array, r: Array, steps: Array, high: Array) -> Array:
+def jacobian(
+    residual: Callable[[Array], Array], x: Array, r: Array, steps: Array, high: Array, workers: int | None = None
+) -> Array:
     """Forward differences, backward at an upper bound; one per core at a time: compiled passes release the GIL."""
 
     def column(j: int) -> Array:
@@ -58,7 +60,7 @@ def jacobian(residual: Callable[[Array], Array], x: Array, r: Array, steps: Arra
         moved[j] += h
         return (residual(moved) - r) / h
 
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
+    with ThreadPoolExecutor(workers or os.cpu_count()) as pool:
         return np.column_stack(list(pool.map(column, range(x.size))))
 
 
@@ -71,11 +73,13 @@ def least_squares(
     max_iterations: int = 15,
     tolerance: float = 2e-4,
     slopes: Callable[[Array], Array] | None = None,
+    workers: int | None = None,
 ) -> Fit:
     """Minimise the sum of squares of ``residual`` within bounds (Levenberg 1944, Marquardt 1963).
 
     It ends when an iteration reduces the sum of squares by less than ``tolerance``, because names are decided by
-    percents of it. ``slopes`` gives the derivatives if differences of the residual would be too rough.
+    percents of it. ``slopes`` gives the derivatives if differences of the residual would be too rough. ``workers`` is 1
+    if two residuals must not be computed at a time; by default there is one per core.
 
     Differences cost one residual per number. After a step that reduced the sum of squares as predicted, they are
     updated by Broyden's formula (1965, Math. Comp. 19, 577-593), J + (r' - r - J s) s'D / (s'D s) with D the columns'
@@ -86,7 +90,7 @@ def least_squares(
     r = residual(x)
     cost = float(r @ r)
     damping = 1e-3
-    jac, carried, taken = slopes(x) if slopes else jacobian(residual, x, r, steps, high), 0, 1
+    jac, carried, taken = slopes(x) if slopes else jacobian(residual, x, r, steps, high, workers), 0, 1
     while True:
         gradient = jac.T @ r
         pinned = ((x <= low) & (gradient > 0)) | ((x >= high) & (gradient < 0))
@@ -124,7 +128,7 @@ def least_squares(
             break
         if taken == max_iterations:
             break
-        jac, carried, taken = slopes(x) if slopes else jacobian(residual, x, r, steps, high), 0, taken + 1
+        jac, carried, taken = slopes(x) if slopes else jacobian(residual, x, r, steps, high, workers), 0, taken + 1
     return Fit(x, r, jac, cost)
 
 

@@ -229,6 +229,35 @@ class Tangent:
         )  # fmt: skip
 
 
+def strongest_lines(rows: Array, kept: Array, step: float, low: float, high: float) -> list[float]:
+    """Frequencies (Hz) of the strongest line of every row of residuals, each once: where a tone may be.
+
+    Parameters
+    ----------
+    rows : ndarray of shape (n, m)
+        `Tangent.rows`.
+    kept : ndarray of bool
+        Samples of an even grid to which they belong; the others count as zero.
+    step : float
+        Of that grid (s).
+    low, high : float
+        Lowest and highest frequency (Hz).
+    """
+    whole = np.zeros((rows.shape[1], kept.size))
+    whole[:, kept] = rows.T
+    n = 4 * kept.size
+    frequency = np.fft.rfftfreq(n, step)
+    inside = np.flatnonzero((frequency >= low) & (frequency <= high))
+    if inside.size == 0:
+        return []
+    power = np.abs(np.fft.rfft(whole, n)) ** 2
+    best = np.clip(inside[np.argmax(power[:, inside], axis=1)], 1, frequency.size - 2)
+    below, here, above = (power[np.arange(best.size), best + k] for k in (-1, 0, 1))
+    bend = np.maximum(2.0 * here - below - above, 1e-300)
+    off = np.clip(0.5 * (above - below) / bend, -0.5, 0.5)  # the vertex of the parabola through three lines
+    return [float(f) for f in np.unique(np.clip((best + off) * frequency[1], low, high))]
+
+
 def with_p_values(looks: list[Look], least: float = 0.0) -> list[Look]:
     """The looks with their p-values, corrected for the number of families, the best score first.
 

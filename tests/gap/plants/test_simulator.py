@@ -45,7 +45,7 @@ def test_numbers_that_can_be_set_have_errors_without_a_refit():
 def test_series_are_of_one_length_and_runs_those_of_the_models():
     plant = SimulatorPlant(Told(1.0), RECORD, tolerance=0.004)
     base = plant.base(np.random.default_rng(0))
-    model = plant.fits.build((EffectTerm(CableSpring(0.3, 0.0)),))
+    model = plant.fits.build((EffectTerm.of(CableSpring(0.3, 0.0)),))
     shown = pictures(plant, base, model)
     np.testing.assert_allclose(shown["runs"]["after"], model.simulator.simulate(RECORD))
     n = shown["gap_time"].size

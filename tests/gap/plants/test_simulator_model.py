@@ -6,23 +6,22 @@ import numpy as np
 import pytest
 
 from tests.gap.plants.example_simulator import RECORD, TIME, Damper, Told
-from whsklearn.effects import CableSpring, Cogging, ContactStop, InputOffset
+from whsklearn.effects import CableSpring, Cogging, EndStop, InputOffset, Saturation, Scales, Stribeck
 from whsklearn.gap import ServoRecord
 from whsklearn.gap.plants.simulator import SimulatorPlant
-from whsklearn.gap.plants.simulator_model import EffectTerm, SimulatorFit, SimulatorModel, movable, refine, sized, sizes
+from whsklearn.gap.plants.simulator_model import EffectTerm, SimulatorFit, SimulatorModel, refine, sized, sizes
 from whsklearn.gap.tangent import Look
 
 TRAIN = np.arange(TIME.size) % 5 < 3
 
 
-@pytest.mark.parametrize(
-    "term", [EffectTerm(Cogging(0.3, 7.0, 0.4), ("order",)), EffectTerm(CableSpring(0.3, 0.1), ("centre",))]
-)
+@pytest.mark.parametrize("term", [EffectTerm.of(Cogging(0.3, 7.0, 0.4)), EffectTerm.of(CableSpring(0.3, 0.1))])
 def test_a_vector_is_its_effect(term):
     again = term.with_vector(np.array(term.vector()))
     np.testing.assert_allclose(again.vector(), term.vector(), rtol=1e-12)
     assert len(term.steps()) == len(term.vector())
-    twice = term.with_vector(2.0 * np.array(term.vector()))
+    n = term.kind.linear
+    twice = term.with_vector(np.concatenate([2.0 * np.array(term.vector()[:n]), term.vector()[n:]]))
     assert twice.effect.magnitude == pytest.approx(2.0 * term.effect.magnitude)
 
 
@@ -30,7 +29,7 @@ def test_a_vector_is_its_effect(term):
 def test_grown_beside_the_simulators_own_numbers_a_spring_has_its_stiffness(simulator):
     fits = SimulatorFit(simulator(1.2).refit(RECORD, TRAIN), RECORD, TRAIN, simulator(1.2))
     model = fits.build((), refit=False)
-    begin = fits.begun(model, EffectTerm(CableSpring(0.1, 0.0)))
+    begin = fits.begun(model, EffectTerm.of(CableSpring(0.1, 0.0)))
     grown = fits.grow(model, begin, lambda error: error[TRAIN], again=True)
     assert grown.terms[0].effect.stiffness == pytest.approx(0.3, rel=0.05)
     assert np.std(grown.error) < 0.5 * np.std(begin.error)
@@ -56,17 +55,17 @@ def test_a_simulator_that_gives_another_length_is_told_so():
 
 
 def test_a_model_without_a_term_is_built_anew():
-    model = SimulatorModel(Damper(), (EffectTerm(CableSpring(0.3, 0.0)),), np.zeros(3))
+    model = SimulatorModel(Damper(), (EffectTerm.of(CableSpring(0.3, 0.0)),), np.zeros(3))
     assert (model.without(0).simulator, model.without(0).terms) == (None, ())
 
 
-def test_a_step_changes_no_number_that_is_never_negative_by_more_than_threefold():
-    term = EffectTerm(
-        ContactStop(10.0, 0.4, relaxation=0.02, centre=0.1, side="both"), ("angle", "relaxation", "centre")
-    )
-    step = term.held_in(np.array([-50.0, -5.0, 0.5, 4.0]))
-    assert step.tolist() == pytest.approx([-50.0, -5.0, 0.04, 4.0])  # only the relaxation is never negative
-    assert term.held_in(np.array([0.0, 0.0, -1.0, 0.0]))[2] == pytest.approx(0.02 / 3.0 - 0.02)
+def test_a_number_that_is_never_negative_stays_positive_and_within_what_a_record_can_show():
+    term = EffectTerm.of(EndStop(10.0, 0.4))
+    (_, low), (_, high) = term.bounds(Scales(reach=0.5))
+    assert np.exp(low) < 0.4 < np.exp(high)
+    assert term.with_vector(np.array([10.0, -50.0])).effect.angle > 0.0
+    far = EffectTerm.of(EndStop(10.0, 40.0))  # where a user's own start is, is never out of range
+    assert far.bounds(Scales(reach=0.5))[1][1] >= np.log(40.0)
 
 
 def plant_of(spring):
@@ -114,5 +113,7 @@ def test_an_effect_that_the_simulator_cannot_hold_is_refused_and_leaves_the_mode
     assert "cannot hold" in closed.objection(model, same)
 
 
-def test_exponents_and_counts_stay():
-    assert [movable(f) for f in ("order", "exponent", "elements", "centre")] == [True, False, False, True]
+def test_exponents_stay_and_so_do_fields_that_the_simulator_fixes():
+    assert EffectTerm.of(Stribeck(1.0, 0.1, 2.0)).moved == (0, 1)
+    assert EffectTerm.of(Cogging(1.0, 6.0), ("order",)).moved == (0, 1)
+    assert EffectTerm.of(Saturation(0.8)).moved == (0,)

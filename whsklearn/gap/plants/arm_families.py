@@ -14,7 +14,7 @@ from whsklearn.effects import ContactStop
 from whsklearn.gap.plants.arm_terms import AtJoint, JointTerm, Load
 from whsklearn.gap.plants.arm_view import LATEST, ArmView
 from whsklearn.gap.plants.servo_families import generic_basis
-from whsklearn.gap.tangent import AT_ONCE, Family, Look, Tangent
+from whsklearn.gap.tangent import AT_ONCE, Family, Look, Tangent, strongest_lines
 from whsklearn.identification.drive_lead import OLDEST
 from whsklearn.identification.payload import place_of, point_load
 
@@ -143,17 +143,14 @@ def _tones(view: ArmView, kind: AtJoint, tangent: Tangent) -> Blocks:
     assert kind.index is not None
     low = c.ranged(view.scene(kind))[0][0]
     at = np.rint(view.time[view.kept] / view.step).astype(int)
-    rows = np.zeros((tangent.rows.shape[1], at[-1] + 1))
-    rows[:, at] = tangent.rows[kind.rows].T
-    n = 4 * rows.shape[1]
-    frequency = np.fft.rfftfreq(n, view.step)
-    inside = np.flatnonzero((frequency >= low) & (frequency <= min(1.5 * view.lags.cutoff_, 0.5 / view.step)))
-    if inside.size == 0:
+    kept = np.zeros(at[-1] + 1, dtype=bool)
+    kept[at] = True
+    high = min(1.5 * view.lags.cutoff_, 0.5 / view.step)
+    best = strongest_lines(tangent.rows[kind.rows], kept, view.step, low, high)
+    if not best:
         return
-    power = np.abs(np.fft.rfft(rows, n)[:, inside]) ** 2
-    best = np.unique(frequency[inside[np.argmax(power, axis=1)]])
-    phase = 2 * np.pi * view.time[view.kept][:, None] * best
-    yield [(float(f),) for f in best], np.stack([np.cos(phase), np.sin(phase)], axis=2), 1.0
+    phase = 2 * np.pi * view.time[view.kept][:, None] * np.array(best)
+    yield [(f,) for f in best], np.stack([np.cos(phase), np.sin(phase)], axis=2), 1.0
 
 
 def nameless(view: ArmView) -> Iterator[Family]:
@@ -182,7 +179,9 @@ def polished(view: ArmView, tangent: Tangent, term: JointTerm) -> JointTerm:
         return term
     scene = view.scene(kind)
     ranges = [c.ranged(scene)[i] for i in free]
-    logs = [c.ratios(i) and low > 0.0 and term.shape[i] > 0.0 for i, (low, _) in zip(free, ranges, strict=True)]
+    logs = [
+        c.ratios(c.linear + i) and low > 0.0 and term.shape[i] > 0.0 for i, (low, _) in zip(free, ranges, strict=True)
+    ]
     family = Family(kind.name, lambda _: (), lambda *_: None, positive=kind.grows, offset=kind.transforms,
                     rows=kind.rows)  # fmt: skip
 

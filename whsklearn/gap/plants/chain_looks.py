@@ -19,7 +19,7 @@ from whsklearn.gap.plants import chain_model as cm
 from whsklearn.gap.plants.chain_fit import SOFT, climb, coloured, sharpened
 from whsklearn.gap.plants.chain_model import ChainCandidate, ChainModel, Record, Sizes, Term, catalogue
 from whsklearn.gap.record import rms
-from whsklearn.gap.tangent import Family, Look, Tangent, with_p_values
+from whsklearn.gap.tangent import Family, Look, Tangent, strongest_lines, with_p_values
 from whsklearn.recursion.arrays import Array
 
 SLOPED = SOFT[-1]  # kappa times rms dx at which a sign has a slope
@@ -29,7 +29,6 @@ WRONG_SIDE = 6.0  # deviations beyond which a sample is on the wrong side of a s
 N_HILLS = 8  # of a nameless function, between the quantiles of its signal
 N_TIMES = 12  # hills over the record
 N_LAGS = 6  # of a nameless dependence on past inputs
-N_TONES = 3  # lines of the spectrum of each row that are tried
 
 
 @dataclass
@@ -70,21 +69,9 @@ class Scene:
 
 
 def tones(scene: Scene, kind: ChainCandidate, tangent: Tangent) -> list[tuple[float, ...]]:
-    """The strongest lines of the record and of every null row."""
-    n = 4 * scene.record.u.size
-    rows = np.zeros((tangent.rows.shape[1], scene.record.u.size))
-    rows[:, scene.record.fit] = tangent.rows.T
-    hertz = np.fft.rfftfreq(n, scene.record.dt)
-    low, high = kind.range_of(2, scene.sizes)
-    power = np.abs(np.fft.rfft(rows, n)) ** 2
-    power[:, (hertz < low) | (hertz > 0.98 * high)] = 0.0
-    found: set[float] = set()
-    for row in power:
-        for _ in range(N_TONES):
-            i = int(np.argmax(row))
-            found.add(float(hertz[i]))
-            row[max(0, i - 8) : i + 9] = 0.0
-    return [(f,) for f in sorted(found) if f >= low]
+    """The strongest line of the record and of every null row."""
+    s, (low, high) = scene.record, kind.range_of(2, scene.sizes)
+    return [(f,) for f in strongest_lines(tangent.rows, s.fit, s.dt, low, 0.98 * high)]
 
 
 def family(scene: Scene, kind: ChainCandidate) -> Family:

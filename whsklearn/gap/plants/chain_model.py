@@ -127,13 +127,6 @@ class ChainCandidate(EffectVariant):
         """Whether it is a force on the mass that L1 is: a function of x at the input."""
         return self.cls.place == "position" and self.at == "input"
 
-    def ratios(self, i: int) -> bool:
-        """Whether number i is varied by ratios."""
-        if i < self.linear:
-            return False
-        q = self.cls.quantities[self.fields[i]]
-        return q.log or q.low > 0.0 or (self.scanned == "position" and self.fields[i] == "order")
-
     def range_of(self, i: int, z: Sizes) -> tuple[float, float]:
         """(low, high) of number i in one record."""
         field = self.fields[i]

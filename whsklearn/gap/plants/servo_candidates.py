@@ -131,11 +131,6 @@ class Candidate(EffectVariant):
         """Whether it only delays the drive, as an age of the drive would."""
         return self.transforms and self.cls.column_kind == "first_order"
 
-    def ratios(self, shape: int) -> bool:
-        """Whether a shape number is varied by ratios."""
-        q = self.cls.quantities[self.fields[self.linear + shape]]
-        return q.log or q.low > 0.0 or bool(q.scan)
-
     @property
     def label(self) -> str:
         """Name with the variant, for internal use."""

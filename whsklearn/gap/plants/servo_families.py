@@ -36,7 +36,7 @@ from whsklearn.gap.plants.servo_inverse import later, reaching
 from whsklearn.gap.plants.servo_model import AxisModel, Term
 from whsklearn.gap.plants.servo_own import Own
 from whsklearn.gap.search import HALF, LEAST_SHARE
-from whsklearn.gap.tangent import AT_ONCE, Family, Look, Tangent, chance, with_p_values
+from whsklearn.gap.tangent import AT_ONCE, Family, Look, Tangent, chance, strongest_lines, with_p_values
 
 Array = NDArray[Any]
 Blocks = Iterator[tuple[Any, Array, Array | float]]
@@ -169,12 +169,7 @@ def family(scene: Scene, kind: Candidate) -> Family:
         return Family(kind.name, lambda _: orders(scene, kind), term, n_numbers, signal=kind.signal)
     if kind.scanned == "time":
         return Family(kind.name, lambda t: tones(scene, kind, t), term, n_numbers)
-    shapes: list[tuple[float, ...]]
-    if kind.scanned == "step":
-        low, high = kind.ranged(scene.view.scene)[0]
-        shapes = [(float(t),) for t in np.linspace(low, high, 25)]
-    else:
-        shapes = kind.starts(scene.view.scene)
+    shapes = kind.grid(scene.view.scene, scene.view.cutoff)
     return Family(
         kind.name, lambda _: (([s], scene.columns(Term(kind, (*zeros, *s))), 1.0) for s in shapes), term, n_numbers,
         positive=kind.positive, signal=kind.signal,
@@ -253,18 +248,11 @@ def highest_order(view: Any) -> float:
 def tones(scene: Scene, kind: Candidate, tangent: Tangent) -> Blocks:
     """The strongest line of the record and of every null row, from their spectra (rests are filled with zeros)."""
     view = scene.view
-    low = kind.ranged(view.scene)[0][0]
-    rows = np.zeros((tangent.rows.shape[1], view.drive.size))
-    rows[:, view.at] = tangent.rows.T
-    n = 4 * view.drive.size
-    frequency = np.fft.rfftfreq(n, view.step)
-    inside = np.flatnonzero((frequency >= low) & (frequency <= 1.5 * view.cutoff))
-    if inside.size == 0:
+    best = strongest_lines(tangent.rows, view.usable, view.step, kind.ranged(view.scene)[0][0], 1.5 * view.cutoff)
+    if not best:
         return
-    power = np.abs(np.fft.rfft(rows, n)[:, inside]) ** 2
-    best = np.unique(frequency[inside[np.argmax(power, axis=1)]])
-    phase = 2 * np.pi * scene.time[:, None] * best
-    yield [(float(f),) for f in best], np.stack([np.cos(phase), np.sin(phase)], axis=2), 1.0
+    phase = 2 * np.pi * scene.time[:, None] * np.array(best)
+    yield [(f,) for f in best], np.stack([np.cos(phase), np.sin(phase)], axis=2), 1.0
 
 
 def nameless(scene: Scene, torque: Array) -> Iterator[Family]:

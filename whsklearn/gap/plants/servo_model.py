@@ -105,7 +105,7 @@ class AxisModel:
                 shape = j - t.kind.linear
                 if shape >= 0 and shape in t.kind.held:
                     continue
-                out.append((i, j, shape >= 0 and t.kind.ratios(shape)))
+                out.append((i, j, t.kind.ratios(j)))
         return out
 
     def vector(self) -> Array:

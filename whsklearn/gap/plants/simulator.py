@@ -33,7 +33,17 @@ from whsklearn.gap.data_check import DataProblem, check_servo
 from whsklearn.gap.filters import WHITENING, autoregression, whiten, whiteness
 from whsklearn.gap.localisation import since_reversal, spectra
 from whsklearn.gap.plant import Figures, Gap, Linearised, PlantDefaults, Told
-from whsklearn.gap.plants.simulator_look import Motion, Seen, accelerations, catalogue, gone, motion, slopes, whole
+from whsklearn.gap.plants.simulator_look import (
+    Motion,
+    Seen,
+    accelerations,
+    catalogue,
+    gone,
+    motion,
+    scales_of,
+    slopes,
+    whole,
+)
 from whsklearn.gap.plants.simulator_model import SimulatorFit, SimulatorModel, refine
 from whsklearn.gap.record import SPLIT, Array, ServoRecord, held_out_blocks, noise_level, rms
 from whsklearn.gap.search import HALF, MOST_FITTED, WORTH_FITTING
@@ -78,8 +88,9 @@ class SimulatorPlant(PlantDefaults):
     def base(self, rng: np.random.Generator) -> SimulatorModel:
         """The simulator, refitted."""
         self.fits = SimulatorFit(
-            self.given_model.refit(self.record, self.train), self.record, self.train, self.given_model
-        )
+            self.given_model.refit(self.record, self.train), self.record, self.train, self.given_model,
+            scales_of(self.record, self.motion.signals),
+        )  # fmt: skip
         self.noise = max(noise_level(self.record.position), lattice(self.record.position) / np.sqrt(12.0), 1e-300)
         return self.fits.build((), refit=False)
 
@@ -89,7 +100,7 @@ class SimulatorPlant(PlantDefaults):
         step = lattice(self.record.position)
         record = dataclasses.replace(self.record, position=np.round(y / step) * step if step else y)
         other = SimulatorPlant(self.given_model, record, tolerance=self.tolerance)
-        other.fits = SimulatorFit(self.fits.core, record, self.train, self.given_model)
+        other.fits = dataclasses.replace(self.fits, record=record, _given={}, _cache={}, _tangents={})
         other.noise = self.noise
         other.motion, other._shapes = self.motion, self._shapes  # they differ only by noise
         return other

@@ -22,11 +22,12 @@ from numpy.typing import NDArray
 from whsklearn.effects import ContactStop, Coulomb, Effect, Scales, Viscous, effect_names, get_effect
 from whsklearn.filtering.gaussian import CUTOFF_SIGMA, HIGHEST_CUTOFF, decimation, filtered, gaussian_derivatives
 from whsklearn.gap.calibration import N_NULL, coloured, n_effective, smoothed_power
+from whsklearn.gap.plants.servo_candidates import UNSEEN
+from whsklearn.gap.plants.variant import EffectVariant
 from whsklearn.gap.record import Array, noise_level, rms
-from whsklearn.gap.tangent import AT_ONCE, Family, Look, Tangent
+from whsklearn.gap.tangent import AT_ONCE, Family, Look, Tangent, strongest_lines
 
 HIGHEST = 25.0  # Hz; above it, a second derivative contains only encoder noise
-CENTRES = np.array([0.0, -0.5, 0.5, -1.0, 1.0, -1.5, 1.5])  # of a spring, in half strokes from the middle
 DEPTHS = np.array([0.003, 0.01, 0.03, 0.08])  # by which a stop may yield, as a share of half the travel
 RELAXATIONS = (0.005, 0.02, 0.06)  # s, of a contact's damping
 
@@ -114,29 +115,7 @@ def columns_of(effect: Effect, signals: Any) -> Array:
     return np.asarray(effect.contribution(signals), dtype=float).reshape(-1, 1)
 
 
-def ladder(cls: type[Effect], record: Any, signals: Any) -> Iterator[Effect]:
-    """One effect at every shape that is worth trying in this record; a user's own effect at its own starts."""
-    torque = rms(record.drive) or 1.0
-    if cls.evaluate is not None:
-        yield from from_starts(cls, record, signals)
-        return
-    grids: dict[str, Array] = {}
-    for name in cls.shape_fields():
-        grids[name] = _grid(name, cls.quantities[name].unit, record, signals)
-    options: list[dict[str, Any]] = [{}]
-    for name, texts in cls.choices.items():
-        options = [{**o, name: v} for o in options for v in texts]
-    for name, values in grids.items():
-        options = [{**o, name: float(v)} for o in options for v in values]
-    for o in options:
-        for size in _sizes(cls, record, torque):
-            try:
-                yield cls(**{cls.size: size}, **o)
-            except (ValueError, TypeError):
-                continue
-
-
-def _scales(record: Any, signals: Any) -> Scales:
+def scales_of(record: Any, signals: Any) -> Scales:
     """Scales of the record; the inertia is not known here."""
     return Scales(
         torque=rms(record.drive) or 1.0, peak=float(np.max(np.abs(record.drive))),
@@ -146,63 +125,19 @@ def _scales(record: Any, signals: Any) -> Scales:
     )  # fmt: skip
 
 
-def _sizes(cls: type[Effect], record: Any, torque: float) -> Array:
-    """Sizes at which an effect is looked at: one size, unless its columns change with it."""
-    if cls.column_kind == "exact":
-        return np.array([0.1 * torque])
-    unit = cls.quantities[cls.size].unit
-    if unit == "s":
-        return np.array([2.0 * record.dt])
-    top = float(np.max(np.abs(record.drive)))
-    return np.array([0.95, 0.85, 0.7, 0.5]) * top if cls.name == "saturation" else np.array([0.05, 0.15]) * torque
-
-
-def _grid(field: str, unit: str, record: Any, signals: Any) -> Array:
-    """Values of a shape number, from its unit and the record's scales."""
-    reach = 0.5 * float(np.ptp(signals.position)) or 1.0
-    middle = float(np.mean([signals.position.min(), signals.position.max()]))
-    speed = rms(signals.velocity) or 1.0
-    seconds = float(signals.time[-1])
-    if field == "order":
-        most = min(96.0, 2 * np.pi * HIGHEST / speed)
-        return np.arange(1.5, most, min(0.5, 0.4 * np.pi / (2.0 * reach)))
-    if field == "frequency":
-        return np.arange(0.4, min(HIGHEST, 0.4 / record.dt), 0.5 / seconds)
-    if unit == "Hz":
-        return np.array([30.0])
-    if unit == "rad/s":
-        return np.geomspace(0.03, 1.0, 8) * speed
-    if field == "centre":  # a spring may rest anywhere within the travel or outside it
-        return middle + CENTRES * reach
-    if field == "knot":
-        return np.array([middle])
-    if field in ("angle",):
-        return np.array([0.5, 0.65, 0.75, 0.83, 0.9, 0.95]) * float(np.max(np.abs(signals.position)))
-    if unit == "rad":
-        return np.geomspace(2e-3, 0.2, 6) * reach
-    if unit == "s":
-        return np.linspace(0.1, 0.9, 9) * seconds
-    return np.array([])
-
-
 def catalogue(record: Any, signals: Any, further: tuple[type[Effect], ...] = ()) -> dict[str, list[Effect]]:
     """Every effect of the catalogue with columns, at every shape worth trying, and ``further`` shapes."""
-    out: dict[str, list[Effect]] = {}
-    for name in effect_names():
-        cls = get_effect(name)
-        if cls.column_kind == "none" or name in ("output_offset", "output_drift", "viscous", "coulomb"):
-            continue
-        fields = cls.shape_fields() if cls.evaluate is None else ()
-        if any(_grid(f, cls.quantities[f].unit, record, signals).size == 0 for f in fields):
-            fixed = cls()
-            out[name] = [fixed.resized(0.1 * rms(record.drive))]
-            continue
-        found = list(ladder(cls, record, signals))
-        if found:
-            out[name] = found
-    for cls in further:
-        shapes = stops(record, signals) if issubclass(cls, ContactStop) else from_starts(cls, record, signals)
-        out.setdefault(cls.name, []).extend(shapes)
+    torque, out = rms(record.drive) or 1.0, dict[str, list[Effect]]()
+    scales = scales_of(record, signals)
+    names = (n for n in effect_names() if n not in (*UNSEEN, "viscous", "coulomb"))
+    named = [get_effect(n) for n in names if get_effect(n).column_kind != "none"]
+    for kind in (kind for cls in (*named, *further) for kind in EffectVariant.of(cls)):
+        size = (0.1 * torque, 0.0)[: kind.linear]
+        grid = kind.grid(scales, min(HIGHEST, 0.4 / record.dt)) or kind.cls.starts(scales)[:1]
+        shapes = [kind.effect((*size, *shape)) for shape in grid]
+        out.setdefault(kind.name, []).extend([] if issubclass(kind.cls, ContactStop) else shapes)
+    if any(issubclass(cls, ContactStop) for cls in further):
+        out["end_stop"] += stops(record, signals)
     return out
 
 
@@ -220,12 +155,6 @@ def whole(shapes: list[Effect], fields: tuple[str, ...]) -> list[Effect]:
         there = {f: max(1.0, float(round(getattr(e, f)))) for f in fields if f in e.shape}
         out.append(dataclasses.replace(e, **there) if there else e)
     return list(dict.fromkeys(out))
-
-
-def from_starts(cls: type[Effect], record: Any, signals: Any) -> Iterator[Effect]:
-    """One effect at the starts that it defines."""
-    torque = rms(record.drive) or 1.0
-    return (cls.from_row((0.1 * torque, *shape)) for shape in cls.starts(_scales(record, signals)))
 
 
 def stops(record: Any, signals: Any) -> Iterator[Effect]:
@@ -259,7 +188,6 @@ def smallest(plant: Any, model: Any, start: Any) -> tuple[Any, dict[str, Any]]:
 
 # --- looks ----------------------------------------------------------------------------------------
 STANDING_OUT = 2.0  # multiple of the noise's power up to which a line of the error counts as noise
-FEW_SHAPES = 8  # of an effect that is also tried by simulation, one run each
 BUMPS = 15  # hills of a nameless function of the position, and of the speed
 WAVES = 8  # of the position in its own unit, in addition to them
 
@@ -318,11 +246,16 @@ def accelerations(plant: Any, seen: Seen) -> Iterator[Look]:
     def column(effect: Effect) -> Array:
         return m.seen_effect(effect)[at][mask]
 
+    judged = at.copy()
+    judged[at] = mask
     for name, shapes in plant.shapes.items():
-        known = [e for e in shapes if columns_of(e, s).size]
+        known, chosen = [e for e in shapes if columns_of(e, s).size], tangent
         scanned = shapes[0].scanned()
-        by_time = bool(scanned) and shapes[0].quantities[scanned].scan == "time"
-        look = (timed if by_time else tangent).look(_scanned(name, known, column)) if known else None
+        if known and scanned and shapes[0].quantities[scanned].scan == "time":
+            low, high = shapes[0].quantities[scanned].bounds(scales_of(plant.record, s))
+            lines = strongest_lines(timed.rows, judged, m.every * plant.record.dt, low, min(high, HIGHEST))
+            known, chosen = [*known, *(dataclasses.replace(shapes[0], **{scanned: f}) for f in lines)], timed
+        look = chosen.look(_scanned(name, known, column)) if known else None
         if look is not None:
             yield dataclasses.replace(look, size=look.size * share)
     for f in nameless(s):
@@ -334,16 +267,16 @@ def accelerations(plant: Any, seen: Seen) -> Iterator[Look]:
 
 
 def slopes(plant: Any, seen: Seen) -> Iterator[Look]:
-    """Look at laws with few shapes and effects without a column, by how a small size changes the simulation."""
+    """Look at effects without a scan, some of which have no column, by how a small size changes the simulation."""
     train = plant.train
     plane = plant.fits.tangent(seen.model)[train]
     left = seen.error[train]
     tangent = Tangent(left, seen.null[:, train], plane, n_effective(free(left, plane)))
     for name, shapes in plant.shapes.items():
-        if len(shapes) > FEW_SHAPES and columns_of(shapes[0], plant.motion.signals).size:
+        if shapes[0].scanned():  # too many shapes for one run each
             continue
         columns = []
-        for start in shapes[:FEW_SHAPES]:
+        for start in shapes:
             try:
                 columns.append(smallest(plant, seen.model, start)[0][train])
             except (ValueError, NotImplementedError, FloatingPointError) as error:
@@ -356,7 +289,7 @@ def slopes(plant: Any, seen: Seen) -> Iterator[Look]:
 
 
 def _simulated(name: str, shapes: list[Any], columns: list[Array]) -> Family:
-    """One effect with its few shapes."""
+    """One effect with its shapes."""
     numbers = columns[0].shape[1] + (len(columns) > 1)
     block = [(shapes[: len(columns)], np.stack(columns, axis=1), 1.0)]
     return Family(name, lambda _: iter(block), lambda shape, _: (shape,), numbers)

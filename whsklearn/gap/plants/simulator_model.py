@@ -1,8 +1,9 @@
 """A user's own simulator with effects: the model that the engine extends, and how its numbers are fitted.
 
-The simulator refits itself; the numbers of an effect are fitted here.  They are found by Gauss-Newton on the error
-after a refit.  Its derivatives are those without a refit, with the influence of the simulator's own numbers projected
-out (variable projection with a black box inside; Golub, Pereyra 2003, Inverse Problems 19(2), R1-R26).
+The simulator refits itself; the numbers of an effect are fitted here, together with its own if they can be set.
+Otherwise the error is that after a refit, and its derivatives are those without a refit, with the influence of the
+simulator's own numbers projected out (variable projection with a black box inside; Golub, Pereyra 2003, Inverse
+Problems 19(2), R1-R26).
 """
 
 from __future__ import annotations
@@ -15,75 +16,79 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.effects import Effect
+from whsklearn.effects import Effect, Scales
+from whsklearn.gap.least_squares import least_squares
+from whsklearn.gap.plant import FittedTerm
 from whsklearn.gap.plants.simulator_look import gone, sized_by_drive, smallest
+from whsklearn.gap.plants.variant import EffectVariant
 from whsklearn.gap.search import HALF
 from whsklearn.gap.tangent import Look
 
 Array = NDArray[Any]
 
-STEP = 1e-3  # of a logarithm
+STEP = 1e-3  # of a logarithm, of a size relative to itself, of another number relative to a tenth at least
 PARTS = 6  # of the record that are excluded in turn: one more than the usual number of parameters of a rigid axis
-ITERATIONS = 10  # of Gauss-Newton; half of the effects need only two
-LEAST_GAIN = 1e-3  # of the sum of squares: a step that gains less is the last one with these derivatives
-WORTH_SLOPES = 0.25  # of the sum of squares without the effect: with a larger residual, no new derivatives are computed
-FARTHEST = 3.0  # factor on a shape number in one step; a contact's relaxation of 20 ms would otherwise become 0.5 s
-SHORTER = (1.0, 0.3, 0.1)  # shares of a step that are tried
+ITERATIONS = 10  # of a fit; half of the effects need only two
+LEAST_GAIN = 1e-3  # of the sum of squares: a fit ends at a step that gains less
 
 
 @dataclass(frozen=True)
-class EffectTerm:
-    """One effect in a model; ``searched`` are the shape fields that a fit may move."""
+class EffectTerm(FittedTerm):
+    """One effect in a model; ``free`` are the shape numbers that a fit may move, by their index in ``q``."""
 
-    effect: Effect
-    searched: tuple[str, ...] = ()
+    kind: EffectVariant
+    free: tuple[int, ...] = ()
+
+    @classmethod
+    def of(cls, effect: Effect, fixed: tuple[str, ...] = ()) -> EffectTerm:
+        """The term of an effect, all of whose shape numbers are free except those that stay by their nature."""
+        kind = EffectVariant(type(effect), tuple((k, str(v)) for k, v in effect.options.items()))
+        still = (*fixed, *effect.held, *effect.later, *STILL)
+        free = (i for i, f in enumerate(kind.fields) if i >= kind.linear and f not in still)
+        return cls(kind, tuple(map(float, effect.row)), tuple(free))
 
     @property
-    def name(self) -> str:
-        """Canonical name."""
-        return self.effect.name
-
-    @property
-    def phased(self) -> bool:
-        """Whether a cosine and a sine weight represent size and phase."""
-        return self.effect.phased
+    def moved(self) -> tuple[int, ...]:
+        """Numbers of a fit: the size, or cosine and sine weight, and the free ones of the shape."""
+        sizes = range(self.kind.linear)
+        return (*sizes, *(i for i in self.free if i not in sizes))
 
     def vector(self) -> list[float]:
-        """Size, or cosine and sine weight, and then the searched shape numbers."""
-        size = list(self.effect.coefficients) if self.phased else [self.effect.magnitude]
-        return [*map(float, size), *(float(getattr(self.effect, f)) for f in self.searched)]
+        """The numbers of a fit, as logarithms if they are varied by ratios."""
+        return [float(np.log(self.q[i])) if self._ratio(i) else self.q[i] for i in self.moved]
 
     def with_vector(self, x: Array) -> EffectTerm:
-        """The term with other numbers.
+        """The term with other numbers of the fit."""
+        q = list(self.q)
+        for i, value in zip(self.moved, x, strict=True):
+            q[i] = float(np.exp(value) if self._ratio(i) else value)
+        return dataclasses.replace(self, q=tuple(q))
 
-        Raises
-        ------
-        ValueError
-            If the effect does not accept them.
-        """
-        shape = {**self.effect.shape, **self.effect.options}
-        shape |= dict(zip(self.searched, map(float, x[2 if self.phased else 1 :]), strict=True))
-        if self.phased:
-            shape.pop("phase", None)
-            effect: Effect = type(self.effect).from_coefficients(x[:2], **shape)
-        else:
-            effect = dataclasses.replace(self.effect.resized(float(x[0])), **shape)
-        return dataclasses.replace(self, effect=effect)
+    def _ratio(self, i: int) -> bool:
+        return self.kind.ratios(i) and self.q[i] > 0.0
 
-    def held_in(self, step: Array) -> Array:
-        """The step, limited so that no non-negative shape number changes by more than a factor of three."""
-        out, first = step.copy(), step.size - len(self.searched)
-        for i, f in enumerate(self.searched, first):
-            x = float(getattr(self.effect, f))
-            if self.effect.quantities[f].low >= 0.0 and x > 0.0:
-                out[i] = np.clip(step[i], x / FARTHEST - x, FARTHEST * x - x)
-        return out
+    def bounds(self, scales: Scales) -> tuple[list[float], list[float]]:
+        """(low, high) of the vector: shapes within what the record can show, and where the term is."""
+        low, high = [-np.inf] * self.kind.linear, [np.inf] * self.kind.linear
+        ranges = self.kind.cls.bounds(scales)
+        for i, x in zip(self.moved[self.kind.linear :], self.vector()[self.kind.linear :], strict=True):
+            ends = ranges[i - self.kind.linear]
+            a, b = (float(np.log(max(e, 1e-300))) if self._ratio(i) else e for e in ends)
+            low.append(min(a, x))
+            high.append(max(b, x))
+        return low, high
 
     def steps(self) -> list[float]:
         """Differences for derivatives."""
         size = abs(self.effect.magnitude) or 1.0
-        sizes = [1e-3 * size] * (2 if self.phased else 1)
-        return [*sizes, *(1e-3 * max(abs(float(getattr(self.effect, f))), 0.1) for f in self.searched)]
+        return [
+            STEP * (size if i < self.kind.linear else 1.0 if self._ratio(i) else max(abs(self.q[i]), 0.1))
+            for i in self.moved
+        ]
+
+
+# Exponents and counts, which no record of an axis distinguishes, and what only a transmission has.
+STILL = ("exponent", "elements", "load_share", "damping_ratio")
 
 
 @dataclass(frozen=True)
@@ -133,12 +138,15 @@ class SimulatorFit:
     train : ndarray of bool, shape (n,)
     given : object
         The simulator as it was given, not refitted.
+    scales : Scales
+        Of the record.
     """
 
     core: Any
     record: Any
     train: NDArray[np.bool_]
     given: Any = None
+    scales: Scales = dataclasses.field(default_factory=Scales)
     _given: dict[tuple[EffectTerm, ...], SimulatorModel] = dataclasses.field(default_factory=dict, repr=False)
     _cache: dict[tuple[EffectTerm, ...], SimulatorModel] = dataclasses.field(default_factory=dict, repr=False)
     _tangents: dict[tuple[EffectTerm, ...], Array] = dataclasses.field(default_factory=dict, repr=False)
@@ -247,83 +255,55 @@ class SimulatorFit:
         return self._placed(model, term, self._vector(model, term))
 
     def grow(self, model: SimulatorModel, begin: SimulatorModel, weigh: Any, *, again: bool = False) -> SimulatorModel:
-        """Fit ``begin``, which is ``model`` with one more term, by Gauss-Newton together with the simulator's numbers.
+        """Fit ``begin``, which is ``model`` with one more term, together with the simulator's numbers.
 
-        Derivatives are computed by differences once and then updated from the steps (Broyden 1965, Math. Comp.
-        19(92), 577-593), so a step costs one simulation.  They are computed again if the result is a model worth
-        it.  ``weigh`` turns an error, shape (n,) or (n, k), into the weighted training residual.  With ``again`` the
-        derivatives by the simulator's own numbers are those of ``begin`` from the first step on, and not the known
-        ones of ``model``.
+        If these can be set, all are fitted jointly.  Otherwise the simulator refits itself at every step, and the
+        derivatives are those without a refit, with the influence of the simulator's own numbers projected out: of
+        ``model``, or with ``again`` those of ``begin``, whose refits take longer.
         """
-        joint = hasattr(model.simulator, "with_numbers")  # then both are changed in one step without a refit in between
-        best, first = begin, _square(weigh(model.error))
-        slopes, fresh = self._slopes(model, best, weigh, again=again), again or not joint
-        r = weigh(best.error)
-        for _ in range(ITERATIONS):
-            step = -np.linalg.lstsq(slopes, r, rcond=1e-9)[0]
-            found, step = self._stepped(model, best, step, weigh)
-            change = weigh(found.error) - r if found is not None else np.zeros_like(r)
-            gain = 1.0 - _square(r + change) / max(_square(r), 1e-300)
-            if found is not None:
-                scale = 1.0 / np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
-                moved = step / scale
-                slopes = slopes + np.outer(change - slopes @ step, moved / scale) / max(_square(moved), 1e-300)
-                best, r = found, r + change
-            if gain < LEAST_GAIN:
-                settled = best if joint else self.refitted(best)
-                if _square(weigh(settled.error)) < (1.0 - LEAST_GAIN) * _square(r):
-                    best, r = settled, weigh(settled.error)
-                    slopes = self._slopes(model, best, weigh, again=True)
-                    continue
-                if fresh or _square(r) > WORTH_SLOPES * first:
-                    break
-                slopes, fresh = self._slopes(model, best, weigh, again=True), True
-            elif joint:
-                fresh = False
-        return best
+        term, joint = begin.terms[-1], hasattr(model.simulator, "with_numbers")
+        least, best = _square(weigh(begin.error)), begin
+
+        def residual(z: Array) -> Array:
+            nonlocal least, best
+            try:
+                found = self._placed(model, term, z)
+            except (ValueError, FloatingPointError):
+                return np.full(int(self.train.sum()), np.inf)
+            r = np.asarray(weigh(found.error))
+            if _square(r) < least:
+                least, best = _square(r), found
+            return r
+
+        def slopes(z: Array) -> Array:
+            return self._slopes(begin if again else model, model, term.with_vector(z), weigh, again=again)
+
+        x = self._vector(begin, term)
+        wide = np.full(x.size - len(term.vector()), np.inf)
+        low, high = term.bounds(self.scales)
+        steps, ends = np.append(term.steps(), np.full(wide.size, STEP)), (np.append(low, -wide), np.append(high, wide))
+        least_squares(
+            residual, x, steps, ends, max_iterations=ITERATIONS, tolerance=LEAST_GAIN,
+            slopes=None if joint else slopes, workers=1,
+        )  # fmt: skip
+        return best if joint else min((best, self.refitted(best)), key=lambda m: _square(weigh(m.error)))
 
     def refitted(self, model: SimulatorModel) -> SimulatorModel:
         """The model after one more refit: many ``refit`` methods stop after a few evaluations, far from the minimum."""
         simulator = model.simulator.refit(self.record, self.train)
         return SimulatorModel(simulator, model.terms, self.error(simulator))
 
-    def _stepped(
-        self, model: SimulatorModel, best: SimulatorModel, step: Array, weigh: Any
-    ) -> tuple[SimulatorModel | None, Array]:
-        """The first better model along a step, shortened if necessary, and the step taken."""
-        n, cost = len(best.terms[-1].vector()), _square(weigh(best.error))
-        at = self._vector(best, best.terms[-1])
-        step = np.concatenate([best.terms[-1].held_in(step[:n]), np.clip(step[n:], -1.0, 1.0)])
-        for share in SHORTER:
-            try:
-                found = self._placed(model, best.terms[-1], at + share * step)
-            except (ValueError, FloatingPointError):
-                continue
-            if _square(weigh(found.error)) < cost:
-                return found, share * step
-        return None, step
-
-    def _slopes(self, model: SimulatorModel, best: SimulatorModel, weigh: Any, *, again: bool) -> Array:
-        """Derivatives of the weighted error by the numbers of the last term, and by the simulator's own if known.
-
-        The latter are the known ones of ``model`` unless ``again``.  If the simulator refits itself, its influence is
-        projected out of the derivatives by the term's numbers.
-        """
-        term, x = best.terms[-1], np.array(best.terms[-1].vector())
-        joint = hasattr(model.simulator, "with_numbers")
-        before = self._freed(best) if again and not joint else model.simulator
-        at = best.error if joint else self.error(before.with_effect(term.effect))
-        columns = []
+    def _slopes(
+        self, own: SimulatorModel, model: SimulatorModel, term: EffectTerm, weigh: Any, *, again: bool
+    ) -> Array:
+        """Derivatives of the weighted error by the numbers of a term, without the influence of the simulator's own."""
+        before = self._freed(own) if again else model.simulator
+        at = self.error(before.with_effect(term.effect))
+        x, columns = np.array(term.vector()), []
         for j, h in enumerate(term.steps()):
-            moved = x.copy()
-            moved[j] += h
-            grown = before.with_effect(term.with_vector(moved).effect)
-            grown = grown.with_numbers(best.simulator.numbers) if joint else grown
-            columns.append((self.error(grown) - at) / h)
-        own = self.tangent(best if again else model)
-        if joint:
-            return np.asarray(weigh(np.column_stack([*columns, own])))
-        q, _ = np.linalg.qr(weigh(own))
+            moved = term.with_vector(x + h * np.eye(1, x.size, j)[0])
+            columns.append((self.error(before.with_effect(moved.effect)) - at) / h)
+        q, _ = np.linalg.qr(weigh(self.tangent(own)))
         slopes = weigh(np.column_stack(columns))
         return np.asarray(slopes - q @ (q.T @ slopes))
 
@@ -382,7 +362,7 @@ def refine(plant: Any, model: SimulatorModel, look: Look) -> SimulatorModel:
         if best is None or plant.left(found) < plant.left(best):
             best = found
     if best is None:
-        refused = (*model.terms, EffectTerm(look.start[0].resized(0.0)))
+        refused = (*model.terms, EffectTerm.of(look.start[0].resized(0.0)))
         return SimulatorModel(model.simulator, refused, model.error)
     whole = plant.scale * gone(plant.motion, model.error, np.zeros_like(model.error), plant.record)
     if look.size**2 > HALF * whole**2 and plant.left(best) > HALF * plant.left(model):
@@ -420,13 +400,12 @@ def anew(plant: Any, model: SimulatorModel, start: Any) -> SimulatorModel:
 
 def begins(plant: Any, model: SimulatorModel, start: Any) -> list[tuple[SimulatorModel, SimulatorModel]]:
     """(home, home with the effect at its estimated size) for every home of the model."""
-    fixed = (*start.later, *plant.whole_fields)
-    searched = tuple(f for f in start.shape_fields() if movable(f) and f not in fixed)
-    out = []
-    for home in plant.fits.homes(model):
-        for effect in sizes(plant, home, start):
-            out.append((home, plant.fits.begun(home, EffectTerm(effect, searched))))
-    return out
+    fits = plant.fits
+    return [
+        (home, fits.begun(home, EffectTerm.of(effect, plant.whole_fields)))
+        for home in fits.homes(model)
+        for effect in sizes(plant, home, start)
+    ]
 
 
 def sizes(plant: Any, home: SimulatorModel, start: Any) -> list[Any]:
@@ -447,8 +426,3 @@ def sized(plant: Any, model: SimulatorModel, start: Any) -> Any:
     columns = np.column_stack([plant.weighed(slopes), own])
     size = -np.linalg.lstsq(columns, plant.weighed(model.error), rcond=1e-9)[0][: slopes.shape[1]]
     return type(start).from_coefficients(size, **shape)
-
-
-def movable(field: str) -> bool:
-    """Whether a fit may move a shape number: exponents and counts stay fixed."""
-    return field not in ("exponent", "elements", "load_share", "damping_ratio")
