@@ -19,9 +19,9 @@ How to write a plant
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, field
-from typing import Any, NamedTuple, Protocol
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,7 +78,7 @@ class FittedTerm:
     Attributes
     ----------
     kind : object
-        An object with ``name`` and ``effect(q)``.
+        An object with ``name``, ``effect(q)``, ``ratios(i)`` and ``free``, the numbers that a fit moves.
     q : tuple of float
     """
 
@@ -94,6 +94,28 @@ class FittedTerm:
     def effect(self) -> Any:
         """The effect with these numbers."""
         return self.kind.effect(np.array(self.q))
+
+    @property
+    def free(self) -> tuple[int, ...]:
+        """Numbers that a fit moves, by their index in ``q``."""
+        return tuple(self.kind.free)
+
+    def vector(self) -> list[float]:
+        """The free numbers, as logarithms if they are varied by ratios."""
+        return [float(np.log(max(self.q[i], 1e-300))) if self.kind.ratios(i) else self.q[i] for i in self.free]
+
+    def with_vector(self, x: Sequence[float] | Array) -> Self:
+        """The term with other free numbers."""
+        q = list(self.q)
+        for i, value in zip(self.free, x, strict=True):
+            q[i] = float(np.exp(value) if self.kind.ratios(i) else value)
+        return replace(self, q=tuple(q))
+
+
+def with_vectors(terms: tuple[Any, ...], x: Array) -> tuple[Any, ...]:
+    """The terms with other free numbers, those of the first one first."""
+    ends = np.cumsum([0, *(len(t.free) for t in terms)])
+    return tuple(t.with_vector(x[a:b]) for t, a, b in zip(terms, ends[:-1], ends[1:], strict=True))
 
 
 class Linearised(NamedTuple):

@@ -114,6 +114,6 @@ def test_an_effect_that_the_simulator_cannot_hold_is_refused_and_leaves_the_mode
 
 
 def test_exponents_stay_and_so_do_fields_that_the_simulator_fixes():
-    assert EffectTerm.of(Stribeck(1.0, 0.1, 2.0)).moved == (0, 1)
-    assert EffectTerm.of(Cogging(1.0, 6.0), ("order",)).moved == (0, 1)
-    assert EffectTerm.of(Saturation(0.8)).moved == (0,)
+    assert EffectTerm.of(Stribeck(1.0, 0.1, 2.0)).free == (0, 1)
+    assert EffectTerm.of(Cogging(1.0, 6.0), ("order",)).free == (0, 1)
+    assert EffectTerm.of(Saturation(0.8)).free == (0,)

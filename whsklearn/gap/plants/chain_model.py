@@ -26,7 +26,7 @@ from whsklearn.effects.chain import CHAIN_FORMS
 from whsklearn.effects.own import WHICH, address_of
 from whsklearn.effects.static import Power
 from whsklearn.effects.terms import law_values
-from whsklearn.gap.plant import FittedTerm
+from whsklearn.gap.plant import FittedTerm, with_vectors
 from whsklearn.gap.plants.variant import EffectVariant
 from whsklearn.gap.record import MAD, rms
 from whsklearn.logs.lattice import lattice
@@ -502,34 +502,25 @@ def burg(pieces: list[Array]) -> Array:
 
 
 # --- the free numbers as one vector --------------------------------------------------------------
-def slots(m: ChainModel) -> list[tuple[int, int]]:
-    """(effect, number) of every parameter of an effect that a fit moves."""
-    return [(i, j) for i, t in enumerate(m.terms) for j in t.kind.free]
-
-
 def to_vector(m: ChainModel) -> Array:
-    """theta, then the free numbers of the effects, as logarithms if they are varied by ratios."""
-    extra = [np.log(m.terms[i].q[j]) if m.terms[i].kind.ratios(j) else m.terms[i].q[j] for i, j in slots(m)]
-    return np.concatenate([m.theta, extra])
+    """theta, then the free numbers of the effects."""
+    return np.concatenate([m.theta, *(t.vector() for t in m.terms)])
 
 
 def from_vector(m: ChainModel, x: Array) -> ChainModel:
     """The inverse of `to_vector`."""
-    numbers = [list(t.q) for t in m.terms]
-    for (i, j), value in zip(slots(m), x[m.theta.size :], strict=True):
-        numbers[i][j] = float(np.exp(value)) if m.terms[i].kind.ratios(j) else float(value)
-    terms = tuple(Term(t.kind, tuple(q)) for t, q in zip(m.terms, numbers, strict=True))
-    return dataclasses.replace(m, theta=np.asarray(x[: m.theta.size], dtype=float).copy(), terms=terms)
+    n = m.theta.size
+    return dataclasses.replace(m, theta=np.array(x[:n], dtype=float), terms=with_vectors(m.terms, x[n:]))
 
 
 def bounds(m: ChainModel, z: Sizes) -> tuple[Array, Array]:
     """(low, high) of the vector."""
-    low, high = np.full(m.theta.size + len(slots(m)), -np.inf), np.full(m.theta.size + len(slots(m)), np.inf)
-    for k, (i, j) in enumerate(slots(m), start=m.theta.size):
-        kind = m.terms[i].kind
-        lo, hi = kind.range_of(j, z)
-        low[k], high[k] = (np.log(lo), np.log(hi)) if kind.ratios(j) else (lo, hi)
-    return low, high
+    ends = [(-np.inf, np.inf)] * m.theta.size
+    for t in m.terms:
+        for i in t.free:
+            low, high = t.kind.range_of(i, z)
+            ends.append((np.log(low), np.log(high)) if t.kind.ratios(i) else (low, high))
+    return np.array(ends)[:, 0], np.array(ends)[:, 1]
 
 
 def sensitivities(s: Record, m: ChainModel, kappa: float) -> Array:
@@ -542,8 +533,8 @@ def sensitivities(s: Record, m: ChainModel, kappa: float) -> Array:
     _, _, weights, up, down = s.blocks
     moved = list(range(vector.size)) if m.at_sensor else [*range(weights.start), *range(p, vector.size)]
     out = np.zeros((vector.size, s.u.size))
-    where = slots(m)
-    steps = [1e-6 * max(abs(vector[i]), 0.05) if i < p or m.terms[where[i - p][0]].kind.linear else 1e-4 for i in moved]
+    fine = np.array([True] * p + [bool(t.kind.linear) for t in m.terms for _ in t.free])
+    steps = [1e-6 * max(abs(vector[i]), 0.05) if fine[i] else 1e-4 for i in moved]
     others = [from_vector(m, vector + h * np.eye(1, vector.size, i)[0]) for i, h in zip(moved, steps, strict=True)]
     out[moved] = (outputs(s, others, kappa) - y) / np.array(steps)[:, None]
     if not m.at_sensor:

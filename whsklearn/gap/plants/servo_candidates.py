@@ -84,6 +84,11 @@ class Candidate(EffectVariant):
         return tuple(i for i, f in enumerate(self.fields[self.linear :]) if f in held)
 
     @cached_property
+    def free(self) -> tuple[int, ...]:
+        """Numbers that a fit moves."""
+        return tuple(i for i in range(self.n_slots) if i - self.linear not in self.held)
+
+    @cached_property
     def later(self) -> tuple[int, ...]:
         """Shape numbers, counted after the linear ones, that are freed once the effect is chosen."""
         late = () if self.whole else self.cls.later

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from whsklearn.effects import Scales
 from whsklearn.effects import codes as k
 from whsklearn.effects.own import WHICH, address_of
-from whsklearn.gap.plant import FittedTerm
+from whsklearn.gap.plant import FittedTerm, with_vectors
 from whsklearn.systems.servo_observer import (
     LOAD,
     LOAD_VELOCITY,
@@ -99,22 +99,11 @@ class AxisModel:
     # --- one vector of free numbers -------------------------------------------------------
     def free(self) -> list[tuple[int, int, bool]]:
         """(term, slot, whether its logarithm is used) of every free number after J and timing."""
-        out = []
-        for i, t in enumerate(self.terms):
-            for j in range(t.kind.n_slots):
-                shape = j - t.kind.linear
-                if shape >= 0 and shape in t.kind.held:
-                    continue
-                out.append((i, j, t.kind.ratios(j)))
-        return out
+        return [(i, j, t.kind.ratios(j)) for i, t in enumerate(self.terms) for j in t.free]
 
     def vector(self) -> Array:
         """Free numbers: log J, timing, then those of the terms."""
-        values = [np.log(self.inertia), self.timing]
-        for i, j, logarithm in self.free():
-            value = self.terms[i].q[j]
-            values.append(np.log(max(value, 1e-300)) if logarithm else value)
-        return np.array(values)
+        return np.array([np.log(self.inertia), self.timing, *(x for t in self.terms for x in t.vector())])
 
     def bounds(self) -> tuple[Array, Array]:
         """Lower and upper limits of `vector`."""
@@ -137,10 +126,8 @@ class AxisModel:
 
     def with_vector(self, x: Array) -> AxisModel:
         """The model at other free numbers."""
-        terms = list(self.terms)
-        for (i, j, logarithm), value in zip(self.free(), x[2:], strict=True):
-            terms[i] = terms[i].with_slot(j, np.exp(value) if logarithm else value)
-        return replace(self, inertia=float(np.exp(x[0])), timing=float(x[1]), terms=tuple(terms))
+        inertia, timing, terms = float(np.exp(x[0])), float(x[1]), with_vectors(self.terms, x[2:])
+        return replace(self, inertia=inertia, timing=timing, terms=terms)
 
     def steps(self) -> Array:
         """Increments for numerical derivatives, about 0.3 % of the torque each.

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from whsklearn.effects import Effect, Scales
 from whsklearn.gap.least_squares import least_squares
-from whsklearn.gap.plant import FittedTerm
+from whsklearn.gap.plant import FittedTerm, with_vectors
 from whsklearn.gap.plants.simulator_look import gone, sized_by_drive, smallest
 from whsklearn.gap.plants.variant import EffectVariant
 from whsklearn.gap.search import HALF
@@ -34,57 +34,47 @@ LEAST_GAIN = 1e-3  # of the sum of squares: a fit ends at a step that gains less
 
 @dataclass(frozen=True)
 class EffectTerm(FittedTerm):
-    """One effect in a model; ``free`` are the shape numbers that a fit may move, by their index in ``q``."""
+    """One effect in a model.
+
+    Attributes
+    ----------
+    kind : EffectVariant
+    q : tuple of float
+    still : tuple of str
+        Numbers of its shape that no fit moves.
+    """
 
     kind: EffectVariant
-    free: tuple[int, ...] = ()
+    still: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, effect: Effect, fixed: tuple[str, ...] = ()) -> EffectTerm:
-        """The term of an effect, all of whose shape numbers are free except those that stay by their nature."""
+    def of(cls, effect: Effect, still: tuple[str, ...] = ()) -> EffectTerm:
+        """The term of an effect; besides ``still``, the numbers stay that do so by their nature."""
         kind = EffectVariant(type(effect), tuple((k, str(v)) for k, v in effect.options.items()))
-        still = (*fixed, *effect.held, *effect.later, *STILL)
-        free = (i for i, f in enumerate(kind.fields) if i >= kind.linear and f not in still)
-        return cls(kind, tuple(map(float, effect.row)), tuple(free))
+        return cls(kind, tuple(map(float, effect.row)), (*still, *effect.held, *effect.later, *STILL))
 
     @property
-    def moved(self) -> tuple[int, ...]:
-        """Numbers of a fit: the size, or cosine and sine weight, and the free ones of the shape."""
-        sizes = range(self.kind.linear)
-        return (*sizes, *(i for i in self.free if i not in sizes))
-
-    def vector(self) -> list[float]:
-        """The numbers of a fit, as logarithms if they are varied by ratios."""
-        return [float(np.log(self.q[i])) if self._ratio(i) else self.q[i] for i in self.moved]
-
-    def with_vector(self, x: Array) -> EffectTerm:
-        """The term with other numbers of the fit."""
-        q = list(self.q)
-        for i, value in zip(self.moved, x, strict=True):
-            q[i] = float(np.exp(value) if self._ratio(i) else value)
-        return dataclasses.replace(self, q=tuple(q))
-
-    def _ratio(self, i: int) -> bool:
-        return self.kind.ratios(i) and self.q[i] > 0.0
+    def free(self) -> tuple[int, ...]:
+        """The size, or cosine and sine weight, and the free numbers of the shape."""
+        return tuple(i for i, f in enumerate(self.kind.fields) if i < self.kind.linear or f not in self.still)
 
     def bounds(self, scales: Scales) -> tuple[list[float], list[float]]:
         """(low, high) of the vector: shapes within what the record can show, and where the term is."""
-        low, high = [-np.inf] * self.kind.linear, [np.inf] * self.kind.linear
-        ranges = self.kind.cls.bounds(scales)
-        for i, x in zip(self.moved[self.kind.linear :], self.vector()[self.kind.linear :], strict=True):
-            ends = ranges[i - self.kind.linear]
-            a, b = (float(np.log(max(e, 1e-300))) if self._ratio(i) else e for e in ends)
-            low.append(min(a, x))
-            high.append(max(b, x))
+        ranges = [(-np.inf, np.inf)] * self.kind.linear + self.kind.cls.bounds(scales)
+        wide = [sorted((*ranges[i], self.q[i])) for i in self.free]
+        logs = [self.kind.ratios(i) for i in self.free]
+        low, high = ([float(np.log(max(w[k], 1e-300))) if log else w[k] for w, log in zip(wide, logs, strict=True)]
+                     for k in (0, -1))  # fmt: skip
         return low, high
 
     def steps(self) -> list[float]:
         """Differences for derivatives."""
         size = abs(self.effect.magnitude) or 1.0
-        return [
-            STEP * (size if i < self.kind.linear else 1.0 if self._ratio(i) else max(abs(self.q[i]), 0.1))
-            for i in self.moved
-        ]
+        typical = (
+            size if i < self.kind.linear else 1.0 if self.kind.ratios(i) else max(abs(self.q[i]), 0.1)
+            for i in self.free
+        )  # fmt: skip
+        return [STEP * x for x in typical]
 
 
 # Exponents and counts, which no record of an axis distinguishes, and what only a transmission has.
@@ -121,9 +111,8 @@ class SimulatorModel:
 
     def moved(self, x: Array, numbers: Array) -> SimulatorModel:
         """The model with other numbers of its effects and of the simulator (unchanged if empty), not simulated."""
-        ends = np.cumsum([0, *(len(t.vector()) for t in self.terms)])
-        terms = (t.with_vector(x[a:b]) for t, a, b in zip(self.terms, ends[:-1], ends[1:], strict=True))
-        return SimulatorModel(self.simulator.with_numbers(numbers) if numbers.size else self.simulator, tuple(terms))
+        terms = with_vectors(self.terms, x)
+        return SimulatorModel(self.simulator.with_numbers(numbers) if numbers.size else self.simulator, terms)
 
 
 @dataclass
