@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from whsklearn.effects import effect_names, get_effect
-from whsklearn.gap.plant import PlantDefaults
+from whsklearn.gap.plant import Plant
 from whsklearn.gap.search import Found, Named, Search
 from whsklearn.gap.tangent import Family, Look, Tangent, with_p_values
 
@@ -31,7 +31,7 @@ class Regression:
         return replace(self, terms=terms)
 
 
-class Columns(PlantDefaults):
+class Columns(Plant):
     """A plant of columns by name."""
 
     scale, tolerance, n_effective = 1.0, 0.02, float(N)

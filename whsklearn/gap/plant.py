@@ -13,8 +13,7 @@ How to write a plant
    (`whsklearn.gap.tangent.Tangent` does both at once); ``refine`` fits one of them, ``objection`` gives a physical
    objection to it.  ``n_effective`` is the number of independent samples on which the last looks are based.
 4. ``made`` and ``simulate``: a record that the model simulates, and the free run for the proof.
-5. ``numbers``, ``gap``, ``figures`` and ``told``: the content of the report.  Everything else has a default in
-   `PlantDefaults`.
+5. ``numbers``, ``gap``, ``figures`` and ``told``: the content of the report.  Everything else has a default.
 """
 
 from __future__ import annotations
@@ -39,36 +38,6 @@ QUIET = 1.35
 # Share of what is left that learned curves must explain: of the cross-validated power when they are fitted, of the gap
 # in simulation to be kept (`benchmarks.learned`).
 LEARNED_SHARE = 0.1
-
-
-class Term(Protocol):
-    """One effect in a model, with its numbers."""
-
-    @property
-    def name(self) -> str:
-        """Canonical name of the effect."""
-
-    @property
-    def effect(self) -> Any:
-        """The library's `Effect` with these numbers."""
-
-
-class Model(Protocol):
-    """A value: what a plant fits, simulates and extends."""
-
-    @property
-    def terms(self) -> tuple[Any, ...]:
-        """Effects, those of the base model first."""
-
-    @property
-    def n_base(self) -> int:
-        """How many leading terms are the base model's."""
-
-    def without(self, index: int) -> Any:
-        """The model without its term ``index`` (not refitted)."""
-
-    def with_terms(self, terms: tuple[Any, ...]) -> Any:
-        """The model with these terms in place of its own."""
 
 
 @dataclass(frozen=True)
@@ -247,6 +216,8 @@ class Plant(Protocol):
     horizons : tuple of float
         Of the free runs of the proof, in ``horizon_unit`` (``s`` or ``samples``); ``headline`` is the one in the first
         line of the report.
+    n_effective : float
+        Independent samples on which the last looks are based.
     exact : bool
         Whether its own records are exact: simulated from the input alone, with no loop and no filter.
     """
@@ -260,8 +231,9 @@ class Plant(Protocol):
     scale: float
     horizons: tuple[float, ...]
     headline: float
-    horizon_unit: str
-    exact: bool
+    n_effective: float
+    horizon_unit: str = "s"
+    exact: bool = False
 
     def check(self) -> list[Any]:
         """Problems of the data (`whsklearn.gap.data_check.DataProblem`), called before anything else."""
@@ -320,21 +292,15 @@ class Plant(Protocol):
     def system(self, model: Any) -> Any:
         """The model as the library's own object."""
 
-
-class PlantDefaults:
-    """Default methods of a plant."""
-
-    horizon_unit = "s"
-    exact = False
-
+    # --- with a default ---------------------------------------------------------------------------
     @property
-    def effect_units(self: Any) -> tuple[str, str]:
+    def effect_units(self) -> tuple[str, str]:
         """Those of the log."""
         drive, motion = self.units
         return self.own_units.get(drive, drive), self.own_units.get(motion, motion)
 
     @property
-    def gap_unit(self: Any) -> str:
+    def gap_unit(self) -> str:
         """That of the drive, or of the output."""
         return str(self.units[0] if self.whole == "drive" else self.units[1])
 
@@ -346,16 +312,16 @@ class PlantDefaults:
         """Rms of the difference between the errors of two models, in the unit of `Plant.scale`."""
         return float(np.sqrt(max(0.0, float(before @ before) - float(after @ after)) / before.size))
 
-    def explained(self: Any, model: Any, grown: Any, look: Any) -> tuple[float, float]:
+    def explained(self, model: Any, grown: Any, look: Any) -> tuple[float, float]:
         """(gain g, rms in the unit of `Plant.scale`) of what a fitted effect explains, found by this look."""
         before, after = self.errors(model), self.errors(grown)
         return gain(float(before @ before), float(after @ after), self.n_effective), self.size(before, after)
 
-    def alone(self: Any, model: Any) -> Array:
+    def alone(self, model: Any) -> Array:
         """Residual of a model minus the artefacts of its own records: here the residual itself."""
         return np.asarray(self.errors(model))
 
-    def leads(self: Any, taken: Any, other: Any, before: Array, rng: np.random.Generator) -> Array:
+    def leads(self, taken: Any, other: Any, before: Array, rng: np.random.Generator) -> Array:
         """Lead of the one taken in records simulated with the other: to first order, from what each explains."""
         return rival_leads(before, taken.errors, other.errors, self.n_effective, rng)
 

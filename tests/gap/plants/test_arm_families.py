@@ -7,7 +7,7 @@ import pytest
 
 from tests.gap.plants.test_arm_view import kind_of, view_of
 from whsklearn.effects import Cogging
-from whsklearn.gap.plants.arm_families import families, nameless, polished
+from whsklearn.gap.plants.arm_families import families, nameless_at, polished
 from whsklearn.gap.plants.arm_terms import JointTerm
 from whsklearn.gap.tangent import Tangent
 
@@ -61,7 +61,7 @@ def test_the_polish_leaves_a_term_without_a_shape(waved):
 
 def test_nameless_families_are_of_single_joints(waved):
     view, _ = waved
-    for family in nameless(view):
+    for family in nameless_at(view):
         assert family.name == ""
         assert len(family.place) == 1
         assert family.rows.step == view.n_joints

@@ -21,9 +21,9 @@ from whsklearn.gap.calibration import p_value
 from whsklearn.gap.data_check import DataProblem
 from whsklearn.gap.filters import whiteness
 from whsklearn.gap.localisation import spectra
-from whsklearn.gap.plant import Figures, Gap, Linearised, PlantDefaults, Told
+from whsklearn.gap.plant import Figures, Gap, Linearised, Plant, Told
 from whsklearn.gap.plants import holes_in
-from whsklearn.gap.plants.arm_families import families, look_at_limit, nameless, polished
+from whsklearn.gap.plants.arm_families import families, look_at_limit, nameless_at, polished
 from whsklearn.gap.plants.arm_terms import (
     AtJoint,
     JointInertia,
@@ -64,7 +64,7 @@ DOUBTFUL = 0.25
 SOME = 200  # positions at which the mass matrix is checked for being positive definite
 
 
-class ArmPlant(PlantDefaults):
+class ArmPlant(Plant):
     """Coupled joints with logged drives and positions.
 
     Parameters
@@ -155,7 +155,7 @@ class ArmPlant(PlantDefaults):
         rest: list[AtJoint] = []
         for k in (k for k in kinds if k.cls is not Load or view.weighs(k)):
             (limits if k.transforms and not k.delays else rest).append(k)
-        pairs = [(f, self.tangent.look(f)) for f in (*families(view, rest), *nameless(view))]
+        pairs = [(f, self.tangent.look(f)) for f in (*families(view, rest), *nameless_at(view))]
         looks = [self._sized(look) for _, look in pairs if look is not None]
         looks += [self._sized(look) for k in limits if (look := look_at_limit(view, k, self.tangent)) is not None]
         looks = sorted((self._significant(k, len(looks)) for k in outermost(looks, view.arm)), key=lambda k: -k.score)

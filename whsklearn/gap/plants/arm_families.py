@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from whsklearn.effects import ContactStop
+from whsklearn.gap.nameless import nameless
 from whsklearn.gap.plants.arm_terms import AtJoint, JointTerm, Load
 from whsklearn.gap.plants.arm_view import LATEST, ArmView
-from whsklearn.gap.plants.servo_families import generic_basis
 from whsklearn.gap.tangent import AT_ONCE, Family, Look, Tangent, strongest_lines
 from whsklearn.identification.drive_lead import OLDEST
 from whsklearn.identification.payload import place_of, point_load
@@ -153,20 +153,17 @@ def _tones(view: ArmView, kind: AtJoint, tangent: Tangent) -> Blocks:
     yield [(f,) for f in best], np.stack([np.cos(phase), np.sin(phase)], axis=2), 1.0
 
 
-def nameless(view: ArmView) -> Iterator[Family]:
+def nameless_at(view: ArmView) -> Iterator[Family]:
     """Functions of each joint's position, speed, torque and time; each kind is a family without a name."""
     for j, (joint, row) in enumerate(zip(view.arm.joints, np.eye(view.n_joints), strict=True)):
         if not view.keep[:, j].any():
             continue
         kind = AtJoint(object, joint, tuple(row))  # type: ignore[arg-type]
         q, v = (x[view.kept, j] for x in view.moved[:2])
-        for _, block in generic_basis(view.scene(kind), q, v, view.torque[view.kept, j]):
-            if FEWEST * block.shape[1] < view.keep[:, j].sum():
-                columns = (block / (block.std(axis=0) + 1e-12))[:, None, :]
-                yield Family(
-                    "", partial(lambda c, _: iter([([()], c, 1.0)]), columns), lambda *_: None, columns.shape[2],
-                    rows=slice(j, None, view.n_joints), place=frozenset([joint]),
-                )  # fmt: skip
+        where: dict[str, Any] = {"rows": slice(j, None, view.n_joints), "place": frozenset([joint])}
+        for family in nameless(view.scene(kind), q, v, view.torque[view.kept, j], **where):
+            if FEWEST * family.n_numbers < view.keep[:, j].sum():
+                yield family
 
 
 def polished(view: ArmView, tangent: Tangent, term: JointTerm) -> JointTerm:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from whsklearn.gap.data_check import FLAT, DataProblem, flat_share
 from whsklearn.gap.diagnosis import NamedEffect
 from whsklearn.gap.filters import whiteness
 from whsklearn.gap.localisation import spectra
-from whsklearn.gap.plant import Figures, Gap, Linearised, PlantDefaults, Reading, Told
+from whsklearn.gap.plant import Figures, Gap, Linearised, Plant, Reading, Told
 from whsklearn.gap.plants import chain_model as cm
 from whsklearn.gap.plants.chain_anew import (
     anew,
@@ -75,7 +75,7 @@ COARSE_READING = 0.003  # rms of rounding errors as a share of the output's: a f
 ROUNDING = 0.15  # share of the errors' mean square that rounding must make up to be mentioned
 
 
-class ChainPlant(PlantDefaults):
+class ChainPlant(Plant):
     """u -> L1 -> law -> L2 -> y with logged input and output.
 
     Parameters
@@ -95,7 +95,6 @@ class ChainPlant(PlantDefaults):
     """
 
     units = logged = ("", "")
-    own_units: ClassVar[dict[str, str]] = {}
     gap_word = "whitened error"
     whole = "output"
     horizon_unit = "samples"
@@ -110,7 +109,7 @@ class ChainPlant(PlantDefaults):
         self.law, self.orders, self.direct = base
         self.at = np.arange(self.u.size) if at is None else at
         self.length = int(self.at[-1]) + 1 if self.at.size else 0
-        self.tolerance, self.dt, self.given_model = tolerance, dt, given_model
+        self.tolerance, self.dt, self.given_model, self.own_units = tolerance, dt, given_model, {}
         self.scale = rms(self.y) if self.y.size and np.isfinite(self.y).all() else 1.0
         self.horizons = (1.0, 10.0, float(self.length))
         self.headline = float(self.length)

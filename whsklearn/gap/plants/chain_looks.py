@@ -15,6 +15,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from whsklearn.gap.calibration import N_NULL, gain
+from whsklearn.gap.nameless import without_name
 from whsklearn.gap.plants import chain_model as cm
 from whsklearn.gap.plants.chain_fit import SOFT, climb, coloured, sharpened
 from whsklearn.gap.plants.chain_model import ChainCandidate, ChainModel, Record, Sizes, Term, catalogue
@@ -167,10 +168,10 @@ def look(s: Record, m: ChainModel, rng: np.random.Generator) -> Seen:
         columns = np.column_stack([scene.seen(g) for g in f.T])
         columns /= np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
         together.append(columns)
-        looks.append(tangent.look(_block(columns)))
+        looks.append(tangent.look(without_name(columns)))
     looks.append(reversals(e, null))
     found = with_p_values([k for k in looks if k is not None])
-    power, _, _ = tangent.taken(_block(together[0]), np.column_stack(together)[:, None, :])
+    power, _, _ = tangent.taken(without_name(together[0]), np.column_stack(together)[:, None, :])
     share = power[0] / np.maximum(tangent.power, 1e-300)
     beyond = max(0.0, float(share[0] - share[1:].mean()) / max(1.0 - float(share[1:].mean()), 1e-3))
     smallest = min(k.p_value for k in found)
@@ -191,10 +192,6 @@ def softly(s: Record, m: ChainModel) -> list[Look]:
     tangent = Tangent(e, np.zeros((0, e.size)), np.hstack(plane), float(e.size))
     found = [tangent.look(family(scene, kind)) for kind in kinds(s, m)]
     return sorted((k for k in found if k is not None), key=lambda k: -k.gain)
-
-
-def _block(columns: Array) -> Family:
-    return Family("", lambda _: iter([([()], columns[:, None, :], 1.0)]), lambda *_: None, columns.shape[1])
 
 
 def kinds(s: Record, m: ChainModel) -> list[ChainCandidate]:

@@ -19,7 +19,7 @@ from whsklearn.gap.data_check import DataProblem, check_servo
 from whsklearn.gap.diagnosis import NamedEffect
 from whsklearn.gap.filters import whiteness
 from whsklearn.gap.localisation import since_reversal, spectra
-from whsklearn.gap.plant import QUIET, Figures, Gap, Learned, Linearised, PlantDefaults, Reading, Told
+from whsklearn.gap.plant import QUIET, Figures, Gap, Learned, Linearised, Plant, Reading, Told
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants import (
     servo_families,
@@ -54,7 +54,7 @@ OVER_LITTLE_TRAVEL = {"input_offset": ("gravity_imbalance",), "asymmetric_coulom
                       "cable_spring": ("gravity_imbalance",), "gravity_imbalance": ("cable_spring",)}  # fmt: skip
 
 
-class ServoPlant(PlantDefaults):
+class ServoPlant(Plant):
     """A rigid axis with logged drive and position.
 
     Parameters

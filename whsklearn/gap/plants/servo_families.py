@@ -27,6 +27,7 @@ from whsklearn.effects.quantity import ONE_PERIOD
 from whsklearn.filtering.gaussian import CUTOFF_SIGMA
 from whsklearn.gap.calibration import N_DRAWS, coloured, gain, n_effective, null_rows, smoothed_power
 from whsklearn.gap.least_squares import least_squares
+from whsklearn.gap.nameless import nameless
 from whsklearn.gap.plants import inverse_dynamics as ols
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants import servo_stop as stop
@@ -90,7 +91,7 @@ def looks(view: Any, model: AxisModel, own: Own, least: float, beside: AxisModel
         for f, of_place in families(scene)
     ]
     out = [look for _, look in asked]
-    out += [timed.look(f) for f in nameless(scene, (x @ sizes)[view.at])]
+    out += [timed.look(f) for f in nameless(view.scene, scene.angle, scene.speed, (x @ sizes)[view.at])]
     if view.age(model) > rules.LATEST * view.scene.dt:  # then the age is not a nuisance but a candidate
         plain = Tangent(left, own.null, numbers, own.n_effective, away)
         late = (kind for kind in inverse_kinds(model) if kind.delays)
@@ -255,16 +256,6 @@ def tones(scene: Scene, kind: Candidate, tangent: Tangent) -> Blocks:
     yield [(f,) for f in best], np.stack([np.cos(phase), np.sin(phase)], axis=2), 1.0
 
 
-def nameless(scene: Scene, torque: Array) -> Iterator[Family]:
-    """Functions of position, speed, time and the model's torque; each kind is a family without a name."""
-
-    def all_at_once(signal: str, columns: Array) -> Family:
-        return Family("", lambda _: iter([([()], columns, 1.0)]), lambda *_: None, columns.shape[2], signal=signal)
-
-    for signal, block in generic_basis(scene.view.scene, scene.angle, scene.speed, torque):
-        yield all_at_once(signal, (block / (block.std(axis=0) + 1e-12))[:, None, :])
-
-
 def next_order(view: Any, model: AxisModel, kind: Candidate) -> AxisModel | None:
     """The model with the best further order of a family; only whole orders can join whole ones, and are preferred."""
     scene = Scene(view, model)
@@ -291,46 +282,6 @@ def resolved(view: Any, model: AxisModel, term: Term) -> bool:
     """Whether a wave is no neighbour of the model's waves of its kind: closer orders are one wave with an envelope."""
     beside = [t.q[2] for t in model.terms if t.kind == term.kind and term.kind.scanned == "position"]
     return all(abs(term.q[2] - order) > ONE_PERIOD / view.scene.reach for order in beside)
-
-
-HATS = (0.08, 0.03, 0.01)  # of the travel: a stop or a bump at one angle is narrower than any wave up to order 12
-
-
-def generic_basis(scene: Any, angle: Array, v: Array, u: Array) -> list[tuple[str, Array]]:
-    """Blocks of nameless columns, shape (n, k) each: functions of position, speed, drive and time, and products.
-
-    With each block the signal of which it is any function, ``position`` or ``velocity``; empty if of several.
-    """
-    q = angle
-    t = np.arange(q.size) / q.size
-    q = (q - scene.centre) / scene.reach
-    v, u = v / (2 * scene.speed), u / (2 * scene.torque)
-    s = np.sign(v)
-    powers = [q, v, u, q * v, q * q, v * v, q**3, v**3, q * q * v, q * v * v, s, s * q, s * v, s * q * q, q * u]
-    waves = [f(k * angle_k) for k in range(1, 13) for angle_k in [angle] for f in (np.sin, np.cos)]
-    return [
-        ("", np.column_stack(powers)),
-        ("velocity", np.column_stack([np.exp(-0.5 * ((v - c) / 0.12) ** 2) for c in np.linspace(-1, 1, 16)])),
-        ("position", np.column_stack(waves)),
-        ("", np.column_stack([w * x for w in waves[:8] for x in (np.ones_like(v), v, s, u)])),
-        ("", np.column_stack([p * t for p in powers])),
-        ("", np.column_stack([np.roll(x, k) for x in (u, v, s) for k in (0, 1, 2, 4, 8)])),
-        *(("position", hats(q, 2.0 * width)) for width in HATS),
-    ]
-
-
-def hats(q: Array, width: float) -> Array:
-    """Piecewise linear functions, each around one position within -1 to 1, shape (n, k); they sum to one.
-
-    Examples
-    --------
-    >>> hats(np.array([-1.0, -0.25, 1.0]), 0.5)
-    array([[1. , 0. , 0. , 0. , 0. ],
-           [0. , 0.5, 0.5, 0. , 0. ],
-           [0. , 0. , 0. , 0. , 1. ]])
-    """
-    centres = np.linspace(-1.0, 1.0, round(2.0 / width) + 1)
-    return np.maximum(0.0, 1.0 - np.abs(q[:, None] - centres) / (centres[1] - centres[0]))
 
 
 def regression(view: Any, model: AxisModel) -> tuple[Array, Array]:

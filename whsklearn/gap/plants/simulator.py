@@ -32,7 +32,7 @@ from whsklearn.gap.calibration import GATE, gain, n_effective, p_value
 from whsklearn.gap.data_check import DataProblem, check_servo
 from whsklearn.gap.filters import WHITENING, autoregression, whiten, whiteness
 from whsklearn.gap.localisation import since_reversal, spectra
-from whsklearn.gap.plant import Figures, Gap, Linearised, PlantDefaults, Told
+from whsklearn.gap.plant import Figures, Gap, Linearised, Plant, Told
 from whsklearn.gap.plants.simulator_look import (
     Motion,
     Seen,
@@ -53,7 +53,7 @@ from whsklearn.logs.lattice import lattice
 FAR_ABOVE = 3.0  # multiple of the noise, whose level is known from sixth differences to within a few percent
 
 
-class SimulatorPlant(PlantDefaults):
+class SimulatorPlant(Plant):
     """A record under a simulator with three methods.
 
     Parameters

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from whsklearn.effects import ContactStop, Coulomb, Effect, Scales, Viscous, effect_names, get_effect
 from whsklearn.filtering.gaussian import CUTOFF_SIGMA, HIGHEST_CUTOFF, decimation, filtered, gaussian_derivatives
 from whsklearn.gap.calibration import N_NULL, coloured, n_effective, smoothed_power
+from whsklearn.gap.nameless import nameless
 from whsklearn.gap.plants.servo_candidates import UNSEEN
 from whsklearn.gap.plants.variant import EffectVariant
 from whsklearn.gap.record import Array, noise_level, rms
@@ -188,8 +189,6 @@ def smallest(plant: Any, model: Any, start: Any) -> tuple[Any, dict[str, Any]]:
 
 # --- looks ----------------------------------------------------------------------------------------
 STANDING_OUT = 2.0  # multiple of the noise's power up to which a line of the error counts as noise
-BUMPS = 15  # hills of a nameless function of the position, and of the speed
-WAVES = 8  # of the position in its own unit, in addition to them
 
 
 @dataclass(frozen=True)
@@ -258,10 +257,9 @@ def accelerations(plant: Any, seen: Seen) -> Iterator[Look]:
         look = chosen.look(_scanned(name, known, column)) if known else None
         if look is not None:
             yield dataclasses.replace(look, size=look.size * share)
-    for f in nameless(s):
-        columns = m.seen(f)[at][mask]
-        columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-        look = tangent.look(Family("", _one(None, columns), lambda *_: None, columns.shape[1]))
+    signals = (x[:: m.every][at][mask] for x in (s.position, s.velocity, s.drive))
+    for family in nameless(scales_of(plant.record, s), *signals):
+        look = tangent.look(family)
         if look is not None:
             yield dataclasses.replace(look, size=look.size * share)
 
@@ -295,11 +293,6 @@ def _simulated(name: str, shapes: list[Any], columns: list[Array]) -> Family:
     return Family(name, lambda _: iter(block), lambda shape, _: (shape,), numbers)
 
 
-def _one(shape: Any, columns: Array) -> Any:
-    """The columns of one shape, in the form that a family returns."""
-    return lambda _: iter([([shape], columns[:, None, :], 1.0)])
-
-
 def _scanned(name: str, shapes: list[Any], column: Any) -> Family:
     """One effect with all its shapes."""
 
@@ -311,19 +304,6 @@ def _scanned(name: str, shapes: list[Any], column: Any) -> Family:
     e = shapes[0]
     numbers = len(e.coefficients) + len(e.shape_fields()) or 1
     return Family(name, blocks, lambda shape, _: (shape,), numbers)
-
-
-def nameless(s: Any) -> Iterator[Array]:
-    """Nameless functions of position, of speed and direction, and of the drive; shape (n, k) each."""
-    q = (s.position - s.position.mean()) / (np.std(s.position) or 1.0)
-    v = s.velocity / (2.0 * np.std(s.velocity) or 1.0)
-    sign, u = np.tanh(s.kappa * s.velocity), s.drive / (np.std(s.drive) or 1.0)
-    bumps = [np.exp(-0.5 * ((q - c) / 0.2) ** 2) for c in np.linspace(-2.0, 2.0, BUMPS)]
-    yield np.column_stack([q, q**2, q**3, *bumps])
-    yield np.column_stack([f(k * s.position) for k in range(1, WAVES + 1) for f in (np.cos, np.sin)])
-    fast = [np.exp(-0.5 * ((v - c) / 0.15) ** 2) for c in np.linspace(-1.0, 1.0, BUMPS)]
-    yield np.column_stack([np.abs(v), v * np.abs(v), *fast])
-    yield np.column_stack([sign * q, sign * np.abs(u), u])
 
 
 def free(target: Array, columns: Array) -> Array:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from whsklearn.effects import Scales
-from whsklearn.gap.plants.servo_families import generic_basis
+from whsklearn.gap.nameless import generic_basis
 
 N = 3000
 TIME = np.arange(N) / 60.0
