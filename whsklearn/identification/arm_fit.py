@@ -20,7 +20,7 @@ from whsklearn.models.arm import ArmModel
 from whsklearn.systems.arm import Arm
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
@@ -129,15 +129,16 @@ def identify_arm(
     ages = dict(zip([lags.arm_.joints[int(j)] for j in moving], theta[len(names) :].tolist(), strict=True))
     theta, covariance = theta[: len(names)], covariance[: len(names), : len(names)]
     errors = dict(zip(names, np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist(), strict=True))
-    arm = lags.arm_
+    joints, missing = lags.arm_.joints, held_out(phi, target, keep, weights)
+    size = np.sqrt(np.sum(np.where(keep, target, 0.0) ** 2, axis=0) / np.maximum(keep.sum(axis=0), 1))
     model = ArmModel(
         lags.interpret(theta, covariance), dict(zip(names, theta.tolist(), strict=True)), dt=dt,
         logged="position", standard_errors=errors, units={"input": "Nm", "output": "rad"}, covariance=covariance,
+        unexplained={j: float(x) for j, x in zip(joints, missing * size, strict=True) if np.isfinite(x)},
     )  # fmt: skip
-    joint_names = arm.joints
     return ArmFit(
-        model, lags, dict(zip(joint_names, held_out(phi, target, keep, weights).tolist(), strict=True)),
-        {j: one_axis(lags, k, q, torque, groups) for k, j in enumerate(joint_names)}, nominal_numbers(lags),
+        model, lags, dict(zip(joints, missing.tolist(), strict=True)),
+        {j: one_axis(lags, k, q, torque, groups) for k, j in enumerate(joints)}, nominal_numbers(lags),
         covariance, ages,
     )  # fmt: skip
 
@@ -312,7 +313,8 @@ def _wider(unit: Array, spread: Array) -> Array:
 class Known(NamedTuple):
     """Prior knowledge of the weights from another record: ``root`` (r, p) times (weights - values) has unit variance.
 
-    ``covariance`` (p, p) is that of the values, zero where nothing is known.
+    ``covariance`` (p, p) is that of the values, zero where nothing is known; ``unexplained`` the rms of what they left
+    of each joint's drive in that record (Nm or N), by joint.
 
     Examples
     --------
@@ -327,6 +329,7 @@ class Known(NamedTuple):
     values: Array
     covariance: Array
     root: Array
+    unexplained: Mapping[str, float]
 
     @classmethod
     def of(cls, model: ArmModel, names: Sequence[str]) -> Known:
@@ -349,7 +352,7 @@ class Known(NamedTuple):
         power, vectors = np.linalg.eigh(c[np.ix_(kept, kept)] / np.outer(size, size))
         root = np.zeros((int(kept.sum()), len(c)))
         root[:, kept] = (vectors / np.sqrt(np.maximum(power, ROUNDING * power[-1]))).T / size
-        return cls(values, c, root)
+        return cls(values, c, root, model.unexplained)
 
 
 def updated(rows: Array, target: Array, block: NDArray[np.int64], known: Array) -> tuple[Array, Array, float]:

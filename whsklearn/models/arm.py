@@ -25,6 +25,8 @@ class ArmModel(IdentifiedModel):
         Base parameters as measured, by name, such as ``elbow.mx``; each includes the parameters merged into it.
     covariance : array-like of shape (b, b), optional
         Covariance of those numbers, in the same order.
+    unexplained : mapping of str to float, optional
+        For each joint, the rms error of its drive on blocks of the record that were not fitted (Nm or N).
 
     References
     ----------
@@ -44,6 +46,7 @@ class ArmModel(IdentifiedModel):
     arm: Arm
     numbers: Mapping[str, float] = field(default_factory=dict)
     covariance: Any = None
+    unexplained: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def kind(self) -> str:

@@ -21,7 +21,7 @@ from whsklearn.gap.calibration import p_value
 from whsklearn.gap.data_check import DataProblem
 from whsklearn.gap.filters import whiteness
 from whsklearn.gap.localisation import spectra
-from whsklearn.gap.plant import Figures, Gap, Linearised, Plant, Told
+from whsklearn.gap.plant import QUIET, Figures, Gap, Linearised, Plant, Told
 from whsklearn.gap.plants import holes_in
 from whsklearn.gap.plants.arm_families import families, look_at_limit, nameless_at, polished
 from whsklearn.gap.plants.arm_terms import (
@@ -325,15 +325,22 @@ class ArmPlant(Plant):
 
     # --- proof -------------------------------------------------------------------------------
     def made(self, model: ArmState, rng: np.random.Generator) -> ArmPlant:
-        """The plant of a record that the model itself makes along the measured motion."""
+        """The plant of a record that the model itself makes along the measured motion.
+
+        Its drives contain noise with the colour of what the model leaves of the real ones.
+        """
         view = self.view
         other = ArmPlant(self.record, self.lags, None, self.tolerance, self.known)
         path, drive = view.read(view.moved.position, rng), view.along(model, view.moved)
+        for t in (t for t in model.terms if t.kind.delays):
+            drive += np.outer(view.lost(t.kind, t.shape), t.kind.direction)
+        drive += view.unexplained(model, rng)
         other.record, other.view = replace(self.record, position=path, drive=drive), view
-        other._made = True
+        other._made, other._judged = True, (model,)
         return other
 
     _made = False
+    _judged: tuple[ArmState, ...] = ()
 
     def simulate(self, model: ArmState, horizon: float) -> Array:
         """Free runs of all joints from the drives, restarted at the measured motion; shape (n n_joints,).
@@ -382,24 +389,51 @@ class ArmPlant(Plant):
         return self.lags.interpret(model.numbers, spread)
 
     def measured(self, *models: ArmState) -> tuple[Array, NDArray[np.bool_]]:
-        """Positions of all joints, one after the other, and the mask of held-out samples away from the ends."""
+        """Positions of all joints, one after the other, and the mask of held-out samples away from the ends.
+
+        Models are compared at the joints of their effects: the errors of the others, which may be larger, would hide
+        them.
+        """
         _, train = held_out_blocks(len(self.record.time))
         edge = max(int(self.view.kept[0]), round(max(self.horizons) * self.lags.sample_rate))
         for s, _ in self.record.pieces:
             train[s][:edge] = train[s][-edge:] = True
-        return self.record.position.ravel(), np.repeat(~train, self.view.n_joints)
+        return self.record.position.ravel(), np.outer(~train, self._acting(*models, *self._judged)).ravel()
 
     def figures(self, base: ArmState, model: ArmState, nameless: float = 0.0) -> Figures:
-        """Shares of the drive at the joint with the largest change or gap.
+        """Shares of the drive at the joint of the named effects with the largest change, or at that with the gap.
 
-        What has no name counts at joints with a named effect, and elsewhere if it exceeds the tolerance.
+        If an identified arm is the base model, its own record says how much of each drive it leaves anyway.  All that
+        is left beyond that has no name, whether or not a function of the motion explains it: the impacts of a play are
+        no function of what the encoder sees.  Elsewhere than at the named effects a joint counts if it would count in
+        a record without any.
         """
         before, after = (self._shares(self.errors(m)) for m in (base, model))
-        j = int(np.argmax(before**2 - after**2 if model.terms else after / np.maximum(self.own.floor, 1e-12)))
-        named = frozenset().union(*(t.kind.place or self.view.arm.joints for t in model.terms))
-        here = [k.size for k in self.looked if not k.name and (k.size >= self.tolerance or k.place & named)]
-        still = max((size for size in here if size <= nameless), default=0.0)
-        return Figures(float(before[j]), float(after[j]), float(self.own.floor[j]), still)
+        named, floor = self._acting(model), self.floor
+        j = int(np.argmax(np.where(named, before**2 - after**2, -np.inf) if model.terms else after / floor))
+        if self.known is not None and self.known.unexplained:
+            loud = after**2 > (QUIET * floor) ** 2 + np.where(named, 0.0, 2.0 * self.tolerance**2)
+            still = float(np.sqrt(np.max(np.where(loud, after**2 - floor**2, 0.0), initial=0.0)))
+        else:
+            here = frozenset(np.array(self.view.arm.joints)[named] if model.terms else ())
+            sizes = [k.size for k in self.looked if not k.name and (k.size >= self.tolerance or k.place & here)]
+            still = max((size for size in sizes if size <= nameless), default=0.0)
+        return Figures(float(before[j]), float(after[j]), float(floor[j]), still)
+
+    def _acting(self, *models: ArmState) -> NDArray[np.bool_]:
+        """The joints at which the terms of these models act, shape (n_joints,); all if there is no term."""
+        places = [t.kind.place for m in models for t in m.terms]
+        joints = self.view.arm.joints
+        if not all(places):
+            places = []
+        return np.array([not places or any(j in p for p in places) for j in joints])
+
+    @property
+    def floor(self) -> Array:
+        """What chance leaves of each drive, as a share, (n_joints,): encoder noise, or what its own record leaves."""
+        left = self.known.unexplained if self.known is not None else {}
+        usual = np.array([left.get(j, 0.0) for j in self.view.arm.joints]) / np.maximum(self.view.drive_rms, 1e-300)
+        return np.maximum(np.maximum(self.own.floor, usual), 1e-12)
 
     # --- report ------------------------------------------------------------------------------
     def _joints(self, base: ArmState, model: ArmState) -> list[dict[str, Any]]:
@@ -444,7 +478,8 @@ class ArmPlant(Plant):
         )
         notes = [
             f"The gap of each joint is a share of its own rms drive, below {self.lags.cutoff_:.1f} Hz and without slow "
-            f"samples; the numbers of the arm {numbers}. A free run covers all joints.",
+            f"samples; the numbers of the arm {numbers}. A free run is of all joints, and judged at those with a named "
+            "effect, or at all if there is none.",
             SPLIT,
         ]
         tests = [whiteness(self.gap(m).left, name) for name, m in (("before", base), ("after", model))]

@@ -412,6 +412,13 @@ class ArmView:
         floor = np.sqrt(np.mean([self.by_joint(a) ** 2 for a in apart], axis=0))
         return Own(mean, null, floor / np.maximum(self.drive_rms, 1e-300), n, apart)
 
+    def unexplained(self, model: ArmState, rng: np.random.Generator) -> Array:
+        """Drives by chance with the colour of what a fitted model leaves of each, shape (n, n_joints)."""
+        shares, rows = np.maximum(self.keep.mean(axis=0), 1e-9), self.time[self.kept]
+        power = [smoothed_power(x) / share for x, share in zip(self.left(model).T, shares, strict=True)]
+        noise = [coloured(p, (1, self.n_rows), rng)[0] for p in power]
+        return np.column_stack([np.interp(self.time, rows, x) for x in noise])
+
     def null(self, rest: Array, apart: Array, rng: np.random.Generator) -> tuple[Array, float]:
         """Residuals by chance with the colour of ``rest``, (N_NULL, m, n_joints), and their independent samples.
 
