@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from whsklearn.gap import conclude
 from whsklearn.gap.conclude import stays_open, verdict_of
+from whsklearn.gap.search import Named
 
 NAMELESS = SimpleNamespace(name="", p_value=1e-6, size=0.2, signal="")
 
@@ -112,13 +114,22 @@ class Runs:
 
 
 class Letter(str):
-    """A term."""
+    """A term, its effect, and what was taken for it; l and d are the same to first order."""
 
     __slots__ = ()
+    look = SimpleNamespace(place=frozenset())
+
+    @property
+    def aliases(self):
+        return {"l": ("d",), "d": ("l",)}.get(self, ())
 
     @property
     def effect(self):
         return self
+
+    @property
+    def name(self):
+        return str(self)
 
 
 class Terms(str):
@@ -143,14 +154,14 @@ def closing(monkeypatch):
     def rows(plant, base, model, rng, given=None):
         return [{"horizon": h, "closure": c} for h, c in zip((1.0, 2.0), plant.closes(model), strict=True)]
 
-    def run(plant, model="ab", certainty="9" * 9):
+    def run(plant, model="ab", certainty="9" * 9, fitted=(), taken=None):
         monkeypatch.setattr(conclude, "prove", rows)
         monkeypatch.setattr(
             conclude, "_certainty", lambda fit, effect, index: float(dict(zip(model, certainty, strict=False))[effect])
         )
-        found = SimpleNamespace(
-            base=Terms(), model=Terms(model), taken=list(model), remainder=[], steps=[SimpleNamespace(looks=[])]
-        )
+        steps = [SimpleNamespace(looks=[], fitted=list(fitted))]
+        taken = [Letter(x) for x in model] if taken is None else list(taken)
+        found = SimpleNamespace(base=Terms(), model=Terms(model), taken=taken, remainder=[], steps=steps)
         return conclude._closing(plant, found, None, None, 0.01), found
 
     return run
@@ -161,6 +172,17 @@ def test_the_last_effects_go_until_the_run_closes(closing):
     assert (found.model, found.taken) == ("a", ["a"])
     _, found = closing(Runs(lambda m: (-0.1, -0.1) if m else (0.0, 0.0)))
     assert (found.model, found.taken) == ("", [])
+
+
+def test_of_two_that_are_the_same_to_first_order_the_one_whose_run_closes_stays(closing):
+    lag, delay = (
+        Named(SimpleNamespace(name=x, place=frozenset()), Terms(x), np.zeros(1), np.zeros(1), rivals=["wave"])
+        for x in "ld"
+    )
+    for closes, model, rivals in (("d", "d", [["l", "wave"]]), ("l", "l", [["wave"]]), ("", "", [])):
+        plant = Runs(lambda m, closes=closes: (0.9, 0.9) if m in ("", closes) else (-0.1, -0.1))
+        _, found = closing(plant, "l", fitted=[lag, delay], taken=[lag])
+        assert (found.model, [t.rivals for t in found.taken]) == (model, rivals)
 
 
 def test_numbers_as_found_stand_in_where_those_refitted_along_the_run_are_worse(closing):

@@ -25,7 +25,7 @@ def test_a_file_gives_the_same_arm_again(tmp_path):
     np.testing.assert_array_equal(again.arm.inverse_dynamics(*motion), ARM.inverse_dynamics(*motion))
     assert (again.arm.effects, again.arm.sums, again.arm.sum_armature) == (ARM.effects, ARM.sums, ARM.sum_armature)
     assert (again.parameters, again.dt, again.standard_errors) == (model.parameters, 0.002, {"j1.mx": 0.1})
-    assert again.parameter_units == {"j1.mx": "kg m"}
+    assert again.parameter_units == {"j1.mx": "kg m", "j1.coulomb": "Nm"}
     assert as_arm(tmp_path / "arm.json").joints == ARM.joints
 
 
@@ -43,3 +43,9 @@ def test_robots_that_are_none_are_told(tmp_path):
     ):  # fmt: skip
         with pytest.raises(ValueError, match=said):
             as_arm(robot)
+
+
+def test_numbers_of_a_joint_that_slides_have_units_of_a_line():
+    slides = drawn_arm(2, 0, slides=1.0)
+    units = [slides.unit_of(f"j0.{number}") for number in ("m", "armature", "viscous", "coulomb", "of_my_own")]
+    assert units == ["kg", "kg", "N s/m", "N", ""]

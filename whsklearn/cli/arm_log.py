@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from whsklearn.systems import Arm
 
-PER_JOINT = ("LOG009", "LOG019")  # a joint at rest, unknown units: reported once for the whole arm
+PER_JOINT = ("LOG009", "LOG019", "LOG022")  # a joint at rest, unknown units, a current: told once for the whole arm
 # Words of a column's name, the most reliable last.  A measured current is preferred to a torque that the controller
 # commands, because the command may come from a model.
 DRIVES = ("current", "currents", "iq", "i", "strom"), (
@@ -181,7 +181,10 @@ def to_si(joint: str, slides: bool, position: str, drive: str, gains: Mapping[st
     if joint in gains:
         return factor_between(position, place), gains[joint][0] * factor_between(drive, "A")
     if drive not in UNSTATED and drive.endswith("A"):
-        raise ValueError(f'The drive of {joint} is in {drive}; give --gains "{joint}:NM_PER_AMPERE;...".')
+        raise ValueError(
+            f"The drive of {joint} is a current in {drive}; give the {force} per A of every joint, "
+            f'--gains "{joint}:{force.upper()}_PER_AMPERE;...".'
+        )
     return factor_between(position, place), factor_between(drive, force)
 
 

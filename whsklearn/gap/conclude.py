@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,7 @@ from whsklearn.gap.diagnosis import (
 from whsklearn.gap.pictures import pictures_in
 from whsklearn.gap.plant import LEARNED_SHARE, QUIET, Linearised
 from whsklearn.gap.proof import closure, prove
-from whsklearn.gap.search import HALF, LEAST_SHARE, STILL, Found, Named
+from whsklearn.gap.search import HALF, LEAST_SHARE, STILL, Found, Named, meet
 from whsklearn.gap.sentences import next_experiment, summary
 from whsklearn.gap.standard_errors import errors_of, labelled_errors
 from whsklearn.gap.tangent import Look
@@ -128,7 +129,12 @@ def _proved(plant: Any, found: Found, rng: np.random.Generator, alpha: float) ->
 
 
 def _closing(plant: Any, found: Found, rng: np.random.Generator, given: Any, alpha: float) -> list[dict[str, Any]]:
-    """The proof of the model with as many of the effects as close the gap in simulation; the last ones go first."""
+    """The proof of the model with as many of the effects as close the gap in simulation; the last ones go first.
+
+    Effects that are the same to first order, a delay and a lag, are distinguished by simulation: the other one is tried
+    in the place of one that fails.
+    """
+    refused: set[str] = set()
     while found.taken:
         fitted = found.model
         proofs = []
@@ -152,9 +158,17 @@ def _closing(plant: Any, found: Found, rng: np.random.Generator, given: Any, alp
                 if shorter:
                     found.model, plant.headline = model, max(shorter)
                     return rows
-            found.model = plant.settled(fitted.without(len(fitted.terms) - 1))
-            del found.taken[-1]
-            found.remainder = found.steps[min(len(found.taken), len(found.steps) - 1)].looks
+            step = found.steps[min(len(found.taken) - 1, len(found.steps) - 1)]
+            found.model, found.remainder = plant.settled(fitted.without(len(fitted.terms) - 1)), step.looks
+            last = found.taken.pop()
+            refused.add(last.name)
+            alike = (f for f in step.fitted if f.effect.name in last.effect.aliases and meet(f.look, last.look))
+            other = next((f for f in alike if not f.reason and f.name not in refused), None)
+            if other is not None:
+                found.model = plant.settled(found.model.with_terms((*found.model.terms, other.model.terms[-1])))
+                rivals = [last.name, *(name for name in last.rivals if name != other.name)]
+                found.taken.append(replace(other, rivals=rivals))
+                found.remainder = plant.looks(found.model, rng)
     found.model = found.base
     return prove(plant, found.base, found.base, rng, given)
 

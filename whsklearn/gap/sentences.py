@@ -21,6 +21,9 @@ MENU = {
         "cable_spring gravity_imbalance": "Travel at least half a turn at slow speed, 30 s.",
     }.items()
 }
+# Multiple of a number above which its standard error means that the record says nothing about it: the centre of a
+# spring beside a free offset has 57,000. One that is zero by chance gets there once in a hundred times.
+UNTOLD = 100.0
 RICH = (
     "Repeat with a rich reference: eight tones of 0.1 to 2.9 Hz on a slow triangle over the whole travel, 40 s; it "
     "shows all effects of the catalogue at two percent of the rms drive."
@@ -42,9 +45,11 @@ def article_list(names: list[str]) -> str:
 def numbers(named: Any) -> str:
     """The parameters with units, in short form; for a family of waves, also the number of further ones."""
     out = []
-    for name, value, _, unit in named.told:
+    for name, value, error, unit in named.told:
         if isinstance(value, str):
             out.append(f"{name} {value}")
+        elif (error or 0.0) > UNTOLD * abs(value):
+            out.append(f"{name} not determined")
         elif not name.startswith("phase"):
             out.append(f"{name} {value:.4g} {unit}".rstrip())
     if named.orders:

@@ -60,10 +60,8 @@ class ArmModel(IdentifiedModel):
 
     @property
     def parameter_units(self) -> dict[str, str]:
-        """Units of those `parameters` that belong to a link or a motor."""
-        from whsklearn.systems.arm import number_unit
-
-        return {k: unit for k in self.numbers if (unit := number_unit(k))}
+        """SI units of the `parameters`."""
+        return {k: unit for k in self.numbers if (unit := self.arm.unit_of(k))}
 
     def simulate(self, u: ArrayLike, *, start: Any = 0.0) -> NDArray[np.float64]:
         """Positions (n, n_joints) from the drives (n, n_joints) alone, at rest before the first sample.

@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from sklearn.utils import Bunch
 
-from whsklearn.effects import Effect
+from whsklearn.effects import Effect, effect_names, get_effect
+from whsklearn.logs.units import respelled
 from whsklearn.systems._arm_kernels import N_BODY, Links, fill_mass, fill_regressor, fill_torque
 from whsklearn.systems._arm_pass import DRIVE, MEASURED, N_SIGNALS, POSITION, VELOCITY, Axes, Course, run
 from whsklearn.systems._servo_torques import KAPPA, LIMIT, N_PARTS, RESOLUTION, plant_of
@@ -34,14 +35,6 @@ if TYPE_CHECKING:
 NUMBERS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 
 SMOOTHING = 1e-3  # rad/s (m/s) over which sign(v) changes: a joint held by friction creeps at less than this
-
-UNITS = {"m": "kg", "mx": "kg m", "my": "kg m", "mz": "kg m", "armature": "kg m²"}
-
-
-def number_unit(name: str) -> str:
-    """Unit of a link parameter such as ``elbow.mx``, or of ``elbow.armature``; empty for other names."""
-    number = name.rpartition(".")[2]
-    return UNITS.get(number, "kg m²" if number in NUMBERS else "")
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,6 +206,27 @@ class Arm:
     def number_names(self) -> tuple[str, ...]:
         """Names of the 10 n link parameters, in the order of the regressor's columns."""
         return tuple(f"{joint}.{number}" for joint in self.joints for number in NUMBERS)
+
+    def unit_of(self, name: str) -> str:
+        """SI unit of a number such as ``elbow.mx``, ``lift.armature`` or ``elbow.viscous``; empty for an unknown one.
+
+        Examples
+        --------
+        >>> arm = Arm.from_dh([(0.3, 0, 0, 0)])
+        >>> [arm.unit_of(f"joint1.{number}") for number in ("mx", "Izz", "armature", "viscous", "coulomb")]
+        ['kg m', 'kg m²', 'kg m²', 'Nm s/rad', 'Nm']
+        """
+        axis, _, number = name.rpartition(".")
+        axes = re.split(r"[+-]", axis)
+        slides = any(s and joint in axes for joint, s in zip(self.joints, self.slides, strict=True))
+        if number in (*NUMBERS, "armature"):
+            heavy = number == "m" or (number == "armature" and slides)
+            return "kg" if heavy else "kg m" if number in NUMBERS[1:4] else "kg m²"
+        effect = re.sub(r"(_cos|_sin)?\d*$", "", number)
+        if effect not in effect_names():
+            return ""
+        cls = get_effect(effect)
+        return respelled(cls.quantities[cls.size].unit, {"Nm": "N", "rad": "m"} if slides else {})[1]
 
     def index(self, joint: str) -> int:
         """Index of a joint by its name.

@@ -39,6 +39,12 @@ def names(finder):
     return [e.label for e in finder.effects_]
 
 
+@pytest.fixture(scope="module")
+def empty():
+    """The arm identified from a log in which nothing is hidden."""
+    return identify_arm(*make_arm_log(return_arrays=True), dt=0.002, robot=ARM)
+
+
 @pytest.mark.parametrize(
     ("joint", "effect"),
     [
@@ -109,8 +115,7 @@ def test_nothing_is_named_where_nothing_is_missing(seed):
     assert found.verdict_ == "no_gap"
 
 
-def test_a_load_is_named_against_the_numbers_without_it():
-    empty = identify_arm(*make_arm_log(return_arrays=True), dt=0.002, robot=ARM)
+def test_a_load_is_named_against_the_numbers_without_it(empty):
     loaded = record(robot=ARM.with_body("pitch", 0.3, (0.15, 0.0, 0.02)), random_state=3)
     found = GapFinder(empty.model).fit(loaded)
     assert names(found)[0] == "payload at pitch"
@@ -118,8 +123,7 @@ def test_a_load_is_named_against_the_numbers_without_it():
     assert GapFinder(empty.model).fit(record(random_state=3)).verdict_ == "no_gap"
 
 
-def test_friction_that_has_become_less_than_it_was_is_named_by_itself():
-    empty = identify_arm(*make_arm_log(return_arrays=True), dt=0.002, robot=ARM)
+def test_friction_that_has_become_less_than_it_was_is_named_by_itself(empty):
     found = GapFinder(empty.model).fit(record({"pitch": [Viscous(-0.05)]}, random_state=3))
     assert names(found)[:1] == ["viscous at pitch"]
     assert found.effects_[0].effect.magnitude == pytest.approx(-0.05, rel=0.2)
@@ -127,9 +131,7 @@ def test_friction_that_has_become_less_than_it_was_is_named_by_itself():
     assert not names(GapFinder(unsure).fit(record({"pitch": [Viscous(-0.05)]}, random_state=3)))
 
 
-def test_a_law_with_a_shape_must_explain_more_than_one_without():
-    q, u = make_arm_log(return_arrays=True)
-    empty = identify_arm(q, u, dt=0.002, robot=ARM)
+def test_a_law_with_a_shape_must_explain_more_than_one_without(empty):
     plant = arm_plant(empty.model, record({"pitch": [Coulomb(0.1)]}, random_state=3), law=None, tolerance=0.004)
     plant.check()
     rng = np.random.default_rng(0)
@@ -155,6 +157,38 @@ def test_a_name_must_lower_the_error_on_blocks_that_were_not_fitted():
     true, chance = (plant.view.fit(model.with_term(JointTerm(kind, (0.0, 0.0, order)))) for order in (7.0, 18.5))
     assert plant.objection(model, true) == ""
     assert "not fitted" in plant.objection(model, chance)
+
+
+def test_a_name_is_certain_only_if_no_more_is_left_than_the_arm_left_before(empty):
+    r = record({"pitch": [Coulomb(0.1)]}, random_state=3)
+    noise = np.random.default_rng(1).standard_normal(r.drive.shape)
+    noisy = dataclasses.replace(r, drive=r.drive + 0.2 * r.drive.std(axis=0) * noise)
+    found = GapFinder(empty.model).fit(noisy)
+    assert (found.verdict_, names(found)[0]) == ("partial", "coulomb at pitch")
+    loud = {joint: 0.1 * size for joint, size in zip(ARM.joints, r.drive.std(axis=0), strict=True)}
+    found = GapFinder(dataclasses.replace(empty.model, unexplained=loud)).fit(noisy)
+    assert (found.verdict_, names(found)) == ("named", ["coulomb at pitch"])
+
+
+def test_the_proof_is_judged_at_the_joint_of_the_name_and_a_delayed_own_record_is_delayed():
+    r = record(duration=12.0)
+    early = np.vstack([r.drive[10:], r.drive[-10:]])  # acts ten samples after it was logged
+    plant = arm_plant(ARM, dataclasses.replace(r, drive=early), law=None, tolerance=0.004)
+    plant.check()
+    base = plant.base(np.random.default_rng(0))
+    kinds = list(candidates(plant.view.arm, present({}, ()), frozen=False, weight=0))
+    late = plant.view.fit(
+        base.with_term(JointTerm(next(k for k in kinds if k.name == "input_delay at pitch"), (0.02,)))
+    )
+    held = plant.measured()[1].reshape(-1, 2)
+    judged = plant.measured(base, late)[1].reshape(-1, 2)
+    assert held.any(axis=0).tolist() == [True, True]
+    assert judged.any(axis=0).tolist() == [False, True]
+    np.testing.assert_array_equal(judged[:, 1], held[:, 1])
+    own = plant.made(late, np.random.default_rng(0))
+    error = own.record.position.ravel() - own.simulate(late, 0.2)
+    other = own.record.position.ravel() - own.simulate(base, 0.2)
+    assert error[judged.ravel()].std() < 0.5 * other[judged.ravel()].std()
 
 
 def trajectories(*pieces, hole=1.0):

@@ -86,6 +86,13 @@ def test_own_records_of_a_complete_model_are_as_large_as_what_it_leaves(plain):
     assert 2.0 < own.n_effective < view.n_rows * view.n_joints
 
 
+def test_drives_by_chance_are_as_large_as_what_a_model_leaves():
+    view, model = view_of({"yaw": [CableSpring(1.0)]})
+    by_chance = view.by_joint(view.blur(view.unexplained(model, np.random.default_rng(0))))
+    left = view.by_joint(view.left(model))
+    assert np.all((by_chance > 0.6 * left) & (by_chance < 1.5 * left))
+
+
 def test_the_encoders_read_on_their_grid(plain):
     q, u = (plain[0].position, plain[0].drive)
     step = 2 * np.pi / 4096

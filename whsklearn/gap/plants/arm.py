@@ -48,7 +48,7 @@ from whsklearn.identification.payload import ALIKE, FURTHEST, Beside
 from whsklearn.lags.rigid_body import RigidBodyLags
 from whsklearn.models.arm import ArmModel
 from whsklearn.models.files import as_arm
-from whsklearn.systems.arm import Arm, number_unit
+from whsklearn.systems.arm import Arm
 from whsklearn.systems.arm_files import STANDARD_GRAVITY
 from whsklearn.systems.servo import FEWEST_STEPS
 
@@ -61,6 +61,7 @@ CANCELS = 20.0
 # long as it is less than what stays without a name: of a model that is no better than that, a shape is not to be told.
 # Above a quarter (6 % of the power) the elementary law is no longer most of the effect.
 DOUBTFUL = 0.25
+UNTOLD = 1e6  # m: the standard error of a centre that no drive tells, in place of infinity
 SOME = 200  # positions at which the mass matrix is checked for being positive definite
 
 
@@ -297,9 +298,9 @@ class ArmPlant(Plant):
                 free = np.r_[: here.start, here.stop : columns.shape[1]]
                 beside = Beside(columns[:, free], target, known[:, free], block, np.nonzero(view.keep)[1])
                 if (told := beside.weigh(t.joint, (view.body(t.kind) * weight[:, None])[rows])) is not None:
-                    errors = np.array([told[0].mass_error, *told[0].centre_error])
+                    errors = np.nan_to_num([told[0].mass_error, *told[0].centre_error], posinf=UNTOLD)
                     spread[here, :] = spread[:, here] = 0.0
-                    spread[here, here] = np.diag(np.where(np.isfinite(errors), errors, 0.0) ** 2)
+                    spread[here, here] = np.diag(errors**2)
 
         def rebuild(z: Array) -> ArmState:
             at, terms = n, []
@@ -468,8 +469,9 @@ class ArmPlant(Plant):
         return out | {f"drive of {name}": (view.target[:, j], "N" if view.arm.slides[j] else "Nm")}
 
     def numbers(self, model: ArmState) -> dict[str, tuple[float, str]]:
-        """Base numbers of links and motors."""
-        return {k: (float(v), number_unit(k)) for k, v in zip(self.lags.base_.names, model.numbers, strict=True)}
+        """The numbers of the arm and its law."""
+        unit = self.view.arm.unit_of
+        return {k: (float(v), unit(k)) for k, v in zip(self.lags.base_.names, model.numbers, strict=True)}
 
     def told(self, base: ArmState, model: ArmState) -> Told:
         """Whiteness of the residual at the joint reported first, remarks, series of the page, and rows of joints."""
