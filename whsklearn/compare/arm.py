@@ -16,15 +16,12 @@ from numpy.typing import NDArray
 from whsklearn.compare.rows import FEWEST_BLOCKS, MOST_BLOCKS, Rows, drifting, slowest_of
 from whsklearn.lags.rigid_body import RigidBodyLags
 from whsklearn.systems._arm_kernels import N_BODY
-from whsklearn.systems.arm import UNITS as LINK_UNITS
-from whsklearn.systems.arm import Arm
+from whsklearn.systems.arm import NUMBERS, Arm
 
 Array = NDArray[Any]
 
 LAW = ("viscous", "coulomb")  # of every joint, beside an offset and the motor's inertia
 TOLD = {"armature": "joint_inertia"}  # a column's name -> what it is called
-TURNS = {"viscous": "Nm s/rad", "coulomb": "Nm", "input_offset": "Nm", "joint_inertia": "kg m²"}
-SLIDES = {"viscous": "N s/m", "coulomb": "N", "input_offset": "N", "joint_inertia": "kg"}
 MOST_LEFT = 0.3  # of the rms drive: beyond it the numbers are not those of the axis or joint
 POINT = 4  # leading numbers of a link: its mass and moments
 OWN = 1e-6  # of a column's norm that those before it leave: below, it is made of them (rounding is 1e-13)
@@ -106,10 +103,8 @@ def _rows(lags: RigidBodyLags, view: Any, record: ArmLog, weights: Array, label:
     names, units = [], []
     for name in lags.base_.names:
         joint, _, number = name.partition(".")
-        number = TOLD.get(number, number)
-        at_joint = SLIDES if arm.slides[arm.index(joint)] else TURNS
-        names.append(f"{number} at {joint}" if number in at_joint else name)
-        units.append(at_joint.get(number, LINK_UNITS.get(number, "kg m²")))
+        names.append(name if number in NUMBERS else f"{TOLD.get(number, number)} at {joint}")
+        units.append(arm.unit_of(name))
     moving = [j for j in range(n) if view.keep[:, j].any()]
     names += [f"delay at {arm.joints[j]}" for j in moving]
     units += ["s"] * len(moving)
