@@ -21,6 +21,7 @@ import contextlib
 import os
 import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +37,7 @@ from whsklearn.datasets import (
 )
 from whsklearn.identification import identify
 from whsklearn.identification.drive_lead import moved
-from whsklearn.identification.view import View, derivative
+from whsklearn.identification.view import derivative
 from whsklearn.identification.windows import window_errors
 
 # Task of the package, published figure in its metric, and where that is from
@@ -49,6 +50,8 @@ TASKS = {
 }
 # What the layout written here holds in the place of the published records
 TWINS = {"Silverbox": " (simulated twin, 0.05 mV of noise)", "CED": " (simulated twin, 0.02 V of noise)"}
+# Of the signals, which the package does not give; on a linear axis there is no gravity imbalance
+UNITS = {"EMPS": {"input": "V", "output": "m"}}
 
 Pair = tuple[np.ndarray, np.ndarray]
 
@@ -56,9 +59,9 @@ Pair = tuple[np.ndarray, np.ndarray]
 class Fitted:
     """The recommended model as the package calls it: the state from the first outputs, then a free run."""
 
-    def __init__(self, u: np.ndarray, y: np.ndarray, dt: float, groups: np.ndarray):
+    def __init__(self, u: np.ndarray, y: np.ndarray, dt: float, groups: np.ndarray, units: dict[str, str]):
         self.dt = dt
-        self.found = identify(u, y, dt=dt, groups=groups)
+        self.found = identify(u, y, dt=dt, groups=groups, units=units)
 
     def __call__(self, u: np.ndarray, y_init: np.ndarray, _: dict[str, Any]) -> np.ndarray:
         """Output (n, 1) from the input and the first outputs."""
@@ -66,17 +69,17 @@ class Fitted:
         y = np.concatenate([begin, np.full(u.size - begin.size, begin[-1])])  # what follows is not looked at
         logged = self.found.train.logged
         target = derivative(y, self.dt)[0] if logged == "position" else y
-        log = moved(View(u, y, target, self.dt, logged), self.found.train.lead)
+        log = moved(replace(self.found.train, u=u, y=y, target=target, starts=()), self.found.own[0].lead)
         ahead = y[begin.size :] - window_errors(self.found.model, log, u.size - begin.size, begin.size)[0]
         return np.concatenate([begin, ahead])[:, None]
 
 
-def build(context: Any) -> Fitted:
+def build(context: Any, units: dict[str, str]) -> Fitted:
     """What the package trains: all that may be learned from, in one record of several segments."""
     parts = list(context.get_train_valid_sequences())
     u, y = (np.concatenate([np.ravel(getattr(p, k)) for p in parts]).astype(float) for k in ("u", "y"))
     groups = np.repeat(np.arange(len(parts)), [len(p.u) for p in parts])
-    return Fitted(u, y, 1.0 / float(parts[0].attrs.get("fs", 1.0)), groups)
+    return Fitted(u, y, 1.0 / float(parts[0].attrs.get("fs", 1.0)), groups, units)
 
 
 def write(folder: Path, records: dict[str, list[tuple[np.ndarray, np.ndarray]]], rate: float) -> None:
@@ -179,7 +182,7 @@ def told(spec: Any, task: str, root: Path, published: str) -> None:
     began, built = time.process_time(), []
 
     def keep(context: Any) -> Fitted:
-        built.append(build(context))
+        built.append(build(context, UNITS.get(task.split()[0], {})))
         return built[0]
 
     import identibench

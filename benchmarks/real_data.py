@@ -19,7 +19,7 @@ import click
 import numpy as np
 from _emps_forward import forward_rows, sensitivity
 from _emps_selection import selection_rows
-from _kr300_inverse import kr300_rows
+from _kr300_inverse import kr300_rows, two_sides
 
 from whsklearn import RLSRegressor
 from whsklearn.datasets import fetch_emps, fetch_kr300
@@ -161,6 +161,8 @@ def main(data, json_file, skip_forward, select):
         )
     out["kr300"] = kr300_rows(kr300)
     show("KR300 axis 1, inverse model, relative torque error in % (friction from A alone)", out["kr300"])
+    out["kr300_sides"] = two_sides(kr300)
+    show("KR300 axis 1, motor against load side, and a load behind a spring in the torque", out["kr300_sides"])
     out["seconds"] = time.perf_counter() - began
     click.echo(f"\n{out['seconds']:.0f} s")
     if json_file:

@@ -164,9 +164,11 @@ def main() -> None:
         found = identify(a.drive_V, a.position_m, dt=1e-3, test=(b.drive_V, b.position_m))
         told("EMPS", found, "axis")
     if (folder / "kr300").is_dir():
-        a, b = (pd.read_csv(folder / "kr300" / f"kr300_axis1_{k}.csv") for k in "AB")
-        drive, out = "motor_torque_Nm", "motor_position_deg"
-        told("KR300", identify(a[drive], a[out], dt=4e-3, test=(b[drive], b[out])), "axis")
+        for part in "ABC":
+            frame = pd.read_csv(folder / "kr300" / f"kr300_axis1_{part}.csv")
+            units = {"input": "Nm", "output": "deg"}
+            found = identify(frame.motor_torque_Nm, frame.motor_position_deg, dt=4e-3, units=units)
+            told(f"KR300 {part}", found, "axis")
     for path in sorted((folder / "xl330").glob("*.csv")):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", LogWarning)  # uneven stamps, signed numbers as unsigned ones

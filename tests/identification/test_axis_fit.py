@@ -11,7 +11,18 @@ from tests.recursion.axis_log import TRUTH, axis_log, slow_drive
 from whsklearn import ServoAxis
 from whsklearn.datasets import make_servo_log, make_silverbox
 from whsklearn.datasets.silverbox import SAMPLE_RATE
-from whsklearn.effects import CableSpring, Cogging, FlexibleCoupling, GravityImbalance, HardeningSpring, as_law
+from whsklearn.effects import (
+    CableSpring,
+    Cogging,
+    Coulomb,
+    FlexibleCoupling,
+    FrictionLaw,
+    GravityImbalance,
+    HardeningSpring,
+    Stribeck,
+    Viscous,
+    as_law,
+)
 from whsklearn.identification.axis_fit import (
     fit_free_law_axis,
     fit_hanging_axis,
@@ -26,7 +37,7 @@ from whsklearn.identification.axis_numbers import position_effects, position_wei
 from whsklearn.identification.view import view
 from whsklearn.identification.windows import residual
 from whsklearn.models import AxisModel
-from whsklearn.recursion.batch.axis_free_run import AxisForm, free_run
+from whsklearn.recursion.batch.axis_free_run import AxisForm, dissipates, free_run, rising_at_last
 from whsklearn.systems.servo_parts import PIDController
 
 U = slow_drive(3000, 1)
@@ -40,6 +51,36 @@ def test_a_free_law_bends_at_speeds_of_the_record_and_stays_straight_where_frict
     assert len(hinges) == 4
     assert max(t.knot for t in hinges) < np.abs(VELOCITY).max()
     assert max(abs(t.magnitude) for t in hinges) < 0.1 * TRUTH[1]
+
+
+def test_a_free_law_falls_from_standstill_as_stribeck_friction_does():
+    v_s = 1.0
+    axis = ServoAxis(0.05, FrictionLaw([Viscous(0.1), Coulomb(0.2)]), [Stribeck(0.15, v_s)])
+    velocity = replace(axis, sample_rate=200.0).simulate_drive(U).velocity
+    model = fit_free_law_axis(view(U, velocity, 0.005, "velocity"))
+    assert model.inertia == pytest.approx(0.05, rel=0.02)
+    speed = np.array([0.1, 1.0, 2.0]) * v_s
+    friction = 0.1 * speed + 0.2 + 0.15 * np.exp(-((speed / v_s) ** 2))
+    assert model.law(0.0, speed) == pytest.approx(friction, rel=0.08)
+    assert model.parameters["viscous"] < 0.0  # the slope at standstill
+
+
+def test_a_law_does_not_fall_beyond_its_last_knot_nor_drive_the_axis():
+    knots = np.array([0.1, 0.5])
+    assert rising_at_last(np.array([1.0, 0.2, 0.1, 0.0, -0.5, -3.0]), knots)[-2:].tolist() == [-0.5, 0.3]
+    assert dissipates(np.array([1.0, -0.2, 0.1, 0.0, 0.0, 0.0]), knots)
+    assert not dissipates(np.array([1.0, -0.3, 0.1, 0.0, 0.0, 0.0]), knots)
+
+
+def test_a_weight_that_cancels_an_offset_is_no_gravity():
+    """A force of the square of the position over 0.4 rad, as another axis that moves along may cause."""
+    t = 0.005 * np.arange(3000)
+    q, v, a = (sum(x) for x in zip(*(
+        (0.1 * np.sin(w * t), 0.1 * w * np.cos(w * t), -0.1 * w * w * np.sin(w * t)) for w in (1.0, 2.7)
+    ), strict=True))  # fmt: skip
+    drive = 0.05 * a + 0.1 * v + 0.05 * np.sign(v) + 8.0 * q**2
+    with pytest.raises(ValueError, match="cannot be told from other forces"):
+        fit_hanging_axis(view(drive, q, 0.005, "position"))
 
 
 def test_a_pendulum_is_found_with_intervals_that_hold_it():
@@ -189,6 +230,12 @@ def test_a_held_drive_is_told_from_a_smooth_one():
     model = fit_sprung_axis(view(u, axis.simulate(u), 0.02, "output"), 3)
     assert model.hold == "zero"
     assert model.parameters["hardening_spring"] == pytest.approx(4e4, rel=1e-3)
+
+
+def test_an_axis_without_a_spring_is_not_put_on_one_that_samples_cannot_show():
+    """Its fit used to end at no inertia, whose oscillation needs fine steps without end."""
+    with pytest.raises(ValueError, match="faster than half the sampling rate"):
+        fit_sprung_axis(view(U, VELOCITY, 0.005, "output"), 1)
 
 
 def test_what_is_no_mass_on_a_spring_is_refused():

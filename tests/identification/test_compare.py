@@ -144,7 +144,23 @@ def test_a_free_run_that_is_lost_is_recommended_only_where_all_are():
     assert recommend(tried({"nmse": 0.5}, {}, {"nmse": 2.0}), trivial)[0].name == "A"
     chosen, reason = recommend(tried({"nmse": 1.5}, {"nmse": 4e4}, {}), trivial)
     assert chosen.name == "B"
-    assert "No free run stays nearer" in reason
+    assert "short windows only" in reason
+    good = tried({"nmse": 0.5}, {"nmse": 0.2}, {"nmse": 0.3})
+    good[1].by_drive = 1.0
+    chosen, reason = recommend(good, trivial)
+    assert chosen.name == "C"
+    assert "B is better over windows, but without its drive it predicts them as well" in reason
     chosen, reason = recommend(tried({"nmse": 0.5}, {"nmse": 0.2}, {"nmse": 4e4}), trivial)
     assert chosen.name == "B"
     assert "free run" not in reason
+
+
+def test_what_travel_is_too_short_to_tell_apart_is_said():
+    trivial = Compared("constant velocity", "trivial", {}, "-", score=10.0)
+    both = [
+        Compared(name, "axis", {"effects": effects}, "-", score=score, test={"nmse": 0.1})
+        for name, effects, score in (("spring", ["cable_spring"], 1.0), ("gravity", ["gravity_imbalance"], 1.05))
+    ]
+    assert "gravity predicts about as well" in recommend(both, trivial)[1]
+    both[1].score = 1.2
+    assert "about as well" not in recommend(both, trivial)[1]

@@ -87,13 +87,30 @@ def fit_hanging_axis(log: View) -> AxisModel:
     Raises
     ------
     ValueError
-        If gravity is negligible, or as `inverse_starts`.
+        If gravity is negligible or cancels an offset, or as `inverse_starts`.
     """
     model = _fit(_of_position(log), AxisForm(hangs=True))
-    share = model.parameters["gravity_imbalance"] / np.std(log.u)
+    numbers = model.parameters
+    share = numbers["gravity_imbalance"] / np.std(log.u)
     if share < LEAST_GRAVITY:
         raise ValueError(f"Gravity would be {100 * share:.2g} % of the drive, so the axis without it is equivalent.")
+    if abs(numbers["input_offset"]) > np.abs(log.u).max():
+        raise ValueError(
+            f"Gravity would cancel an offset of the drive of {numbers['input_offset']:.2g}, more than it ever was: "
+            "over this range a weight cannot be told from other forces that follow the position."
+        )
     return model
+
+
+def fit_placed_axis(log: View) -> AxisModel:
+    """The rigid axis with a cubic force over position, whatever its cause; the output is its position.
+
+    Raises
+    ------
+    ValueError
+        As `inverse_starts`.
+    """
+    return _fit(_of_position(log), AxisForm(powers=3))
 
 
 def fit_sprung_axis(log: View, powers: int) -> AxisModel:
@@ -124,7 +141,10 @@ def fit_sprung_axis(log: View, powers: int) -> AxisModel:
     best = fit_pieces(theta, shooting_log(whole, np.inf, form))
     if not np.isfinite(best.cost):
         raise ValueError("The run of an axis on a spring does not stay finite.")
-    return _model(best, whole, form)
+    model = _model(best, whole, form)
+    if model.steps > spring_steps(np.pi**2, 1.0):
+        raise ValueError("The axis would oscillate on its spring faster than half the sampling rate can show.")
+    return model
 
 
 def fit_two_masses(log: View) -> AxisModel:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from whsklearn.filtering.gaussian import filtered, gaussian_derivatives
-from whsklearn.recursion.batch.axis_free_run import AxisForm
+from whsklearn.recursion.batch.axis_free_run import AxisForm, dissipates, rising_at_last
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -80,21 +80,23 @@ def position_columns(q: Array, form: AxisForm) -> list[Array]:
     return [np.sin(e), np.cos(e)] if form.hangs else [e ** (k + 1) for k in range(form.powers)]
 
 
-def solved(columns: Array, drive: Array) -> Array:
+def solved(columns: Array, drive: Array, *, falls: bool = False) -> Array:
     """Bounded least squares (p,): inertia, viscous and Coulomb friction are not below zero.
 
-    With three bounds there are eight combinations of active bounds; the best feasible solution is returned.
+    With three bounds there are eight combinations of active bounds; the best feasible solution is returned.  If the
+    friction ``falls``, the slope at standstill has no bound.
     """
     scale = np.linalg.norm(columns, axis=0)
     scale[scale == 0.0] = 1.0
     r: Array = np.linalg.qr(np.column_stack([columns / scale, drive])).R
     best, least = np.zeros(scale.size), np.inf
-    for off in itertools.product((True, False), repeat=3):
-        free = np.flatnonzero(np.r_[off, np.ones(scale.size - 3, dtype=bool)])
+    bounded = [0, 2] if falls else [0, 1, 2]
+    for off in itertools.product((True, False), repeat=len(bounded)):
+        free = np.delete(np.arange(scale.size), np.array(bounded)[list(off)])
         theta = np.zeros(scale.size)
         theta[free] = np.linalg.lstsq(r[:, free], r[:, -1], rcond=1e-9)[0]
         left = float(np.linalg.norm(r[:, -1] - r[:, :-1] @ theta))
-        if theta[:3].min() >= 0.0 and left < least:
+        if theta[bounded].min() >= 0.0 and left < least:
             best, least = theta, left
     return best / scale
 
@@ -133,10 +135,12 @@ def inverse_starts(log: View, form: AxisForm) -> list[Start]:
         columns, drive = balance(log, width, form)
         if drive.size < FEWEST:
             continue
-        theta = solved(columns, drive)
-        if _accelerates(theta, columns, drive):
-            theta[1:3] = np.maximum(theta[1:3], least)
-            found.append(Start(theta, columns, drive))
+        for falls in (False, True)[: 1 + (form.knots.size > 0)]:
+            theta = solved(columns, drive, falls=falls)
+            theta[1:3] = np.where(theta[1:3] >= 0.0, np.maximum(theta[1:3], least), theta[1:3])
+            theta = rising_at_last(theta, form.knots)
+            if _accelerates(theta, columns, drive) and dissipates(theta, form.knots):
+                found.append(Start(theta, columns, drive))
     if not found:
         raise ValueError(_backwards(log, form))
     return found

@@ -16,6 +16,7 @@ from whsklearn._numba import compiling_seconds
 from whsklearn.identification.axis_fit import (
     fit_free_law_axis,
     fit_hanging_axis,
+    fit_placed_axis,
     fit_rigid_axis,
     fit_sprung_axis,
     fit_two_masses,
@@ -48,6 +49,7 @@ if TYPE_CHECKING:
 AS_GOOD = 1.075  # a simpler structure is preferred within 7.5 % of the least error: twins of one system differ by that
 AT_FLOOR = 1.3  # times the noise; no structure can be better, and the one with thirty parameters takes most of the time
 ORDERS = (1, 2, 3, 4)
+GRAVITY = "axis with gravity"
 TWO_MASSES, CHAIN = "axis with a load behind a spring", "Wiener-Hammerstein"
 LAST = (TWO_MASSES, CHAIN)  # what takes most of the time
 CHAIN_FROM = 300  # samples; with fewer, the thirty parameters of a chain cannot be estimated
@@ -55,7 +57,9 @@ CHAIN_FROM = 300  # samples; with fewer, the thirty parameters of a chain cannot
 # structures add
 STEADY = 0.03
 LOST = 1.0  # NMSE of a free run beyond which the mean of the output is closer
-EXPLAINS = 0.9  # of the trivial model's error; a best model above that says nothing about the record
+# Of the error of the trivial model, or of the same model with its drive held at the mean: a model above that says
+# nothing about how the output follows the input (an ARX of a smooth motion may be a good extrapolation of it)
+EXPLAINS = 0.9
 
 
 @dataclass
@@ -84,6 +88,8 @@ class Compared:
         Indices of the free run.
     failure : str
         Why it could not be fitted; empty if it was.
+    by_drive : float
+        ``score`` as a share of that of the same model with its drive held at the mean.
 
     References
     ----------
@@ -110,6 +116,7 @@ class Compared:
     train: dict[str, float] = field(default_factory=dict)
     test: dict[str, float] = field(default_factory=dict)
     failure: str = ""
+    by_drive: float = 0.0
 
     @property
     def size(self) -> int:
@@ -353,7 +360,10 @@ def candidates(
     )
     if angle:
         law = {"law": ["viscous", "coulomb"], "effects": ["gravity_imbalance"]}
-        yield Compared("axis with gravity", "axis", law, "simulation"), fit_hanging_axis
+        yield Compared(GRAVITY, "axis", law, "simulation"), fit_hanging_axis
+    if placed and not sprung:
+        law = {"law": ["viscous", "coulomb"], "effects": ["cable_spring", "hardening_spring"]}
+        yield Compared("axis, free force over position", "axis", law, "simulation"), fit_placed_axis
     if placed:
         law = {"law": ["viscous", "coulomb"], "effects": ["flexible_coupling"]}
         yield Compared(TWO_MASSES, "axis", law, "simulation"), fit_two_masses
@@ -390,10 +400,13 @@ def recommend(tried: list[Compared], trivial: Compared, *, steady: bool = False)
     if not good:
         told = "; ".join(f"{c.name}: {c.failure or 'its free run does not stay finite'}" for c in tried)
         raise ValueError(f"No structure could be fitted to this record ({told}).")
-    # that the mean is further off is a merit only of what also predicts the windows
-    holding = [c for c in good if not _lost(c.test) and c.score < EXPLAINS * trivial.score]
-    first, best = (min(some, key=lambda c: c.score) for some in (good, holding or good))
-    chosen = next(c for c in holding or good if c.score <= AS_GOOD * best.score)
+    driven = [c for c in good if c.by_drive < EXPLAINS]
+    holding = [c for c in driven if not _lost(c.test)]
+    better = [c for c in driven if c.score < EXPLAINS * trivial.score]
+    # that the mean is further off is a merit mostly of what also predicts the windows
+    among = [c for c in holding if c in better] or holding or better or good
+    first, best = (min(some, key=lambda c: c.score) for some in (good, among))
+    chosen = next(c for c in among if c.score <= AS_GOOD * best.score)
     ratio = chosen.score / trivial.score
     reason = f"{chosen.name} leaves {ratio:.3g} of the error of a {trivial.name} over held-out windows"
     others = [c for c in good if c.kind != chosen.kind]
@@ -403,23 +416,44 @@ def recommend(tried: list[Compared], trivial: Compared, *, steady: bool = False)
     if chosen is not best:
         reason += f"; {best.name} is no better than {100 * (AS_GOOD - 1):.3g} % and has more parameters"
     if first is not best:
-        reason += (
-            f"; {first.name} is better over windows, but its free run is further off than the mean of the output "
-            f"({_told(first.test)})"
+        why = (
+            f"its free run is further off than the mean of the output ({_told(first.test)})"
+            if first in driven
+            else "without its drive it predicts them as well"
         )
+        reason += f"; {first.name} is better over windows, but {why}"
+    reason += _alike(chosen, good)
     if ratio > EXPLAINS and steady:
         reason += (
             f"; the motion is so even that {trivial.name} predicts it as well, so the record says little about the "
             "dynamics: log changes of speed"
         )
+    elif ratio > EXPLAINS and chosen in holding:
+        reason += f"; its free run follows the output ({_told(chosen.test)}), so use it for long runs"
     elif ratio > EXPLAINS:
         reason += "; that is hardly better, so the output does not follow this input by any of the structures"
-    if not holding:
-        reason += (
-            f". No free run stays nearer to the held-out output than its mean, that of {chosen.name} neither "
-            f"({_told(chosen.test)}): use the model over short windows only"
-        )
+    if _lost(chosen.test):
+        none = "; no structure follows the drive and stays nearer to the held-out output than its mean over a long run"
+        reason += f"{none}, {chosen.name} neither ({_told(chosen.test)}): use the model over short windows only"
+    elif not driven:
+        reason += "; no model predicts better with the drive than with the drive held at its mean"
     return chosen, reason + "."
+
+
+def _alike(chosen: Compared, good: list[Compared]) -> str:
+    """Which forces over position the record does not tell apart: over little travel, a weight is a spring."""
+    forces = {"gravity_imbalance", "cable_spring"}
+    own = forces.intersection(chosen.structure.get("effects", ()))
+    others = [
+        c.name
+        for c in good
+        if (c_own := forces.intersection(c.structure.get("effects", ())))
+        and c_own != own
+        and c.score <= AS_GOOD * chosen.score
+    ]
+    if not own or not others:
+        return ""
+    return f"; {' and '.join(others)} predicts about as well: over this travel the record does not tell them apart"
 
 
 def _lost(run: dict[str, float]) -> bool:
@@ -486,13 +520,20 @@ def _score(compared: Compared, log: View) -> None:
     before = lead(longest, log.dt)
     lengths = horizons(longest - before, log.dt)
     compared.windows = {h: rms_of(window_errors(compared.model, log, h, before)) for h in lengths}
-    errors: list[float] = list(compared.windows.values())
-    if compared.model is not None and log.logged != "position":
-        errors.append(rms_of(_whole_run(compared.model, log, before)))
-    elif log.logged != "position":
-        errors.append(float(np.std(log.y)))
     scale = float(np.fmax(log.floor, 1e-6 * np.std(log.y)))
-    compared.score = mean_error(errors, log, scale) / scale if np.isfinite(errors).all() else np.inf
+
+    def score(record: View, windows: list[float]) -> float:
+        if compared.model is not None and log.logged != "position":
+            windows = [*windows, rms_of(_whole_run(compared.model, record, before))]
+        elif log.logged != "position":
+            windows = [*windows, float(np.std(log.y))]
+        return mean_error(windows, log, scale) / scale if np.isfinite(windows).all() else np.inf
+
+    compared.score = score(log, list(compared.windows.values()))
+    if compared.model is not None and np.isfinite(compared.score):
+        held = replace(log, u=np.full_like(log.u, log.u.mean()))
+        without = [rms_of(window_errors(compared.model, held, h, before)) for h in lengths]
+        compared.by_drive = compared.score / score(held, without)
 
 
 def _whole_run(model: Any, log: View, before: int) -> Array:

@@ -177,15 +177,34 @@ def _regular(information: Array) -> Array:
     return information
 
 
-def _stepped(theta: Array, step: Array, form: AxisForm) -> Array:
-    """theta after a step: inertia keeps at least a twentieth, a resonance half, and friction only dissipates."""
-    trial = theta + step
+def _stepped(theta: Array, step: Array, form: AxisForm) -> Array | None:
+    """theta after a step: inertia keeps at least a twentieth, a resonance half; None if friction would drive the axis.
+
+    Only a law with knots may fall from standstill, as Stribeck's does.
+    """
+    trial = rising_at_last(theta + step, form.knots)
     if form.coupled:
         trial[-3] = np.clip(trial[-3], 0.5 * theta[-3], 2.0 * theta[-3])
         trial[-2:] = np.clip(trial[-2:], *SHARE_AND_DAMPING)
     trial[0] = max(trial[0], 0.05 * theta[0])
-    trial[1:3] = np.maximum(trial[1:3], 0.0)
-    return trial
+    trial[2] = max(trial[2], 0.0)
+    if not form.knots.size:
+        trial[1] = max(trial[1], 0.0)
+    return trial if dissipates(trial, form.knots) else None
+
+
+def rising_at_last(theta: Array, knots: Array) -> Array:
+    """theta with a friction that does not fall beyond the last knot, where it would drive a faster axis."""
+    out = theta.copy()
+    if knots.size:
+        out[-1] = max(out[-1], -(out[1] + out[out.size - knots.size : -1].sum()))
+    return out
+
+
+def dissipates(theta: Array, knots: Array) -> bool:
+    """Whether dry and viscous friction bent at the knots oppose the motion at every knot."""
+    bent = np.maximum(knots[:, None] - knots, 0.0) @ theta[theta.size - knots.size :]
+    return bool(np.all(theta[2] + theta[1] * knots + bent >= 0.0))
 
 
 def settled(theta: Array, log: AxisLog, passes: int = 8) -> AxisLog:
@@ -244,8 +263,9 @@ def _fitted(
         rows = rows_of(at)
         return (_regular(rows @ rows.T), rows @ at.error) if _says_something(at.cost, rows) else None
 
-    def moved(at: _Run, step: Array) -> _Run:
-        return run_of(_stepped(at.theta, step, log.form), at.log)
+    def moved(at: _Run, step: Array) -> _Run | None:
+        trial = _stepped(at.theta, step, log.form)
+        return None if trial is None else run_of(trial, at.log)
 
     end = descend(run_of(theta, log), equations, moved, iterations, enough=enough)
     rows = rows_of(end)
