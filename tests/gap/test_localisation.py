@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.blind_logs.servo import COLUMNS, make_case
 from whsklearn.gap import GapFinder
-from whsklearn.gap.localisation import dependence, drift_sentence, locate, order_spectrum
+from whsklearn.gap.localisation import Bins, drift_sentence, locate, order_spectrum
 
 RNG = np.random.default_rng(0)
 N = 8000
@@ -80,5 +80,5 @@ def test_false_alarms_of_dependent_paths_stay_at_their_level():
     hits = 0
     for _ in range(60):
         path = np.convolve(rng.standard_normal(3200), np.ones(100) / 10, mode="valid")[:3000]
-        hits += dependence(x, path, rng)[1] < 0.05
+        hits += Bins(x).chance((path,), rng, along_time=False)[1] < 0.05
     assert hits <= 9  # 3 expected; 10 or more has a probability below 0.1 %

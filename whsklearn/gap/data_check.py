@@ -12,7 +12,8 @@ from whsklearn.logs.timebase import LONG_GAP, SLOWEST
 # s: a third of a record is lost to restarts and filters, and the rest must hold several reversals.
 SHORTEST_RECORD = 3.0
 FEWEST_SAMPLES = 300
-# Share of steps that may differ from the typical one by more than this share of it.
+# Share of steps that may differ from the typical one by more than the second share of it; the same share of a step by
+# which the rates of two records may differ.
 UNEVEN, UNEVEN_STEP = 0.01, 0.5
 # Share of samples at which the position must change.
 MOVING = 0.002

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn._numba import njit
 from whsklearn.filtering.gaussian import CUTOFF_SIGMA, HIGHEST_CUTOFF, decimation, filtered, gaussian_derivatives
 from whsklearn.validation.residuals import whiteness_test
 
@@ -29,8 +28,6 @@ class ResidualFilter:
     ----------
     taps : ndarray
         Impulse response from e to missing torque.
-    smooth : ndarray
-        Impulse response of the smoothing alone, for torque columns.
     every : int
         Decimation.
     gains : tuple of float
@@ -40,7 +37,6 @@ class ResidualFilter:
     """
 
     taps: Array
-    smooth: Array
     every: int
     gains: tuple[float, float]
     cutoff: float
@@ -49,10 +45,6 @@ class ResidualFilter:
     def torque(self, innovation: Array) -> Array:
         """Missing torque, decimated; shape (n // every,)."""
         return filtered(innovation, self.taps, self.every)
-
-    def blur(self, torque: Array) -> Array:
-        """A torque seen through the same smoothing, decimated; shape (n // every, ...)."""
-        return filtered(torque, self.smooth, self.every)
 
     def pick(self, signal: Array) -> Array:
         """The samples that the decimation keeps."""
@@ -89,7 +81,7 @@ def residual_filter(
         g, first, second = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * cutoff), dt)
         taps = inertia * (second + gains[0] / dt * first + gains[1] / dt * g)
         every = decimation(float(cutoff), dt)
-        best = ResidualFilter(taps, g, every, gains, float(cutoff), dt)
+        best = ResidualFilter(taps, every, gains, float(cutoff), dt)
         if best.noise_gain * noise <= goal * torque:
             break
     assert best is not None
@@ -113,28 +105,10 @@ def solve_whitening(covariance: Array, white: float) -> Array:
 
 
 def whiten(d: Array, ar: Array) -> Array:
-    """``d`` filtered by the whitening polynomial, along the first axis.
-
-    Many columns are filtered row by row; column by column, a scan of thousands of orders spent a fifth of its time
-    here.
-    """
-    if d.ndim == 2:
-        return moving_average(np.ascontiguousarray(d), ar.astype(d.dtype))
+    """``d`` filtered by the whitening polynomial, along the first axis."""
     from scipy.signal import lfilter
 
-    return lfilter(ar, [1.0], d, axis=0)
-
-
-@njit(nogil=True)
-def moving_average(d, b):
-    """sum_k b_k d[i - k] of every column, zeros before the start; shape (n, m), in the precision of ``d``."""
-    n, m = d.shape
-    out = np.zeros_like(d)
-    for i in range(n):
-        for k in range(min(b.size, i + 1)):
-            for j in range(m):
-                out[i, j] += b[k] * d[i - k, j]
-    return out
+    return np.asarray(lfilter(ar, [1.0], d, axis=0))
 
 
 def whiteness(e: Array, name: str, n_params: int = 0) -> dict[str, Any]:

@@ -8,13 +8,12 @@ from functools import partial
 
 import numpy as np
 
-from whsklearn.gap.data_check import check_servo
+from whsklearn.gap.data_check import UNEVEN, check_servo
 from whsklearn.gap.record import ServoRecord
 from whsklearn.identification.drive_lead import earlier, moved, same_age
 from whsklearn.identification.logs_together import own_offsets
 from whsklearn.identification.view import view
 
-UNEVEN = 0.01  # of a step by which two rates may differ and count as one
 APART = 1.0  # s between the end of a record and the start of the next; the value does not matter
 
 

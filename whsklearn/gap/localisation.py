@@ -14,10 +14,12 @@ where to look and names nothing.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import false_discovery_control
 
 from whsklearn.gap.calibration import N_BLOCKS
 from whsklearn.gap.diagnosis import Place
@@ -47,35 +49,50 @@ def locate(axes: dict[str, tuple[Array, str]], gap: Array, rng: np.random.Genera
         Draws the shifts.
     """
     found = [_one_axis(name, x, unit, gap, rng) for name, (x, unit) in axes.items() if np.ptp(x) > 0]
-    order = np.argsort([p.p_value for p in found])
-    adjusted = np.ones(len(found))
-    running = 1.0
-    for rank in range(len(found) - 1, -1, -1):
-        i = order[rank]
-        running = min(running, found[i].p_value * len(found) / (rank + 1))
-        adjusted[i] = running
-    places = [Place(**{**p.__dict__, "p_value": float(a)}) for p, a in zip(found, adjusted, strict=True)]
+    adjusted = false_discovery_control([p.p_value for p in found]) if found else []
+    places = [replace(p, p_value=float(a)) for p, a in zip(found, adjusted, strict=True)]
     return sorted(places, key=lambda p: (p.p_value, -p.share / max(p.width, 1e-9)))
 
 
+class Bins:
+    """A signal x of shape (n,) in bins of equally many samples."""
+
+    def __init__(self, x: Array):
+        self.edges = np.unique(np.quantile(x, np.linspace(0, 1, N_BINS + 1)))
+        self.at = np.clip(np.searchsorted(self.edges, x, side="right") - 1, 0, self.edges.size - 2)
+        self.count = np.bincount(self.at, minlength=self.edges.size - 1)
+
+    def sums(self, values: Array) -> Array:
+        """Sum of values of shape (n,) in every bin."""
+        return np.asarray(np.bincount(self.at, values, self.count.size))
+
+    def between(self, values: Array) -> float:
+        """Share of the variance of values that lies between the bins."""
+        centred = values - values.mean()
+        return float(
+            np.sum(self.sums(centred) ** 2 / np.maximum(self.count, 1)) / max(float(centred @ centred), 1e-300)
+        )
+
+    def chance(
+        self, paths: tuple[Array, ...], rng: np.random.Generator, *, along_time: bool, n_blocks: int = N_BLOCKS
+    ) -> tuple[float, float]:
+        """(sum of the shares of paths between the bins, its p-value under rearrangements of short segments)."""
+        observed = sum(map(self.between, paths))
+        orders = _rearranged(paths[0].size, along_time, n_blocks, rng)
+        larger = sum(sum(self.between(p[o]) for p in paths) >= observed for o in orders)
+        return observed, (1 + larger) / (1 + N_SHIFTS)
+
+
 def _one_axis(name: str, x: Array, unit: str, gap: Array, rng: np.random.Generator) -> Place:
-    edges = np.unique(np.quantile(x, np.linspace(0, 1, N_BINS + 1)))
-    bins = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, edges.size - 2)
-    n_bins = edges.size - 1
-    count = np.bincount(bins, minlength=n_bins)
-    power = gap**2
-    observed = _statistic(bins, count, gap, power, n_bins)
-    orders = _rearranged(gap.size, name == "time", N_BLOCKS, rng)
-    shuffled = [_statistic(bins, count, gap[o], power[o], n_bins) for o in orders]
-    p = (1 + sum(v >= observed for v in shuffled)) / (1 + N_SHIFTS)
-    mean = np.bincount(bins, gap, n_bins) / np.maximum(count, 1)
-    var = np.bincount(bins, power, n_bins) / np.maximum(count, 1) - mean**2
-    inside = np.bincount(bins, power, n_bins)
-    first, last = _densest(inside, count)
+    bins, power = Bins(x), gap**2
+    _, p = bins.chance((gap, power), rng, along_time=name == "time")
+    edges, count, inside = bins.edges, np.maximum(bins.count, 1), bins.sums(power)
+    mean = bins.sums(gap) / count
+    first, last = _densest(inside, bins.count)
     return Place(
         name, float(edges[first]), float(edges[last + 1]), float(inside[first : last + 1].sum() / inside.sum()),
-        float(count[first : last + 1].sum() / count.sum()), float(p), unit, 0.5 * (edges[1:] + edges[:-1]), mean,
-        np.sqrt(np.maximum(var, 0) / np.maximum(count / 8, 1)),
+        float(bins.count[first : last + 1].sum() / x.size), float(p), unit, 0.5 * (edges[1:] + edges[:-1]), mean,
+        np.sqrt(np.maximum(inside / count - mean**2, 0) / np.maximum(bins.count / 8, 1)),
     )  # fmt: skip
 
 
@@ -89,47 +106,6 @@ def _rearranged(n: int, along_time: bool, n_blocks: int, rng: np.random.Generato
             yield np.concatenate([parts[i] for i in rng.permutation(len(parts))])
         else:
             yield np.roll(np.arange(n), rng.integers(least, n - least))
-
-
-def dependence(
-    x: Array, path: Array, rng: np.random.Generator, *, along_time: bool = False, n_blocks: int = N_BLOCKS
-) -> tuple[float, float]:
-    """(share of the variance of ``path`` that lies between bins of ``x``, its p-value).
-
-    Examples
-    --------
-    >>> rng = np.random.default_rng(0)
-    >>> x = np.sin(np.arange(4000) / 50)
-    >>> share, p = dependence(x, x**2 + 0.1 * rng.standard_normal(4000), rng)
-    >>> share > 0.8, p < 0.01
-    (True, True)
-    """
-    edges = np.unique(np.quantile(x, np.linspace(0, 1, N_BINS + 1)))
-    if edges.size < 3:
-        return 0.0, 1.0
-    bins = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, edges.size - 2)
-    count = np.bincount(bins, minlength=edges.size - 1)
-    centred = path - path.mean()
-    total = float(centred @ centred) + 1e-300
-
-    def between(values: Array) -> float:
-        means = np.bincount(bins, values, edges.size - 1) / np.maximum(count, 1)
-        return float(np.sum(count * means**2)) / total
-
-    observed = between(centred)
-    shuffled = [between(centred[o]) for o in _rearranged(path.size, along_time, n_blocks, rng)]
-    return observed, (1 + sum(v >= observed for v in shuffled)) / (1 + N_SHIFTS)
-
-
-def _statistic(bins: Array, count: Array, gap: Array, power: Array, n: int) -> float:
-    """Between-bin share of the gap (its mean) plus between-bin share of its power."""
-    total = np.maximum(count, 1)
-    mean = np.bincount(bins, gap, n) / total
-    level = np.bincount(bins, power, n) / total
-    centred = power - power.mean()
-    by_mean = np.sum(count * (mean - gap.mean()) ** 2) / max(float(np.sum((gap - gap.mean()) ** 2)), 1e-300)
-    by_power = np.sum(count * (level - power.mean()) ** 2) / max(float(centred @ centred), 1e-300)
-    return float(by_mean + by_power)
 
 
 def _densest(power: Array, count: Array) -> tuple[int, int]:
@@ -246,7 +222,10 @@ def drift(g: Gap, rng: np.random.Generator) -> list[dict]:
             "follows": "", "share": 0.0, "p_value": 1.0,
         }  # fmt: skip
         for signal, (x, _) in signals.items():
-            share, p = dependence(x[at], change, rng, along_time=signal == "time", n_blocks=n_blocks)
+            bins = Bins(x[at])
+            if bins.edges.size < 3:
+                continue
+            share, p = bins.chance((change,), rng, along_time=signal == "time", n_blocks=n_blocks)
             if p <= LEVEL and share > row["share"]:
                 row |= {"follows": signal, "share": share, "p_value": p}
         out.append(row)

@@ -12,6 +12,7 @@ from tests.gap.plants.example_chain import PLAIN, TRUE, record, term
 from whsklearn.datasets import make_coupled_drives
 from whsklearn.effects import QuadraticDrag
 from whsklearn.gap import GapFinder
+from whsklearn.gap.data_check import FEWEST_SAMPLES
 from whsklearn.gap.plants import chain as readings
 from whsklearn.gap.plants.chain_fit import coloured, law_choice
 from whsklearn.gap.plants.chain_model import SKIP, Record, clipped, free_run, left, simulate
@@ -159,7 +160,7 @@ def with_spikes(y):
     ("u", "y", "code"),
     [
         (U, np.where(np.arange(2000) == 7, np.nan, Y), "data-not-finite"),
-        (U[: readings.FEWEST - 1], Y[: readings.FEWEST - 1], "data-too-short"),
+        (U[: FEWEST_SAMPLES - 1], Y[: FEWEST_SAMPLES - 1], "data-too-short"),
         (np.ones(2000), Y, "data-no-drive"),
         (np.repeat(U[:20], 100), Y, "data-no-drive"),
         (U, np.zeros(2000), "data-not-moving"),
@@ -176,7 +177,7 @@ def test_what_cannot_be_used_is_told_and_is_fatal(u, y, code):
 def test_sound_and_coarse_readings_pass():
     assert codes(U, Y) == []
     assert codes(U, np.sign(Y)) == []  # few levels: each is an extreme by rounding
-    assert codes(U[: readings.FEWEST], Y[: readings.FEWEST]) == []
+    assert codes(U[:FEWEST_SAMPLES], Y[:FEWEST_SAMPLES]) == []
 
 
 def test_a_grid_is_told_where_it_is_coarse_and_not_where_noise_is_larger():

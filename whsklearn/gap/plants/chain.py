@@ -10,7 +10,7 @@ import numpy as np
 
 from whsklearn.effects import Quantization, get_effect
 from whsklearn.gap.calibration import GATE, p_value
-from whsklearn.gap.data_check import FLAT, DataProblem, flat_share
+from whsklearn.gap.data_check import FEWEST_SAMPLES, FLAT, DataProblem, flat_share
 from whsklearn.gap.diagnosis import NamedEffect
 from whsklearn.gap.filters import whiteness
 from whsklearn.gap.localisation import spectra
@@ -39,7 +39,7 @@ from whsklearn.gap.plants.chain_fit import (
 from whsklearn.gap.plants.chain_looks import SLOPED, WRONG_SIDE, Seen, gained, kinds, look
 from whsklearn.gap.plants.chain_model import ChainCandidate, ChainModel, Record
 from whsklearn.gap.record import HELD_OUT, MAD, rms
-from whsklearn.gap.search import WORTH_FITTING
+from whsklearn.gap.search import STILL, WORTH_FITTING
 from whsklearn.gap.tangent import Look
 from whsklearn.recursion.arrays import Array, Bools
 from whsklearn.systems.wiener_hammerstein import WienerHammersteinSystem
@@ -59,15 +59,11 @@ NO_DOUBT = 1e-3  # p-value below which the look alone is sufficient
 UNEXPLAINED = 0.1  # of the output's rms: a free run that leaves less has blocks near the true ones
 FEW = 9  # own records in which the best candidate is fitted as well
 AT_BOUND = 1.02  # ratio to the end of a range within which a shape counts as being at the end
-# Share of the base model's gap (rms) that a further effect must explain.  A smaller share may be due to the form of the
-# first effect, such as a delay between samples, which the library interpolates linearly.
-BESIDE = 0.05
 NO_PEAK = 2.0**-0.5  # damping above which a second-order resonance has no peak and is a pair of poles like any other
 REMEMBERED = 8  # samples for which L2 remembers a sign; with a pole at 0.8 a sixth of it is left after them
 
 # --- what a record must have (`tests/gap/plants/test_chain.py`) -----------------------------
 
-FEWEST = 400  # samples: about twenty numbers are fitted to 60 % of them
 STANDING = 0.98  # share of samples that may repeat the one before; a signal that repeats more often is constant
 LEVELS = 50  # distinct values of an output below which it is a signal with a few levels and not a clipped one
 FAR = 40.0  # multiple of the 0.99 quantile of the distance from the median; samples beyond are outliers of the file
@@ -275,7 +271,8 @@ class ChainPlant(Plant):
                 return "it has a period of less than two steps of the grid of the readings: their rounding"
         if term.kind.positive and term.q[0] < 0.0:
             return f"its {term.kind.fields[0].replace('_', ' ')} would be negative"
-        if model.terms and self.size(self.errors(model), self.errors(grown)) < BESIDE * self._first:
+        if model.terms and self.size(self.errors(model), self.errors(grown)) < STILL * self._first:
+            # as little may be due to the form of the first effect: a delay between samples is interpolated
             return "it explains too little of the residual beside the others"
         return ""
 
@@ -462,8 +459,10 @@ def check_chain(u: Array, y: Array) -> list[DataProblem]:
     if bad:
         text = f"The {' and the '.join(bad)} holds values that are missing or not finite; repair or remove them."
         return [DataProblem("data-not-finite", "Missing values", text)]
-    if u.size < FEWEST:
-        text = f"{u.size} samples; at least {FEWEST} are needed to distinguish an effect from noise. Log longer."
+    if u.size < FEWEST_SAMPLES:
+        text = (
+            f"{u.size} samples; at least {FEWEST_SAMPLES} are needed to distinguish an effect from noise. Log longer."
+        )
         return [DataProblem("data-too-short", "Record too short", text)]
     if np.ptp(u) == 0 or np.mean(np.diff(u) == 0) > STANDING:
         text = "The input is constant or changes in fewer than 2 % of the samples; pick the input that was applied."

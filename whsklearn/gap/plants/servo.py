@@ -19,6 +19,7 @@ from whsklearn.gap.data_check import DataProblem, check_servo
 from whsklearn.gap.diagnosis import NamedEffect
 from whsklearn.gap.filters import whiteness
 from whsklearn.gap.localisation import since_reversal, spectra
+from whsklearn.gap.pictures import DRAWN
 from whsklearn.gap.plant import QUIET, Figures, Gap, Learned, Linearised, Plant, Reading, Told
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants import (
@@ -48,7 +49,6 @@ from whsklearn.gap.search import HALF
 from whsklearn.logs.units import inertia_unit
 
 Array = NDArray[Any]
-N_ORDERS = 1600  # at most, of the picture: two per pixel of a wide screen
 HOLD = 0.5  # samples of age that a drive held over a sample has on average
 OVER_LITTLE_TRAVEL = {"input_offset": ("gravity_imbalance",), "asymmetric_coulomb": ("gravity_imbalance",),
                       "cable_spring": ("gravity_imbalance",), "gravity_imbalance": ("cable_spring",)}  # fmt: skip
@@ -457,7 +457,7 @@ def pictures(view: Any, base: Any, model: Any, units: tuple[str, str], what: str
     """Overlay, gap over time, its spectra by frequency and by order, and its axes."""
     gaps = view.gap(base), view.gap(model)
     highest = max(1.0, min(highest_order(view), 2 * np.pi * 2 * view.cutoff / view.scene.speed))
-    orders = np.arange(0.5, highest, max(0.1, highest / N_ORDERS))
+    orders = np.arange(0.5, highest, max(0.1, highest / DRAWN))
     return {
         "time": view.time, "measured": view.record.position, "gap_time": view.time[:: view.every][view.at],
         "usable": np.ones(gaps[0].size, dtype=bool),
