@@ -1,6 +1,6 @@
 """Write a log with a hidden effect: `python -m pipelines.hidden_effect`, part of `whsklearn demo`."""
 
-from whsklearn.cli.hidden_effect import main
+from whsklearn.cli.demo import hidden_effect as main
 
 __all__ = ["main"]
 

@@ -12,13 +12,12 @@ from typing import Any
 
 import click
 
+from pipelines._linear import BestLinear, verdict
 from pipelines._rigs import Task, tasks_of
 from whsklearn import WienerHammersteinLags
-from whsklearn.cli.candidates import candidates
-from whsklearn.cli.comparison import ComparedModel, Outcome, by_name, compare, results_table, verdict
+from whsklearn.cli.comparison import ComparedModel, Outcome, by_name, candidates, compare, results_table
 from whsklearn.cli.job import job, say_where, tracker_for, wrapped
-from whsklearn.cli.linear import BestLinear
-from whsklearn.cli.records import orders_of
+from whsklearn.cli.options import ORDERS, given, lags_of
 from whsklearn.plot import ConvergenceDisplay, TrackingDisplay
 from whsklearn.tracking import Run
 from whsklearn.validation import ExcitationWarning, check_excitation
@@ -40,19 +39,19 @@ TABLE_2 = "The article's own record and indices (Table 2): MILS 2.37e-3, RMILS 3
 @click.option("--drive", help="Column of the drive in the log.")
 @click.option("--position", help="Column of the position in the log.")
 @click.option("--innovation", "p", type=click.IntRange(min=1), default=4, help="Innovation length p.")
-@click.option("--orders", default="2,2,2,2", help="Orders n_a,n_b,n_c,n_d.")
+@click.option("--orders", type=ORDERS, default="2,2,2,2", help="Orders of the blocks.")
 @click.option("--law", default=None, help="Friction law, names joined by commas; the law (4) if omitted.")
 @click.option("--batch", is_flag=True, help="Compare the batch fit too, which takes half a minute.")
 @click.option("--figures", type=click.Path(file_okay=False), help="Folder to write the figures to as well.")
 def main(**options: Any) -> None:
     """Identify a turntable as a Wiener-Hammerstein system and compare MILS and RMILS in both readings."""
-    lags = WienerHammersteinLags(**orders_of(options["orders"]), law=options["law"])
+    lags = lags_of(options["orders"], options["law"])
     tasks = tasks_of(options)
     start = {"P0": P_0, "theta0": THETA_0 if lags.n_parameters == len(THETA_0) else 0.01}
     tracker = tracker_for("turntable", options["track"], data=tasks[0].train.name)
     best: tuple[Outcome, Task] | None = None
     with tracker.run(f"turntable {tasks[0].train.name}") as parent:
-        parent.log_params({k: v for k, v in options.items() if v not in (None, (), False)})
+        parent.log_params(given(options))
         for task in tasks:
             names = ("MILS", "RMILS", "PEM") if options["batch"] else ("MILS", "RMILS")
             every = candidates(lags, p=options["p"], seed=options["seed"], published=start)

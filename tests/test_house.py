@@ -205,7 +205,7 @@ def public_classes() -> Iterator[tuple[str, str]]:
 
 
 INTERNAL = (  # of the same name as a public class of another package
-    "cli/linear.py:LinearModel gap/plants/servo_model.py:AxisModel gap/plant.py:View gap/plant.py:Plant "
+    "gap/plants/servo_model.py:AxisModel gap/plant.py:View gap/plant.py:Plant "
     "gap/plants/chain_model.py:ChainModel gap/plants/servo_learned.py:CurveProblem "
     "gap/plants/simulator_look.py:Motion recursion/rows/pseudolinear.py:Published "
     "recursion/memory/settings.py:Settings recursion/memory/sign_posterior.py:SignProblem "

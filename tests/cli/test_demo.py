@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import click
+import numpy as np
 import pandas as pd
 import pytest
 from click.testing import CliRunner
 
 from whsklearn.cli import demo, gap, simulated_example
 from whsklearn.cli.job import RecordLost
+from whsklearn.datasets import make_servo_log
 
 
 @pytest.fixture
@@ -73,3 +75,28 @@ def test_a_record_that_is_lost_in_the_first_part_leaves_the_report_of_the_second
     assert [(name, options["track"]) for name, options in called] == [("gap", False)]
     assert done.exit_code == 1
     assert done.output.endswith("Error: The record cannot be written.\n")
+
+
+# --- the log --------------------------------------------------------------------------------------------------
+def written(folder, *options):
+    out = folder / "new" / "log.csv"
+    done = CliRunner().invoke(demo.hidden_effect, ["--duration", "5", "--out", str(out), *options])
+    assert done.exit_code == 0, done.output
+    return pd.read_csv(out)
+
+
+def test_a_seed_is_a_log_and_the_effect_is_in_it(tmp_path):
+    plain, same = (written(tmp_path, "--effect", "none", "--seed", "3") for _ in range(2))
+    pd.testing.assert_frame_equal(plain, same)
+    hidden = written(tmp_path, "--effect", "cogging", "--size", "0.2", "--seed", "3")
+    assert list(hidden.columns) == list(plain.columns)
+    wanted = make_servo_log("cogging", sizes=0.2, duration=5.0, random_state=3)
+    np.testing.assert_allclose(hidden.torque_nm, wanted.torque_nm)
+    assert np.abs(hidden.torque_nm - plain.torque_nm).max() > 0.01
+
+
+def test_an_unknown_effect_is_one_sentence(tmp_path):
+    done = CliRunner().invoke(demo.hidden_effect, ["--effect", "magic", "--out", str(tmp_path / "log.csv")])
+    assert done.exit_code == 1
+    assert "Unknown effect 'magic'" in done.output
+    assert not (tmp_path / "log.csv").exists()

@@ -20,7 +20,9 @@ from tests.cli.fleet_folder import MODEL, source
 from whsklearn.cli.fleet import main, run_here, run_on_cluster, summary, to_table
 from whsklearn.cli.fleet_axis import axes_of, digest_of, identify_axes, outliers
 from whsklearn.cli.fleet_kept import Kept
-from whsklearn.cli.stream import build_model
+from whsklearn.cli.options import build_model
+
+LEAST_SQUARES = {"estimator": "rls", "orders": (2, 2, 2, 2), "law": "reduced", "p": 4, "forgetting": 1.0, "seed": 0}
 
 pytest.importorskip("pyarrow", reason="needs the extra parquet")
 QUICK = ["--no-track", "--estimator", "rls", "--in-process", "--workers", "1", "--time", "t"]
@@ -84,7 +86,7 @@ def test_a_fleet_that_is_stopped_keeps_what_is_finished_and_goes_on_from_there(f
     assert "Resuming: 3 of 9 axes" in done.output
     assert sorted(given) == sorted({first[0], *axes_of(fleet, "axis")} - set(first[1:]))
     assert [p.name for p in tmp_path.iterdir()] == ["fleet.parquet"]
-    at_once = to_table(identify_axes(build_model("rls", "2,2,2,2", "reduced", 4, 1.0, 0), axes_of(fleet, "axis"),
+    at_once = to_table(identify_axes(build_model(LEAST_SQUARES), axes_of(fleet, "axis"),
                                      source(fleet), 0.25), axes_of(fleet, "axis"))  # fmt: skip
     pd.testing.assert_frame_equal(pd.read_parquet(out).drop(columns="seconds"), at_once.drop(columns="seconds"))
 

@@ -42,9 +42,10 @@ def test_comparison_is_printed_and_recorded(mlflow_root):
 
 def test_wrong_orders_are_told_in_one_sentence():
     done = run("--no-track", "--orders", "2,2")
-    assert done.exit_code == 1
-    assert "expected four whole numbers" in done.output
-    assert len([line for line in done.output.splitlines() if line.strip()]) == 1
+    assert done.exit_code == 2
+    assert done.output.rstrip().endswith(
+        "Invalid value for '--orders': '2,2'; expected four whole numbers n_a,n_b,n_c,n_d such as 2,2,2,2."
+    )
 
 
 def test_server_that_is_down_is_told(monkeypatch):

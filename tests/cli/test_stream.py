@@ -59,7 +59,6 @@ def test_the_run_is_recorded(mlflow_root, rows):
     ("change", "said"),
     [
         (["--input", "torque"], "The header has no column 'torque'"),
-        (["--orders", "2,2"], "--orders is '2,2'"),
         (["--law", "nonsense"], "Unknown effect 'nonsense'"),
         (["--p", "0"], "p is 0"),
     ],

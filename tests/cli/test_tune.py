@@ -130,7 +130,7 @@ def test_scheduler_that_is_down_is_told():
     assert "does not answer" in done.output
 
 
-@pytest.mark.parametrize(("option", "value"), [("--p", "1,x"), ("--forgetting", ""), ("--orders", "2")])
+@pytest.mark.parametrize(("option", "value"), [("--p", "1,x"), ("--forgetting", "")])
 def test_unreadable_grid_is_told(option, value):
     done = run("--no-track", option, value)
     assert done.exit_code == 1

@@ -11,7 +11,6 @@ from sklearn.utils import Bunch
 
 from tests.systems.signals import DRIVE, REFERENCE, T
 from whsklearn.effects import (
-    Backlash,
     Cogging,
     Coulomb,
     EncoderEccentricity,
@@ -142,14 +141,6 @@ def test_every_effect_runs_in_closed_loop_and_does_something(name):
     record = ServoAxis(effects=[effect]).simulate(reference)
     assert np.isfinite(record.position).all()
     assert not np.array_equal(record.drive, base.drive)
-
-
-def test_effects_come_and_go():
-    axis = ServoAxis()
-    more = axis.with_effect(Cogging(0.1)).with_effect(Backlash())
-    assert more.without_effect("cogging").without_effect("backlash") == axis
-    with pytest.raises(ValueError, match="No effect is called 'cogging'"):
-        axis.without_effect("cogging")
 
 
 def test_a_neutral_effect_leaves_the_simulation_bit_for_bit():

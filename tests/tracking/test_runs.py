@@ -2,33 +2,20 @@
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 from sklearn.linear_model import Ridge
-from sklearn.model_selection import GridSearchCV, TimeSeriesSplit
 
+from tests.tracking.recorded import runs
 from whsklearn import tracking
 from whsklearn.models import LinearModel, save_model
 from whsklearn.tracking import open_tracker
-from whsklearn.tracking.runs import VIEW, view_of
-
-
-@pytest.fixture
-def tracker(mlflow_root: Path) -> tracking.Tracker:
-    return open_tracker("test", tags={"data": "made up"})
-
-
-def runs(tracker: tracking.Tracker) -> dict:
-    found = tracker.client.search_runs([tracker.experiment_id])
-    return {r.info.run_name: r for r in found}
 
 
 def test_run_holds_what_was_logged(tracker):
@@ -185,16 +172,6 @@ def test_a_served_model_file_names_its_column_and_units_and_converts_or_refuses(
         served.predict(frame.set_axis(["current_a"], axis=1))
 
 
-def test_every_experiment_has_its_columns_among_the_saved_views_of_mlflow(tracker):
-    """Named views are in MLflow's menu from 3.15 on; what earlier versions read of the tag stands beside."""
-    tags = tracker.client.get_experiment(tracker.experiment_id).tags
-    view = json.loads(tags[f"mlflow.sharedViewState.{VIEW}"])
-    assert isinstance(view["name"], str)
-    assert isinstance(view["createdAt"], int)
-    state = json.loads(view["state"])
-    assert state == {k: view[k] for k in state} == view_of(tracker.experiment)
-
-
 def test_globals_of_mlflow_are_left_alone(tracker, monkeypatch):
     import mlflow
 
@@ -203,31 +180,6 @@ def test_globals_of_mlflow_are_left_alone(tracker, monkeypatch):
         run.log_model(Ridge().fit([[0.0], [1.0]], [0.0, 1.0]), [[0.0], [1.0]])
         assert (dict(os.environ), mlflow.get_tracking_uri()) == before
     assert mlflow.active_run() is None
-
-
-def test_search_gets_a_child_for_each_candidate(tracker):
-    X = np.random.default_rng(0).normal(size=(60, 3))
-    scoring = {"neg_nmse": "neg_mean_squared_error", "r2": "r2"}
-    search = GridSearchCV(Ridge(), {"alpha": [0.1, 1, 10]}, scoring=scoring, refit="neg_nmse", cv=TimeSeriesSplit(4))
-    search.fit(X, X @ [1.0, 2.0, 3.0])
-    with tracker.run("search") as parent:
-        tracking.log_candidates(parent, search.cv_results_)
-    children = [r for r in runs(tracker).values() if "mlflow.parentRunId" in r.data.tags]
-    assert {r.data.params["alpha"] for r in children} == {"0.1", "1", "10"}
-    for run in children:
-        folds = tracker.client.get_metric_history(run.info.run_id, "fold/nmse")
-        assert [m.step for m in folds] == [0, 1, 2, 3]
-        assert np.mean([m.value for m in folds]) == pytest.approx(run.data.metrics["nmse"])
-        assert run.data.metrics["nmse"] > 0  # scikit-learn's sign is turned back
-        assert run.data.metrics["r2"] > 0
-
-
-def test_only_candidates_not_yet_recorded_are_logged(tracker):
-    results = {"params": [{"p": 1}, {"p": 2}], "mean_test_score": [1, 2], "std_test_score": [0, 0]}
-    results |= {"split0_test_score": [1, 2], "mean_fit_time": [0.1, 0.1]}
-    with tracker.run("search") as parent:
-        tracking.log_candidates(parent, results, first=1)
-    assert set(runs(tracker)) == {"search", "p=2"}
 
 
 def test_environment_wins_over_the_default(monkeypatch, tmp_path):

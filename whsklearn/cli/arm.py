@@ -13,6 +13,7 @@ import click
 
 from whsklearn.cli.arm_log import checked_gains, columns_of, gains_of, read_arm, robot_of, to_si
 from whsklearn.cli.job import say_where, table, tracker_for, wrapped, writable_file, writable_folder
+from whsklearn.cli.options import given
 from whsklearn.cli.records import long_segments, note
 
 if TYPE_CHECKING:
@@ -114,7 +115,7 @@ def identify(options: dict[str, Any]) -> None:
     click.echo(f"\n{joints_table(found)}\n\n{numbers_table(found)}\n")
     click.echo(wrapped(f"Written: {folder / 'identify.json'}, {folder / 'model.json'} (with physical inertias)."))
     with tracker.run(f"identify {Path(options['train']).stem}") as run:
-        run.log_params({k: v for k, v in options.items() if v not in (None, (), False)})
+        run.log_params(given(options))
         run.log_tags({"recommended": "arm"})
         run.log_metrics({f"missing_{j}": v for j, v in found.missing.items() if not math.isnan(v)})
         run.log_text(f"{joints_table(found)}\n\n{numbers_table(found)}", "table.txt")

@@ -15,6 +15,7 @@ import click
 from whsklearn.cli.arm_log import read_arm, robot_of
 from whsklearn.cli.gap import as_record, read_log
 from whsklearn.cli.job import UNUSABLE, job, say_where, table, tracker_for, wrapped, writable_folder
+from whsklearn.cli.options import axis_options, given, reading_options, robot_options
 from whsklearn.cli.records import (
     TWICE,
     liveliest,
@@ -23,7 +24,6 @@ from whsklearn.cli.records import (
     names_of,
     note,
     note_assumed,
-    reading_options,
     refuse_shared,
 )
 
@@ -40,14 +40,8 @@ AN_AXIS = {"kind": "servo", "robot": None, "simulator": None}  # options that `g
 
 @job
 @click.argument("logs", metavar="BEFORE AFTER [...]", nargs=-1, required=True, type=click.Path(exists=True))
-@click.option("--time", "time_column", help="Time column; found by its name if omitted.")
-@click.option("--drive", help="Column of the drive: torque, force, current, voltage.")
-@click.option("--position", help="Column of the measured position; a suffix such as _deg or _mm gives its unit.")
-@click.option("--velocity", help="Column of the velocity, where no position is logged.")
-@click.option("--command", help="Column of a position servo's command, where no drive is logged.")
-@click.option("--robot", type=click.Path(exists=True, dir_okay=False), help="URDF, MJCF or model file of an arm.")
-@click.option("--joints", help='Columns of an arm: "shoulder:q1,u1;elbow:q2,u2", position and drive of each joint.')
-@click.option("--gains", help='Nm per logged unit of an arm\'s drives: "shoulder:11.2;elbow:9.8".')
+@axis_options
+@robot_options
 @reading_options
 @click.option(
     "--alpha",
@@ -82,7 +76,7 @@ def main(**options: Any) -> None:
             click.echo("")
             click.echo(numbers_of(found))
         click.echo(f"Report: {write_report(found, folder)}")
-        parent.log_params({k: v for k, v in options.items() if v not in (None, (), False)})
+        parent.log_params(given(options))
         track(parent, found, folder)
     say_where(tracker)
     if not found.usable:
@@ -143,7 +137,3 @@ def track(parent: Any, found: Comparison, folder: Path) -> None:
                 child.log_metrics({name: row["values"][k], f"{name}_error": row["standard_errors"][k]})
     for name in ("compare.html", "compare.json"):
         parent.log_artifact(folder / name)
-
-
-if __name__ == "__main__":
-    main()

@@ -15,6 +15,15 @@ from numpy.typing import NDArray
 from sklearn.base import clone
 from tqdm import tqdm
 
+from whsklearn import (
+    DifferentialEvolutionRegressor,
+    MILSRegressor,
+    MultiInnovationGradientRegressor,
+    PEMRegressor,
+    RLSRegressor,
+    RMILSRegressor,
+    WienerHammersteinLags,
+)
 from whsklearn.cli.job import table, worse_than_mean, wrapped
 from whsklearn.metrics import mu_e, nmse, parameter_error, rmse
 from whsklearn.plot import flat_parameters, parameter_paths
@@ -80,6 +89,43 @@ class ComparedModel:
     model: Any
     reading: str = "-"
     stream: bool = True
+
+
+PUBLISHED: dict[str, Any] = {
+    "gradient": "pseudolinear",
+    "theta0": 0.01,
+    "P0": 1e6,
+}  # the article's start, theta(0) = 1/100
+
+
+def candidates(
+    lags: WienerHammersteinLags,
+    *,
+    p: int = 4,
+    seed: int = 0,
+    evolution: bool = False,
+    published: dict[str, Any] | None = None,
+) -> list[ComparedModel]:
+    """Both readings of RLS, MILS and RMILS, the gradient scheme, and the batch fit for comparison."""
+    old: dict[str, Any] = {**PUBLISHED, **(published or {})}
+    common: dict[str, Any] = {"lags": lags, "random_state": seed}
+    found = [
+        ComparedModel("RLS", RLSRegressor(**common, **old), "pseudolinear"),
+        ComparedModel("MILS", MILSRegressor(**common, p=p, **old), "pseudolinear"),
+        ComparedModel("RMILS", RMILSRegressor(**common, p=p, **old), "pseudolinear"),
+        ComparedModel(
+            "gradient", MultiInnovationGradientRegressor(lags=lags, p=p, theta0=old["theta0"]), "pseudolinear"
+        ),
+        ComparedModel("RLS", RLSRegressor(**common), "full"),
+        ComparedModel("MILS", MILSRegressor(**common, p=p), "full"),
+        ComparedModel("RMILS", RMILSRegressor(**common, p=p), "full"),
+        ComparedModel("PEM", PEMRegressor(**common), "batch", stream=False),
+    ]
+    if evolution:
+        found.append(
+            ComparedModel("differential evolution", DifferentialEvolutionRegressor(**common), "batch", stream=False)
+        )
+    return found
 
 
 @dataclass
@@ -252,21 +298,3 @@ def by_name(outcomes: Sequence[Outcome], **wanted: str) -> Mapping[str, Outcome]
     for key, value in wanted.items():
         chosen = [o for o in chosen if getattr(o.candidate, key) == value]
     return {f"{o.candidate.name}, {o.candidate.reading}": o for o in chosen}
-
-
-def verdict(outcomes: Sequence[Outcome]) -> str:
-    """A sentence on whether the nonlinear model is better than a linear one on this record."""
-    linear = next((o for o in outcomes if o.candidate.reading == "linear" and not o.failure), None)
-    others = [o for o in outcomes if o.candidate.reading != "linear" and not o.failure]
-    if linear is None or not others:
-        return "Too little could be fitted to compare with a linear model."
-    best = min(others, key=lambda o: o.indices["nmse"])
-    ratio = best.indices["nmse"] / linear.indices["nmse"]
-    name = f"{best.candidate.name} ({best.candidate.reading})"
-    if ratio < 1:
-        return f"{name} leaves {ratio:.2g} of the best linear model's mean squared error in free run."
-    return wrapped(
-        f"Warning: in free run {name} has {ratio:.2g} times the mean squared error of the best linear model. These "
-        "estimators minimise the one-step error, with these orders and this law; whether the record is that of a "
-        "Wiener-Hammerstein system, of a linear one or of an axis, `whsklearn identify` tells."
-    )

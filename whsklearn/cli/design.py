@@ -98,7 +98,3 @@ def diagnosis_of(file: Path, rivals: str | None) -> tuple[dict[str, Any], Any, l
         wanted = [*named, *dict.fromkeys(others)][: len(named) + MOST_RIVALS]
     fitted = {e.name: e for e in model.effects if e.name in named}
     return data, axis, [fitted.get(n, n) for n in wanted], law
-
-
-if __name__ == "__main__":
-    main()

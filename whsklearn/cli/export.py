@@ -77,7 +77,3 @@ def write(model: Path, to: str, out: str, effects: str | None = None, **options:
         click.echo(table(["table", "without", "with", "left"], rows, title=title))
     ranges = [write_ranges(spread, done.paths[0])] if spread else []
     click.echo(f"Written: {', '.join(map(str, [*done.paths, *ranges]))}")
-
-
-if __name__ == "__main__":
-    main()

@@ -13,7 +13,7 @@ import click
 
 from whsklearn.cli import WIDTH
 from whsklearn.cli.job import UNUSABLE, cell, job, progress_bar, say_where, tracker_for, wrapped, writable_file
-from whsklearn.cli.stream import ESTIMATORS, build_model
+from whsklearn.cli.options import build_model, model_options
 
 if TYPE_CHECKING:
     from whsklearn.cli.fleet_axis import Row
@@ -29,11 +29,7 @@ SHOWN = 10
 @click.option("--input", "inputs", multiple=True, default=["u"], help="Input column; repeat for several.")
 @click.option("--output", default="y", help="Output column.")
 @click.option("--time", "time_column", default=None, help="Time column; rows are sorted by it.")
-@click.option("--estimator", type=click.Choice(sorted(ESTIMATORS)), default="rmils", help="Estimator.")
-@click.option("--orders", default="2,2,2,2", help="n_a, n_b, n_c, n_d of the Wiener-Hammerstein model.")
-@click.option("--law", default="reduced", help="Friction law: names joined by commas.")
-@click.option("--p", type=int, default=4, help="Innovation length.")
-@click.option("--forgetting", type=float, default=1.0, help="Forgetting factor.")
+@model_options
 @click.option(
     "--test-share",
     type=click.FloatRange(0, 0.9),
@@ -45,11 +41,7 @@ SHOWN = 10
 @click.option("--workers", type=click.IntRange(1), default=2, help="Processes here.")
 @click.option("--batch", type=click.IntRange(1), default=10, help="Axes per task.")
 @click.option("--out", type=click.Path(dir_okay=False, path_type=Path), default=Path("fleet.parquet"), help="Table.")
-def main(
-    folder: Path, axis: str, inputs: tuple[str, ...], output: str, time_column: str | None, estimator: str,
-    orders: str, law: str, p: int, forgetting: float, test_share: float, in_process: bool, scheduler: str | None,
-    workers: int, batch: int, out: Path, seed: int, track: bool,
-) -> None:  # fmt: skip
+def main(**options: Any) -> None:
     """Identify every axis of FOLDER, a Parquet folder partitioned by axis, and write one table of all.
 
     If it is stopped, the finished axes are kept in OUT.part, and the same command resumes from there. The exit status
@@ -61,11 +53,13 @@ def main(
     from whsklearn.cli.fleet_kept import Kept, write_table
     from whsklearn.tracking import estimator_params
 
+    folder, axis, out, batch = (options[k] for k in ("folder", "axis", "out", "batch"))
+    test_share, workers = options["test_share"], options["workers"]
     writable_file(out)
     names = axes_of(folder, axis)
-    model = build_model(estimator, orders, law, p, forgetting, seed)
-    source: dict[str, Any] = {"folder": str(folder.resolve()), "axis": axis, "inputs": list(inputs), "output": output}
-    source["time_column"] = time_column
+    model = build_model(options)
+    source = {"folder": str(folder.resolve()), "axis": axis, "inputs": list(options["inputs"])}
+    source |= {k: options[k] for k in ("output", "time_column")}
     began = time.perf_counter()
     kept = Kept(out, f"{model!r} {source} {test_share!r}", folder, axis)
     rows = kept.rows(names)
@@ -76,8 +70,8 @@ def main(
     with progress_bar(total=len(names), initial=len(rows), unit="axis", desc="fleet") as bar, kept:
         results = (
             run_here(model, batches, source, test_share, workers)
-            if in_process
-            else run_on_cluster(model, batches, source, test_share, scheduler, workers)
+            if options["in_process"]
+            else run_on_cluster(model, batches, source, test_share, options["scheduler"], workers)
         )
         for done in results if batches else ():
             rows += done
@@ -90,7 +84,7 @@ def main(
     apart, failed = outliers(found), found[found["failure"] != ""]
     params = estimator_params(model) | {"axes": len(found), "workers": workers}
     click.echo(summary(found, apart, failed, out, seconds))
-    tracker = tracker_for("fleet", track)
+    tracker = tracker_for("fleet", options["track"])
     with tracker.run(folder.name) as run:
         record(run, found, apart, failed, out, params, seconds)
     say_where(tracker)
@@ -199,7 +193,3 @@ def _entry(who: str, what: str) -> str:
 
 def _and_more(count: int) -> list[str]:
     return [f"  ... and {count - SHOWN} more; see the table."] if count > SHOWN else []
-
-
-if __name__ == "__main__":
-    main()

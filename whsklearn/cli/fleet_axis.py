@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from sklearn.base import clone
 
 Row = dict[str, Any]
+OUTLYING = 6.0  # robust standard deviations from the median; of normal numbers one in 5e8 is as far
 
 
 def axes_of(folder: Path, axis: str) -> list[str]:
@@ -107,7 +108,7 @@ def digest_of(folder: Path, axis: str, name: str) -> str:
     return ",".join(f"{s.st_size}:{s.st_mtime_ns}" for s in stats)
 
 
-def outliers(table: Any, limit: float = 6.0) -> Any:
+def outliers(table: Any) -> Any:
     """Outliers of a result table, worst first, with the outlying columns in ``why``; failed axes are excluded.
 
     A column is outlying by its distance from the fleet's median in units of the scaled median absolute deviation,
@@ -125,7 +126,7 @@ def outliers(table: Any, limit: float = 6.0) -> Any:
         z["nmse"] = z["nmse"].clip(lower=0.0)
     size = z.abs().fillna(0.0)
     why = pd.Series(
-        [", ".join(f"{c} {z.at[i, c]:+.1f}" for c in size.columns if size.at[i, c] > limit) for i in table.index],
+        [", ".join(f"{c} {z.at[i, c]:+.1f}" for c in size.columns if size.at[i, c] > OUTLYING) for i in table.index],
         index=table.index,
         dtype=object,
     )

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from whsklearn.cli.job import UNUSABLE, job, progress_bar, say_where, tracker_for, wrapped, writable_folder
+from whsklearn.cli.options import ORDERS, axis_options, given, reading_options, robot_options
 from whsklearn.cli.records import (
     TWICE,
     bridged,
@@ -24,7 +25,6 @@ from whsklearn.cli.records import (
     note,
     note_assumed,
     read,
-    reading_options,
     refuse_shared,
     roles_of,
 )
@@ -38,16 +38,6 @@ if TYPE_CHECKING:
 USUAL = {"time": "time_s", "drive": "torque_nm", "position": "position_rad"}
 
 
-def orders_of(_context: Any, _option: Any, text: str | None) -> tuple[int, int, int, int] | None:
-    """Parse four whole numbers from a text such as 3,3,3,3."""
-    if text is None:
-        return None
-    parts = [p.strip() for p in text.split(",")]
-    if len(parts) != 4 or not all(p.isdigit() for p in parts):
-        raise click.BadParameter(f"{text!r}; expected four whole numbers n_a,n_b,n_c,n_d such as 3,3,3,3.")
-    return tuple(int(p) for p in parts)  # type: ignore[return-value]
-
-
 @job
 @click.argument("log_file", metavar="LOG", type=click.Path(exists=True))
 @click.argument("more", metavar="[LOG ...]", nargs=-1, type=click.Path(exists=True))
@@ -58,14 +48,8 @@ def orders_of(_context: Any, _option: Any, text: str | None) -> tuple[int, int, 
     default="servo",
     help="Kind of the base model.",
 )
-@click.option("--time", "time_column", help="Time column; found by its name if omitted.")
+@axis_options
 @click.option("--reference", help="Reference column (servo); optional.")
-@click.option("--drive", help="Column of the drive: torque, force, current, voltage (servo).")
-@click.option(
-    "--position", help="Column of the measured position; a suffix such as _deg or _mm gives its unit (servo)."
-)
-@click.option("--velocity", help="Column of the velocity, where no position is logged (servo).")
-@click.option("--command", help="Column of a position servo's command, where no drive is logged.")
 @click.option("--input", "input_column", default="u", help="Column of the input (Wiener-Hammerstein).")
 @click.option("--output", "output_column", default="y", help="Column of the output (Wiener-Hammerstein).")
 @reading_options
@@ -75,9 +59,7 @@ def orders_of(_context: Any, _option: Any, text: str | None) -> tuple[int, int, 
     help="Terms of the base model's law, joined by commas: friction such as viscous,coulomb; for Wiener-Hammerstein "
     "also linear, offset, polynomial (or polynomial:5), piecewise_linear (or piecewise_linear:12 for 12 kinks).",
 )
-@click.option(
-    "--orders", default=None, callback=orders_of, help="Orders n_a,n_b,n_c,n_d of the base model (Wiener-Hammerstein)."
-)
+@click.option("--orders", type=ORDERS, default=None, help="Orders of the base model (Wiener-Hammerstein).")
 @click.option(
     "--direct", type=click.IntRange(0, 2), default=0, help="Blocks with a direct path, 0 to 2 (Wiener-Hammerstein)."
 )
@@ -97,11 +79,7 @@ def orders_of(_context: Any, _option: Any, text: str | None) -> tuple[int, int, 
 @click.option(
     "--effects", type=click.Path(exists=True, dir_okay=False), help="A Python file with effects of your own to search."
 )
-@click.option(
-    "--robot", type=click.Path(exists=True, dir_okay=False), help="URDF, MJCF or model.json: LOG is a log of an arm."
-)
-@click.option("--joints", help='Columns of each joint: "NAME:POSITION,DRIVE;..."; found by their names if omitted.')
-@click.option("--gains", help='Torque constants: "NAME:NM_PER_AMPERE+-ERROR;...", where drives are currents.')
+@robot_options
 @click.option("--load", help="Known load at the last joint: mass in kg, or with its place in m, KG:X,Y,Z.")
 @click.option(
     "--loaded",
@@ -224,7 +202,7 @@ def diagnose(options: dict[str, Any], log: Bunch, second: Bunch | None, folder: 
         if d.interrupted:
             click.echo("Interrupted: the report holds the rounds that were finished.")
         click.echo(f"Report: {page}")
-        parent.log_params({k: v for k, v in options.items() if v not in (None, (), False)})
+        parent.log_params(given(options))
         parent.log_input(log.X, log.y, Path(options["log_file"]).stem)
         track(parent, finder, folder)
     say_where(tracker)
@@ -416,7 +394,3 @@ def track(parent: Any, finder: GapFinder, folder: Path) -> None:
     for name in ("gap.html", "gap.json", "repaired.json", "repaired.xml"):
         if (folder / name).exists():
             parent.log_artifact(folder / name)
-
-
-if __name__ == "__main__":
-    main()

@@ -21,14 +21,13 @@ from whsklearn.cli.job import (
     wrapped,
     writable_folder,
 )
+from whsklearn.cli.options import columns_of, given, logged_option, reading_options, robot_options
 from whsklearn.cli.records import (
     TWICE,
-    logged_option,
     names_of,
     note,
     note_assumed,
     read,
-    reading_options,
     refuse_shared,
 )
 
@@ -51,11 +50,7 @@ UNEVEN = 0.01  # relative difference allowed between the rates of two logs; a cl
 @click.option("--output", "output_column", help="Output column.")
 @click.option("--time", "time_column", help="Column of time stamps; without it (or --rate) a sample is 1 s.")
 @reading_options
-@click.option(
-    "--robot", type=click.Path(exists=True, dir_okay=False), help="URDF, MJCF or model.json: a log of an arm."
-)
-@click.option("--joints", help='Columns of each joint: "NAME:POSITION,DRIVE;..."; found by their names if omitted.')
-@click.option("--gains", help='Torque constants: "NAME:NM_PER_AMPERE;...", where drives are currents.')
+@robot_options
 @click.option("--test", type=click.Path(exists=True), help="Another log to report on.")
 @click.option("--skip", type=click.IntRange(min=0), default=0, help="Samples at the start of the test to ignore.")
 @logged_option
@@ -133,7 +128,7 @@ def main(**options: Any) -> None:
     page = write(found, options["out"])
     click.echo(f"{told}\n\nThe page is {page}." if told else f"The page is {page}.")
     with tracker.run(f"identify {name}") as run:
-        run.log_params({k: v for k, v in options.items() if v not in (None, (), False)})
+        run.log_params(given(options))
         run.log_tags({"recommended": found.recommended.name})
         track(run, found, page.parent, train.columns["drive"])
     say_where(tracker)
@@ -164,17 +159,7 @@ def track(run: Run, found: Identification, folder: Path, column: str) -> None:
 
 def log_of(path: str, options: dict[str, Any]) -> Bunch:
     """The columns of a log, in segments where it has holes."""
-    from whsklearn.logs.errors import ColumnError
-    from whsklearn.logs.roles import by_number
-
-    if options["columns"]:
-        columns: dict[str, Any] = by_number(options["columns"], chain=True)
-    elif options["input_column"] and options["output_column"]:
-        columns = {"drive": options["input_column"], "position": options["output_column"]}
-        columns |= {"time": options["time_column"]}
-    else:
-        raise ColumnError("Give --input and --output, the input and output columns.")
-    return read(path, options, **columns)
+    return read(path, options, **columns_of(options))
 
 
 def together(logs: list[Bunch]) -> Bunch:

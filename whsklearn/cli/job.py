@@ -172,12 +172,12 @@ def writable_file(path: str | os.PathLike[str]) -> Path:
 
 
 @contextlib.contextmanager
-def progress_bar(items: Iterable[Any] | None = None, **options: Any) -> Iterator[Any]:
+def progress_bar(**options: Any) -> Iterator[Any]:
     """A progress bar if stderr is a terminal; log messages appear above it, errors below.
 
     Parameters
     ----------
-    items, **options
+    **options
         As `tqdm.tqdm` takes them.
     """
     import logging
@@ -187,7 +187,7 @@ def progress_bar(items: Iterable[Any] | None = None, **options: Any) -> Iterator
 
     with (
         logging_redirect_tqdm([logging.getLogger("whsklearn")]),
-        tqdm(items, disable=None, leave=False, **options) as bar,
+        tqdm(disable=None, leave=False, **options) as bar,
     ):
         yield bar
 

@@ -1,13 +1,15 @@
-"""A user's log for a command: options that name its columns, reading, and notes on the terminal."""
+"""A user's log for a command: its columns, reading, the part that is used, and notes on the terminal."""
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+
+from whsklearn.cli.options import columns_of, units_of
 
 if TYPE_CHECKING:
     from sklearn.utils import Bunch
@@ -18,64 +20,6 @@ if TYPE_CHECKING:
 _QUIET = ("LOG005", "LOG006", "LOG007")  # in the report only; on the terminal they would appear for nearly every log
 MOST_ROWS = 300_000  # of a diagnosis: five minutes at 1 kHz, which take half a GB and a minute or two
 _SIGNALS = ("X", "y", "time", "reference", "command", "groups", "frame")
-
-
-def reading_options(function: Callable[..., Any]) -> Callable[..., Any]:
-    """``--columns``, ``--unit``, ``--rate``, ``--torque-constant``, ``--invert-drive``: how a log is to be taken."""
-    options = [
-        click.option("--columns", help="Columns by name or number from 0: time,drive,position or drive,position."),
-        click.option(
-            "--unit",
-            "units",
-            multiple=True,
-            metavar="ROLE=UNIT",
-            help="Unit of a column, such as position=deg; may be repeated.",
-        ),
-        click.option(
-            "--rate", type=click.FloatRange(min=0, min_open=True), help="Sample rate in Hz, in place of --time."
-        ),
-        click.option(
-            "--torque-constant", metavar="K+-S", help="Nm/A with its standard deviation, for a drive in amperes."
-        ),
-        click.option("--invert-drive", is_flag=True, help="Change the sign of the drive."),
-    ]
-    for option in reversed(options):
-        function = option(function)
-    return function
-
-
-logged_option = click.option(
-    "--logged",
-    type=click.Choice(["auto", "output", "velocity", "position"]),
-    default="auto",
-    help="Kind of output; a position is fitted through its velocity.",
-)
-
-
-def log_options(function: Callable[..., Any]) -> Callable[..., Any]:
-    """``--log``, ``--input``, ``--output``, ``--time`` and how the log is to be taken."""
-    options = [
-        click.option("--log", "log_file", type=click.Path(exists=True), help="A log: CSV, Parquet, MAT, MCAP, ..."),
-        click.option("--input", "input_column", help="Input column of the log."),
-        click.option("--output", "output_column", help="Output column of the log."),
-        click.option("--time", "time_column", help="Column of time stamps; if given, the sampling is checked."),
-        logged_option,
-    ]
-    function = reading_options(function)
-    for option in reversed(options):
-        function = option(function)
-    return function
-
-
-def units_of(given: tuple[str, ...]) -> dict[str, str]:
-    """Units by role from texts such as ``position=deg``."""
-    out = {}
-    for text in given:
-        role, sign, unit = text.partition("=")
-        if not (role and sign and unit):
-            raise ValueError(f"--unit is {text!r}; expected ROLE=UNIT such as position=deg.")
-        out[role.strip()] = unit.strip()
-    return out
 
 
 def roles_of(
@@ -196,8 +140,8 @@ def note_assumed(log: Bunch) -> None:
 SHORTEST_SEGMENT = 2.0  # s; in shorter segments a filter of 2 Hz and an observer leave nothing to judge
 
 
-def long_segments(log: Bunch, shortest: float = SHORTEST_SEGMENT) -> Bunch:
-    """All segments of a log of at least ``shortest`` s, in order, with a note on what is left out.
+def long_segments(log: Bunch) -> Bunch:
+    """All segments of a log of at least two seconds, in order, with a note on what is left out.
 
     Raises
     ------
@@ -212,7 +156,7 @@ def long_segments(log: Bunch, shortest: float = SHORTEST_SEGMENT) -> Bunch:
     counts = np.bincount(log.groups)
     if counts.size == 1:
         return log
-    kept = counts / log.sample_rate >= shortest
+    kept = counts / log.sample_rate >= SHORTEST_SEGMENT
     rows, n = int(counts[kept].sum()), int(counts.max())
     if rows < FEWEST_SAMPLES or rows / log.sample_rate < SHORTEST_RECORD:
         raise LogError(
@@ -220,15 +164,13 @@ def long_segments(log: Bunch, shortest: float = SHORTEST_SEGMENT) -> Bunch:
             f"longest has {n} samples over {(n - 1) / log.sample_rate:.3g} s, where {FEWEST_SAMPLES} samples and "
             f"{SHORTEST_RECORD:g} s are needed. Log at a lower rate, or over a line that loses no samples."
         )
-    part = log if kept.all() else _cut(log, kept[log.groups])
-    if not kept.all():
-        text = (
-            f"{rows} of {len(log.y)} samples are used: {np.count_nonzero(~kept)} of {counts.size} segments are shorter "
-            f"than {shortest:g} s."
-        )
-        note(text)
-        part.notes = (*part.notes, text)
-    return part
+    if kept.all():
+        return log
+    text = (
+        f"{rows} of {len(log.y)} samples are used: {np.count_nonzero(~kept)} of {counts.size} segments are shorter "
+        f"than {SHORTEST_SEGMENT:g} s."
+    )
+    return _cut(log, kept[log.groups], text)
 
 
 def bridged(log: Bunch) -> Bunch:
@@ -244,14 +186,11 @@ def bridged(log: Bunch) -> Bunch:
         first, last = (first, cut) if cut - first >= last - cut else (cut, last)
     if last - first == log.y.size:
         return log
-    part = _cut(log, slice(first, last))
     text = (
-        f"{last - first} of {log.y.size} samples are used, from {part.time[0]:.6g} to {part.time[-1]:.6g} s: the holes "
-        "beside them are longer than what was logged."
+        f"{last - first} of {log.y.size} samples are used, from {log.time[first]:.6g} to {log.time[last - 1]:.6g} s: "
+        "the holes beside them are longer than what was logged."
     )
-    note(text)
-    part.notes = (*part.notes, text)
-    return part
+    return _cut(log, slice(first, last), text)
 
 
 def longest(log: Bunch) -> Bunch:
@@ -261,14 +200,12 @@ def longest(log: Bunch) -> Bunch:
     counts = np.bincount(log.groups)
     if counts.size == 1:
         return log
-    part = _cut(log, log.groups == np.argmax(counts))
+    rows = np.flatnonzero(log.groups == np.argmax(counts))
     text = (
-        f"{len(part.y)} of {len(log.y)} samples, the longest of {counts.size} segments from "
-        f"{part.time[0]:.6g} to {part.time[-1]:.6g} s, are used."
+        f"{rows.size} of {len(log.y)} samples, the longest of {counts.size} segments from "
+        f"{log.time[rows[0]]:.6g} to {log.time[rows[-1]]:.6g} s, are used."
     )
-    note(text)
-    part.notes = (*part.notes, text)
-    return part
+    return _cut(log, rows, text)
 
 
 def liveliest(log: Bunch) -> Bunch:
@@ -281,37 +218,31 @@ def liveliest(log: Bunch) -> Bunch:
     path = np.r_[0.0, np.cumsum(np.abs(np.diff(log.y)))]
     starts = np.linspace(0, n - MOST_ROWS, 50).astype(int)
     start = int(starts[np.argmax(path[starts + MOST_ROWS - 1] - path[starts])])
-    part = _cut(log, slice(start, start + MOST_ROWS))
+    end = start + MOST_ROWS
     text = (
-        f"{MOST_ROWS} of {n} samples are used, from {part.time[0]:.6g} to {part.time[-1]:.6g} s, where the axis "
+        f"{MOST_ROWS} of {n} samples are used, from {log.time[start]:.6g} to {log.time[end - 1]:.6g} s, where the axis "
         "travels most; more samples would add little. Another part can be given with --test as a separate file."
     )
+    return _cut(log, slice(start, end), text)
+
+
+def _cut(log: Bunch, rows: Any, text: str) -> Bunch:
+    """Some rows of a log, with a note on what is left out."""
     note(text)
+    part = type(log)(**{k: v[rows] if k in _SIGNALS and v is not None else v for k, v in log.items()})
     part.notes = (*part.notes, text)
     return part
 
 
-def _cut(log: Bunch, rows: Any) -> Bunch:
-    """Some rows of a log."""
-    return type(log)(**{k: v[rows] if k in _SIGNALS and v is not None else v for k, v in log.items()})
-
-
 def record_of(options: dict[str, Any]) -> ComparedRecord:
-    """The record named by the options of `log_options`; a position is replaced by its velocity, as in `identify`."""
+    """The record that the options of `tune` name; a position is replaced by its velocity, as in `identify`."""
     import numpy as np
 
     from whsklearn.cli.comparison import ComparedRecord
     from whsklearn.identification.view import view
     from whsklearn.logs.errors import LogError
-    from whsklearn.logs.roles import by_number
 
-    if options.get("columns"):
-        columns: dict[str, Any] = by_number(options["columns"], chain=True)
-    elif options["input_column"] and options["output_column"]:
-        columns = {"drive": options["input_column"], "position": options["output_column"]}
-        columns |= {"time": options["time_column"]}
-    else:
-        raise ValueError("--log needs --input and --output, the input and output columns.")
+    columns = columns_of(options)
     log = read(options["log_file"], options, **columns)
     for role, values in (("drive", log.X), ("position", log.y)):
         if np.ptp(values) == 0:
@@ -330,14 +261,6 @@ def record_of(options: dict[str, Any]) -> ComparedRecord:
     segment = np.repeat(np.arange(seen.bounds.size - 1), np.diff(seen.bounds))
     groups = segment if seen.starts else None
     return ComparedRecord(Path(log.name).stem, seen.u[:, None], seen.target, groups, log.columns["drive"])
-
-
-def orders_of(text: str) -> dict[str, Any]:
-    """The four orders from ``2,2,2,2``."""
-    parts = text.split(",")
-    if len(parts) != 4 or not all(p.strip().isdigit() for p in parts):
-        raise ValueError(f"--orders is {text!r}; expected four whole numbers n_a,n_b,n_c,n_d such as 2,2,2,2.")
-    return dict(zip(("n_a", "n_b", "n_c", "n_d"), map(int, parts), strict=True))
 
 
 def names_of(files: Sequence[str]) -> list[str]:

@@ -8,7 +8,8 @@ from typing import Any
 import click
 
 from whsklearn.cli.job import job, worse_than_mean, wrapped, writable_file
-from whsklearn.cli.records import note, read, reading_options, roles_of
+from whsklearn.cli.options import joint_options, reading_options
+from whsklearn.cli.records import note, read, roles_of
 
 
 @job
@@ -18,8 +19,7 @@ from whsklearn.cli.records import note, read, reading_options, roles_of
 @click.option("--input", "input_column", help="Drive column; found by its name if omitted.")
 @click.option("--output", "output_column", help="Column of the measured output, to compare with.")
 @reading_options
-@click.option("--joints", help='Columns of each joint of an arm: "NAME:POSITION,DRIVE;...".')
-@click.option("--gains", help='Torque constants of an arm: "NAME:NM_PER_AMPERE;...", where drives are currents.')
+@joint_options
 @click.option("--skip", type=click.IntRange(min=0), default=0, help="Samples at the start to ignore.")
 @click.option("--out", default="simulated.csv", type=click.Path(dir_okay=False), help="Table to write.")
 def main(**options: Any) -> None:
@@ -83,7 +83,3 @@ def main(**options: Any) -> None:
     if bad := worse_than_mean({Path(options["model"]).name: index}):
         click.echo(wrapped(bad))
     click.echo(f"Written: {Path(out)}")
-
-
-if __name__ == "__main__":
-    main()

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from whsklearn.cli.job import job, say_where, tracker_for
-from whsklearn.cli.records import orders_of
+from whsklearn.cli.options import ORDERS, given, lags_of
 
 if TYPE_CHECKING:
     from whsklearn.cli.comparison import ComparedRecord, Outcome
@@ -26,24 +26,22 @@ VALIDATION_RECORDS = 3
 @click.option("--samples", type=click.IntRange(min=50), default=1000, help="Samples of the simulated record.")
 @click.option("--snr", type=float, default=SNR_DB, help="Signal-to-noise ratio of the simulated record in dB.")
 @click.option("--innovation", "p", type=click.IntRange(min=1), default=4, help="Innovation length p.")
-@click.option("--orders", default="2,2,2,2", help="Orders n_a,n_b,n_c,n_d.")
+@click.option("--orders", type=ORDERS, default="2,2,2,2", help="Orders of the blocks.")
 @click.option("--law", default=None, help="Friction law, names joined by commas; the law (4) if omitted.")
 @click.option("--evolution", is_flag=True, help="Compare differential evolution too, which takes a minute.")
 @click.option("--figures", type=click.Path(file_okay=False), help="Folder to write the figures to as well.")
 def main(**options: Any) -> None:
     """Identify the simulated example with every estimator and compare them; `identify` is for your own log."""
-    from whsklearn import WienerHammersteinLags
-    from whsklearn.cli.candidates import candidates
-    from whsklearn.cli.comparison import compare, results_table
+    from whsklearn.cli.comparison import candidates, compare, results_table
     from whsklearn.plot import flat_parameters
 
-    lags = WienerHammersteinLags(**orders_of(options["orders"]), law=options["law"])
+    lags = lags_of(options["orders"], options["law"])
     train, test, system = simulated_records(options["samples"], options["snr"], options["seed"])
     title = f"Example 5.1, N = {options['samples']}, SNR {options['snr']:g} dB: free run on new noise-free data"
     tracker = tracker_for("simulated_example", options["track"], data=train.name)
     found = candidates(lags, p=options["p"], seed=options["seed"], evolution=options["evolution"])
     with tracker.run(f"comparison on {train.name}") as parent:
-        parent.log_params({k: v for k, v in options.items() if v not in (None, (), False)})
+        parent.log_params(given(options))
         parent.log_input(train.X, train.y, train.name)
         outcomes = compare(found, train, test, parent=parent, theta=system.theta)
         text = results_table(outcomes, title)
@@ -100,7 +98,3 @@ def draw(
             Path(folder).mkdir(parents=True, exist_ok=True)
             display.figure_.savefig(Path(folder) / f"{name}.png", dpi=120)
         plt.close(display.figure_)
-
-
-if __name__ == "__main__":
-    main()

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from whsklearn.cli.job import job, progress_bar, say_where, table, tracker_for, wrapped
-from whsklearn.cli.records import log_options, note, orders_of, record_of
+from whsklearn.cli.options import ORDERS, given, logged_option, reading_options
+from whsklearn.cli.records import note, record_of
 
 if TYPE_CHECKING:
     from whsklearn.cli.comparison import ComparedRecord
@@ -23,7 +24,12 @@ MEAN = 1.0  # the NMSE of a model that only knows the mean of the output
 
 
 @job
-@log_options
+@click.option("--log", "log_file", type=click.Path(exists=True), help="A log: CSV, Parquet, MAT, MCAP, ...")
+@click.option("--input", "input_column", help="Input column of the log.")
+@click.option("--output", "output_column", help="Output column of the log.")
+@click.option("--time", "time_column", help="Column of time stamps; if given, the sampling is checked.")
+@logged_option
+@reading_options
 @click.option(
     "--samples",
     type=click.IntRange(min=100),
@@ -33,7 +39,7 @@ MEAN = 1.0  # the NMSE of a model that only knows the mean of the output
 @click.option("--p", "lengths", default="1,2,4,8", help="Innovation lengths to try.")
 @click.option("--P0", "variances", default="default", help="Initial covariance scales to try, as in default,1,1e6.")
 @click.option("--forgetting", "factors", default="default", help="Forgetting factors to try, as in default,0.999.")
-@click.option("--orders", multiple=True, default=("2,2,2,2",), help="Orders n_a,n_b,n_c,n_d; repeat to try several.")
+@click.option("--orders", type=ORDERS, multiple=True, default=("2,2,2,2",), help="Orders; repeat to try several.")
 @click.option("--law", "laws", multiple=True, help="Friction laws as names joined by commas; repeat to try several.")
 @click.option(
     "--search", "kind", type=click.Choice(["grid", "random", "halving"]), default="grid", help="How to search."
@@ -66,7 +72,7 @@ def main(**options: Any) -> None:
         workers(options["backend"], options["scheduler"]),
         tracker.run(f"{options['kind']} on {record.name}") as parent,
     ):
-        parent.log_params({k: v for k, v in options.items() if v not in (None, (), False)})
+        parent.log_params(given(options))
         parent.log_input(record.X, record.y, record.name)
         search = build_search(options, estimator, grid, record)
         run_search(search, record, parent, total=count(options, grid), varied=varied_names(grid))
@@ -160,8 +166,8 @@ def grid_of(options: dict[str, Any]) -> list[dict[str, list[Any]]]:
             free[name] = numbers(options[key], f"--{name}", float, default=usual[name])
     laws = options["laws"] or (None,)
     grids = []
-    for text, law in itertools.product(options["orders"], laws):
-        fixed = {f"lags__{k}": [v] for k, v in orders_of(text).items()}
+    for orders, law in itertools.product(options["orders"], laws):
+        fixed = {f"lags__{k}": [v] for k, v in zip(("n_a", "n_b", "n_c", "n_d"), orders, strict=True)}
         grids.append({**free, **fixed, "lags__law": [law]})
     return grids
 
@@ -290,12 +296,12 @@ def workers(backend: str, scheduler: str | None) -> Iterator[None]:
         yield
 
 
-def leaders(results: dict[str, Any], n: int = 8) -> str:
-    """The best candidates as a table."""
+def leaders(results: dict[str, Any]) -> str:
+    """The best eight candidates as a table."""
     import numpy as np
 
     key = "mean_test_neg_nmse"
-    order = np.argsort(-np.nan_to_num(results[key], nan=-np.inf))[:n]
+    order = np.argsort(-np.nan_to_num(results[key], nan=-np.inf))[:8]
     varied = [k for k in results["params"][0] if len({str(p[k]) for p in results["params"]}) > 1] or ["p"]
     rows = [
         [
@@ -314,7 +320,3 @@ def leaders(results: dict[str, Any], n: int = 8) -> str:
 def shown(value: Any) -> Any:
     """A setting as shown in the table: None is the estimator's default."""
     return "default" if value is None else value
-
-
-if __name__ == "__main__":
-    main()

@@ -104,7 +104,7 @@ def _show(port: int, browser: bool) -> None:
 
 def _announce(server: str, found: list[tuple[str, str]], browser: bool) -> None:
     """Print an address for every experiment, with its own columns, and open the newest in a browser."""
-    from whsklearn.tracking.runs import page_of
+    from whsklearn.tracking.page import page_of
 
     addresses = {name: page_of(server, experiment_id) for name, experiment_id in found} or {"no runs yet": server}
     width = max(map(len, addresses))
@@ -113,7 +113,3 @@ def _announce(server: str, found: list[tuple[str, str]], browser: bool) -> None:
         click.echo(f"  {name:<{width}}  {address}")
     if browser and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY") or sys.platform != "linux"):
         webbrowser.open(next(iter(addresses.values())))
-
-
-if __name__ == "__main__":
-    main()

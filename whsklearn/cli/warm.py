@@ -60,7 +60,3 @@ def main() -> None:
             for name in work():
                 click.echo(f"{name}: {time.perf_counter() - began:.1f} s")
                 began = time.perf_counter()
-
-
-if __name__ == "__main__":
-    main()

@@ -8,14 +8,14 @@ the source code of that loader, and there is no checksum.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from sklearn.utils import Bunch
 
-from whsklearn.datasets.publishers import download_cascaded_tanks, download_coupled_drives, download_silverbox
+from whsklearn.datasets.publishers import CASCADED_TANKS, COUPLED_DRIVES, SILVERBOX, Publication
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 __all__ = ["fetch_cascaded_tanks", "fetch_coupled_drives", "fetch_silverbox"]
-
-_PAGE = "https://www.nonlinearbenchmark.org/benchmarks/"
 
 
 def fetch_silverbox(folder: str | os.PathLike[str] | None = None, *, download: bool = True) -> Bunch:
@@ -68,7 +66,7 @@ def fetch_silverbox(folder: str | os.PathLike[str] | None = None, *, download: b
     ...         print("SNLS80mV" in str(error))
     True
     """
-    path = _file(folder, "silverbox", "SilverboxFiles", "SNLS80mV", download_silverbox if download else None)
+    path = _file(SILVERBOX, folder, download)
     u, y = _signals(path, ("V1", "V2"))
     arrow, sines = slice(100, 40_575), slice(40_650, 127_400)
     cut = int(0.75 * u[sines].size)
@@ -108,7 +106,7 @@ def fetch_coupled_drives(folder: str | os.PathLike[str] | None = None, *, downlo
     ----------
     Wigren and Schoukens 2017, Coupled Electric Drives Data Set and Reference Models, Uppsala University 2017-024.
     """
-    path = _file(folder, "ced", "ced", "DATAUNIF", download_coupled_drives if download else None)
+    path = _file(COUPLED_DRIVES, folder, download)
     u11, u12, z11, z12 = _signals(path, ("u11", "u12", "z11", "z12"))
     both = ((u11, z11), (u12, z12))
     return Bunch(
@@ -147,9 +145,7 @@ def fetch_cascaded_tanks(folder: str | os.PathLike[str] | None = None, *, downlo
     ----------
     Schoukens, Mattson, Wigren and Noel 2016, Cascaded tanks benchmark combining soft and hard nonlinearities.
     """
-    path = _file(
-        folder, "cascaded_tanks", "CascadedTanksFiles", "dataBenchmark", download_cascaded_tanks if download else None
-    )
+    path = _file(CASCADED_TANKS, folder, download)
     u, v, y, z = _signals(path, ("uEst", "uVal", "yEst", "yVal"))
     return Bunch(
         train=(u, y),
@@ -160,29 +156,14 @@ def fetch_cascaded_tanks(folder: str | os.PathLike[str] | None = None, *, downlo
     )
 
 
-def _file(
-    folder: str | os.PathLike[str] | None,
-    own: str,
-    published: str,
-    stem: str,
-    fetched: Callable[[], Path | None] | None,
-) -> Path:
-    """The file of a benchmark, from a folder (with an extension in any case) or from its publishers."""
-    root = folder if folder is not None else os.environ.get("WHSKLEARN_DATA")
-    places = [Path(root) / own, Path(root) / published, Path(root)] if root else []
-    for where in places:
-        found = sorted(p for p in where.glob(f"{stem}.*") if p.suffix.lower() in (".mat", ".csv"))
-        if found:
-            return found[-1]
-    where_fetched = fetched() if fetched is not None else None
-    if where_fetched is not None:
-        return next(p for p in sorted(where_fetched.glob(f"{stem}.*")) if p.suffix.lower() == ".mat")
-    place = f"{folder} does not hold" if folder is not None else "No folder was given and WHSKLEARN_DATA does not hold"
-    page = _PAGE + {"ced": "coupled-electric-drives", "cascaded_tanks": "cascaded-tanks"}.get(own, own)
-    raise FileNotFoundError(
-        f"The {own.replace('_', ' ')} records are not here: {place} {stem}.mat; get them from {page} and name their "
-        "folder."
-    )
+def _file(record: Publication, folder: str | os.PathLike[str] | None, download: bool) -> Path:
+    """The file of a benchmark, as MAT before CSV, its extension in any case."""
+
+    def files(where: Path) -> list[Path]:
+        found = where.glob(f"{Path(record.wanted).stem}.*")
+        return sorted((p for p in found if p.suffix.lower() in (".mat", ".csv")), key=lambda p: p.suffix.lower())
+
+    return files(record.folder(folder, download, files))[-1]
 
 
 def _signals(path: Path, names: Sequence[str]) -> list[Array]:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from sklearn.utils import Bunch
 
-from whsklearn.datasets.publishers import KR300_FOLDER, download_emps, download_kr300
+from whsklearn.datasets.publishers import EMPS, KR300, KR300_FOLDER, Publication
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 __all__ = ["FORCE_PER_VOLT", "fetch_emps", "fetch_kr300"]
 
 FORCE_PER_VOLT = 35.15065188248547
-_EMPS_PAGE = "https://www.nonlinearbenchmark.org/benchmarks/emps"
 _EMPS_FILES = {"train": ("emps_train.csv", "DATA_EMPS.mat"), "test": ("emps_test.csv", "DATA_EMPS_PULSES.mat")}
 _EMPS_COLUMNS = ["time_s", "drive_V", "force_N", "position_m", "reference_m"]
 _EMPS_UNITS = {"time": "s", "drive": "V", "force": "N", "position": "m", "reference": "m"}
@@ -35,7 +34,6 @@ _EMPS_CITATION = """\
 A. Janot, M. Gautier, M. Brunot: Data Set and Reference Models of EMPS. Workshop on Nonlinear System Identification
 Benchmarks, Eindhoven, 2019."""
 
-_KR300_PAGE = "https://github.com/JonasWeigand/Robot_Identification"
 _KR300_FILES = {k: (f"kr300_axis1_{k}.csv", f"{Path(KR300_FOLDER.format(k)).name}/data.mat") for k in "ABC"}
 _KR300_COLUMNS = [
     "time_s",
@@ -178,39 +176,19 @@ def _frames(
     records: _Records, folder: str | os.PathLike[str] | None, download: bool, verify: bool
 ) -> dict[str, pd.DataFrame]:
     """Every record, from the first place where it is found: a folder, or its publishers."""
-    where = _find(folder, records.stem, list(records.files.values()))
-    if where is None and download:
-        where = records.download()
-    if where is None:
-        raise FileNotFoundError(_missing(records, folder))
+
+    def complete(where: Path) -> bool:
+        return all(any((where / f).is_file() for f in files) for files in records.files.values())
+
+    where = records.published.folder(folder, download, complete)
     frames = {}
     for name, files in records.files.items():
         path = next(where / f for f in files if (where / f).is_file())
         frame = records.read_mat(path) if path.suffix == ".mat" else _read_csv(path, records.columns)
         if verify:
-            _verify(f"{records.stem}_{name}", frame[records.measured], path)
+            _verify(f"{records.published.folders[0]}_{name}", frame[records.measured], path)
         frames[name] = frame
     return frames
-
-
-def _find(folder: str | os.PathLike[str] | None, name: str, wanted: list[tuple[str, ...]]) -> Path | None:
-    """The folder that contains one file of every tuple: the argument, or that of the environment."""
-    root = folder if folder is not None else os.environ.get("WHSKLEARN_DATA")
-    if not root:
-        return None
-    for candidate in (Path(root) / name, Path(root)):
-        if all(any((candidate / f).is_file() for f in files) for files in wanted):
-            return candidate
-    return None
-
-
-def _missing(records: _Records, folder: str | os.PathLike[str] | None) -> str:
-    """The error message for missing records."""
-    place = f"{folder} does not hold" if folder is not None else "No folder was given and WHSKLEARN_DATA does not hold"
-    return (
-        f"The {records.name} records are not here: {place} {records.wanted}; get them from {records.page} and name "
-        "their folder."
-    )
 
 
 def _read_csv(path: Path, columns: list[str]) -> pd.DataFrame:
@@ -272,24 +250,14 @@ def _verify(name: str, frame: pd.DataFrame, path: Path) -> None:
 
 @dataclass(frozen=True)
 class _Records:
-    """The properties of one publication: its files, how they are read, where they are."""
+    """The frames of one publication: their files and how they are read."""
 
-    name: str
-    stem: str
-    wanted: str
-    page: str
+    published: Publication
     files: dict[str, tuple[str, str]]
     columns: list[str]
     measured: list[str]
     read_mat: Callable[[Path], pd.DataFrame]
-    download: Callable[[], Path | None]
 
 
-_EMPS = _Records(
-    "EMPS", "emps", "emps/emps_train.csv and emps/emps_test.csv", _EMPS_PAGE, _EMPS_FILES, _EMPS_COLUMNS,
-    ["drive_V", "position_m", "reference_m"], _read_emps_mat, download_emps,
-)  # fmt: skip
-_KR300 = _Records(
-    "KR300", "kr300", "kr300/kr300_axis1_A.csv, _B and _C", _KR300_PAGE, _KR300_FILES, _KR300_COLUMNS,
-    _KR300_COLUMNS[1:], _read_kr300_mat, download_kr300,
-)  # fmt: skip
+_EMPS = _Records(EMPS, _EMPS_FILES, _EMPS_COLUMNS, ["drive_V", "position_m", "reference_m"], _read_emps_mat)
+_KR300 = _Records(KR300, _KR300_FILES, _KR300_COLUMNS, _KR300_COLUMNS[1:], _read_kr300_mat)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any, Literal, overload
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from sklearn.utils import Bunch
 
 from whsklearn.datasets.drawn_effects import draw_effect
 from whsklearn.datasets.references import reference_signal
@@ -16,45 +17,7 @@ from whsklearn.systems.servo import ServoAxis
 from whsklearn.systems.servo_parts import PIDController, Sensor
 from whsklearn.systems.servo_simulation import record_frame
 
-if TYPE_CHECKING:
-    import pandas as pd
-    from sklearn.utils import Bunch
 
-
-@overload
-def make_servo_log(
-    effects: Effect | str | Iterable[Effect | str] = ...,
-    *,
-    sizes: float | Sequence[float] = ...,
-    axis: ServoAxis | None = ...,
-    reference: str | ArrayLike = ...,
-    amplitude: float | None = ...,
-    duration: float = ...,
-    sample_rate: float | None = ...,
-    noise: float | None = ...,
-    resolution: float | None = ...,
-    snr_db: float | None = ...,
-    disturbance: ArrayLike | None = ...,
-    random_state: Any = ...,
-    return_truth: Literal[False] = ...,
-) -> pd.DataFrame: ...
-@overload
-def make_servo_log(
-    effects: Effect | str | Iterable[Effect | str] = ...,
-    *,
-    sizes: float | Sequence[float] = ...,
-    axis: ServoAxis | None = ...,
-    reference: str | ArrayLike = ...,
-    amplitude: float | None = ...,
-    duration: float = ...,
-    sample_rate: float | None = ...,
-    noise: float | None = ...,
-    resolution: float | None = ...,
-    snr_db: float | None = ...,
-    disturbance: ArrayLike | None = ...,
-    random_state: Any = ...,
-    return_truth: Literal[True],
-) -> tuple[pd.DataFrame, Bunch]: ...
 def make_servo_log(
     effects: Effect | str | Iterable[Effect | str] = (),
     *,
@@ -70,7 +33,7 @@ def make_servo_log(
     disturbance: ArrayLike | None = None,
     random_state: Any = 0,
     return_truth: bool = False,
-) -> pd.DataFrame | tuple[pd.DataFrame, Bunch]:
+) -> Any:
     """Simulate a log of a servo axis in closed loop.
 
     Parameters
@@ -134,8 +97,6 @@ def make_servo_log(
     log = record_frame(record)
     if not return_truth:
         return log
-    from sklearn.utils import Bunch
-
     return log, Bunch(axis=axis, effects=hidden, parameters=axis.parameters, record=record)
 
 

@@ -2,35 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal, overload
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from sklearn.utils import Bunch
 
 from whsklearn.systems.wiener_hammerstein import WienerHammersteinSystem
 
-Array = NDArray[np.float64]
 
-
-@overload
-def make_wiener_hammerstein(
-    n_samples: int = ...,
-    snr_db: float | None = ...,
-    random_state: Any = ...,
-    *,
-    system: WienerHammersteinSystem | None = ...,
-    return_truth: Literal[False] = ...,
-) -> tuple[Array, Array]: ...
-@overload
-def make_wiener_hammerstein(
-    n_samples: int = ...,
-    snr_db: float | None = ...,
-    random_state: Any = ...,
-    *,
-    system: WienerHammersteinSystem | None = ...,
-    return_truth: Literal[True],
-) -> tuple[Array, Array, Bunch]: ...
 def make_wiener_hammerstein(
     n_samples: int = 1000,
     snr_db: float | None = 7.462,
@@ -38,7 +17,7 @@ def make_wiener_hammerstein(
     *,
     system: WienerHammersteinSystem | None = None,
     return_truth: bool = False,
-) -> tuple[Array, Array] | tuple[Array, Array, Bunch]:
+) -> Any:
     """A record of Example 5.1, or of another system under the same experiment.
 
     Parameters
@@ -90,15 +69,5 @@ def make_wiener_hammerstein(
     y = system.simulate(u, d)
     if not return_truth:
         return u[:, None], y
-    return (
-        u[:, None],
-        y,
-        Bunch(
-            system=system,
-            u=u,
-            d=d,
-            theta=None if system.law.key is None else system.theta,
-            parameters=system.parameters,
-            **clean,
-        ),
-    )
+    theta = None if system.law.key is None else system.theta
+    return u[:, None], y, Bunch(system=system, u=u, d=d, theta=theta, parameters=system.parameters, **clean)

@@ -47,7 +47,7 @@ class Mjcf:
     losses: list[Loss] = field(default_factory=list)
 
 
-def mjcf(model: Exported, joint: str = "axis") -> tuple[str, list[Loss]]:
+def mjcf(model: Exported) -> tuple[str, list[Loss]]:
     """The text of the file, and the parts of the model that it cannot represent.
 
     Examples
@@ -76,7 +76,7 @@ def mjcf(model: Exported, joint: str = "axis") -> tuple[str, list[Loss]]:
         m.losses.append(Loss("drive delay", f"{m.delay:.6g} s", f"rounded to {held:.6g} s, whole steps of MuJoCo"))
     m.losses = [*model.foreign(), *model.told(m.losses)]
     text = render(
-        "model.mjcf.j2", m=m, joint=joint, kind="slide" if model.linear else "hinge", step=step, dt=dt,
+        "model.mjcf.j2", m=m, kind="slide" if model.linear else "hinge", step=step, dt=dt,
         inertia=axis.inertia - load, load=load, mass=mass, place=(arm * math.cos(phase), arm * math.sin(phase)),
         own=(load or axis.inertia) - mass * arm**2 if arm else (load or axis.inertia), creep=CREEP,
         g=GRAVITY if arm else 0.0, samples=round(m.delay / step), inf=math.inf, drive=drive, motion=motion,

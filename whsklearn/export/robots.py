@@ -15,7 +15,7 @@ from whsklearn.systems._servo_drive import chain_of
 from whsklearn.systems.servo import pack
 
 
-def urdf(model: Exported, joint: str = "axis") -> tuple[str, list[Loss]]:
+def urdf(model: Exported) -> tuple[str, list[Loss]]:
     """A robot of one joint with ``<dynamics>``: damping, Coulomb friction, limits, inertia.
 
     Examples
@@ -38,14 +38,14 @@ def urdf(model: Exported, joint: str = "axis") -> tuple[str, list[Loss]]:
     losses = [*model.foreign(), *model.told(losses)]
     low, high = max((-FAR, *(e.ends[0] for e in stops))), min((FAR, *(e.ends[1] for e in stops)))
     text = render(
-        "model.urdf.j2", joint=joint, kind=kind, inertia=axis.inertia, damping=total(axis.law.terms, "viscous"),
+        "model.urdf.j2", kind=kind, inertia=axis.inertia, damping=total(axis.law.terms, "viscous"),
         friction=total(parts_of(axis), "coulomb"), limit=float(chain_of(pack(axis)).limit), low=low, high=high,
         inf=math.inf, linear=model.linear, losses=losses, units=", ".join((*model.si, "s")),
     )  # fmt: skip
     return text, losses
 
 
-def isaac(model: Exported, joint: str = "axis") -> tuple[str, list[Loss]]:
+def isaac(model: Exported) -> tuple[str, list[Loss]]:
     """An Isaac Lab actuator configuration (Python source) for a joint driven by its effort."""
     axis = model.need_axis("An Isaac Lab actuator")
     held = ("viscous", "coulomb", "saturation", "input_delay", "stribeck")
@@ -64,7 +64,7 @@ def isaac(model: Exported, joint: str = "axis") -> tuple[str, list[Loss]]:
         )
     losses = [*model.foreign(), *model.told(losses)]
     text = render(
-        "model.isaac.j2", joint=joint, inertia=axis.inertia, friction=dry + peak, dynamic=dry, inf=math.inf,
+        "model.isaac.j2", inertia=axis.inertia, friction=dry + peak, dynamic=dry, inf=math.inf,
         viscous=total(effects, "viscous"), limit=limit, delay=round(samples), dt=1.0 / axis.sample_rate, losses=losses,
         units=", ".join((*model.si, "s")),
     )  # fmt: skip

@@ -23,7 +23,6 @@ GAP = 1.5  # periods; a longer step has lost a sample, a shorter one is jitter
 def check_log(
     time: Array,
     signals: dict[str, Array],
-    extra: tuple[Finding, ...] = (),
     rows: NDArray[np.intp] | None = None,
 ) -> LogReport:
     """Check a log.
@@ -34,8 +33,6 @@ def check_log(
         Stamps in seconds.
     signals : dict of str to ndarray of shape (n,)
         ``drive``, ``position`` and, if logged, ``reference``.
-    extra : tuple of Finding
-        What the reader of the file already found.
     rows : ndarray of int, shape (n,), optional
         Row numbers in the file, if some were left out.
 
@@ -52,7 +49,7 @@ def check_log(
     >>> report.ok, report.jitter < 1e-9
     (True, True)
     """
-    found = [*extra, *_stamps(time, np.arange(len(time)) if rows is None else rows)]
+    found = [*_stamps(time, np.arange(len(time)) if rows is None else rows)]
     skipped: dict[str, str] = {}
     for name, x in signals.items():
         found += _clipping(name, x) if name in ("drive", "position") else []

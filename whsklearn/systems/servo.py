@@ -231,20 +231,6 @@ class ServoAxis:
         """
         return dataclasses.replace(self, effects=(*self.effects, effect))
 
-    def without_effect(self, label: str) -> Self:
-        """Return the same axis without the effect with this label.
-
-        Parameters
-        ----------
-        label : str
-            Name of the effect, numbered if the name recurs.
-        """
-        labels = self.effect_labels
-        if label not in labels:
-            raise ValueError(f"No effect is called {label!r}; expected one of: {', '.join(labels) or 'none'}.")
-        keep = tuple(e for name, e in zip(labels, self.effects, strict=True) if name != label)
-        return dataclasses.replace(self, effects=keep)
-
     def columns(self, signals: Any) -> tuple[NDArray[np.float64], tuple[str, ...]]:
         """Regressors of torque = J a + law + effects, with a label for each column.
 

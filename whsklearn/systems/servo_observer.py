@@ -51,7 +51,7 @@ _NO_CONTROLLER = (0.0, 0.0, 0.0, 0.0, 0.0, math.inf, 0.0, 0.0)
 _NOTHING = np.zeros(0)
 
 
-def bare_parts(inertia: float, delay: float = 0.0, *, resolution: float = 0.0, on_load: bool = False) -> Array:
+def bare_parts(inertia: float, delay: float = 0.0, *, on_load: bool = False) -> Array:
     """`Plant.parts` of an axis with these values; everything else is in its effects.
 
     Parameters
@@ -60,12 +60,10 @@ def bare_parts(inertia: float, delay: float = 0.0, *, resolution: float = 0.0, o
         Inertia (kg m2).
     delay : float
         Delay between the logged drive and its action (s); below zero it acts early.
-    resolution : float
-        Step of the encoder (rad).
     on_load : bool
         Whether the encoder sits behind the transmission.
     """
-    return np.array([inertia, math.inf, 1.0, math.inf, delay, 0.0, 0.0, 0.0, 0.0, 0.0, resolution, float(on_load)])
+    return np.array([inertia, math.inf, 1.0, math.inf, delay, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, float(on_load)])
 
 
 def follow(plant: Plant, drive: Array, measured: Array, how: How, *, start: tuple[float, float] | None = None) -> Array:

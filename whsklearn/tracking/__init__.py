@@ -5,15 +5,13 @@ from whsklearn.tracking.runs import (
     Run,
     Tracker,
     TrackingError,
-    alias_of,
-    estimator_params,
     experiments,
-    log_candidates,
     metric_name,
-    model_requirements,
     open_tracker,
     tracking_uri,
 )
+from whsklearn.tracking.search import estimator_params, log_candidates
+from whsklearn.tracking.served import alias_of, model_requirements
 
 __all__ = [
     "BesideRun",

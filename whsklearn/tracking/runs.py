@@ -1,4 +1,4 @@
-"""A thin layer over MLflow: the only place that knows where runs are stored and how they are shown.
+"""A thin layer over MLflow: the only place that knows where runs are stored.
 
 Runs live in a SQLite store beneath ``mlruns/`` unless ``MLFLOW_TRACKING_URI`` names another.
 No global of MLflow is changed for longer than one call, and workers never write: the parent process opens the store and
@@ -15,13 +15,12 @@ Examples
 from __future__ import annotations
 
 import contextlib
-import json
 import math
 import os
 import re
 import sys
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -30,6 +29,8 @@ import numpy as np
 
 from whsklearn.logs.files import utf8
 from whsklearn.tracking import store as store
+from whsklearn.tracking.page import VIEW, page_of, set_view
+from whsklearn.tracking.served import input_example, model_requirements, own_types, served_signature
 from whsklearn.tracking.store import TrackingError as TrackingError
 
 if TYPE_CHECKING:
@@ -37,85 +38,6 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 BATCH = {"metrics": 800, "params": 100, "tags": 100}  # what one log_batch may hold: 1,000 in all
-# What the page shows at the link with this key: best runs first, children beside parents, our columns.
-VIEW = "comparison"
-VIEW_NAME = "whsklearn"  # in the menu "Views" of MLflow's own run list, from 3.15 on
-_INDICES = tuple(f"metrics.`{m}`" for m in ("nmse", "mu_e", "rmse"))
-# By experiment: the column to order by, whether it is ascending, and the columns besides name and data set.
-_COLUMNS: dict[str, tuple[str, bool, tuple[str, ...]]] = {
-    "close_gap": (
-        "attributes.start_time",
-        False,
-        ("tags.`verdict`", "tags.`effects`", "metrics.`closure`", "metrics.`missing_share`", *_INDICES, "tags.`data`"),
-    ),
-    "compare": (
-        "attributes.start_time",
-        False,
-        ("tags.`verdict`", "tags.`changes`", "metrics.`change`", "metrics.`p_value`", "metrics.`share_of_drive`"),
-    ),
-    "tune": (
-        "metrics.`nmse`",
-        True,
-        (
-            *(f"params.`{p}`" for p in ("p", "P0", "forgetting", "lags__n_a", "lags__n_b", "lags__n_c", "lags__n_d")),
-            "params.`lags__law`",
-            *_INDICES,
-            "metrics.`fit_seconds`",
-        ),
-    ),
-    "identify": (
-        "attributes.start_time",
-        False,
-        ("tags.`recommended`", "tags.`data`", *_INDICES, "metrics.`size`", "metrics.`fit_seconds`", "tags.`failure`"),
-    ),
-    "fleet": (
-        "metrics.`nmse`",
-        False,
-        ("tags.`axis`", "tags.`status`", "tags.`why`", *_INDICES, "metrics.`failed`", "metrics.`outliers`"),
-    ),
-    "stream": (
-        "attributes.start_time",
-        False,
-        ("params.`source`", "metrics.`innovation_rmse`", "metrics.`alarm`", "tags.`resumed_from`"),
-    ),
-}
-_COMPARISON = (
-    "metrics.`nmse`",
-    True,
-    (
-        *_INDICES,
-        "metrics.`delta`",
-        "params.`p`",
-        "params.`P0`",
-        "tags.`data`",
-        "tags.`reading`",
-        "metrics.`fit_seconds`",
-    ),
-)
-
-
-def view_of(experiment: str) -> dict[str, Any]:
-    """Order and columns of an experiment's runs on MLflow's page.
-
-    Examples
-    --------
-    >>> view_of("close_gap")["selectedColumns"][:2]
-    ['tags.`verdict`', 'tags.`effects`']
-    """
-    key, ascending, columns = _COLUMNS.get(experiment, _COMPARISON)
-    return {"orderByKey": key, "orderByAsc": ascending, "selectedColumns": list(columns)}
-
-
-def page_of(server: str, experiment_id: str) -> str:
-    """The address of an experiment's runs with its columns, in the view for models rather than for chat traces.
-
-    Examples
-    --------
-    >>> page_of("http://127.0.0.1:5000", "3")
-    'http://127.0.0.1:5000/#/experiments/3/runs?workflowType=machine_learning&viewStateShareKey=comparison'
-    """
-    base = server.rstrip("/")
-    return f"{base}/#/experiments/{experiment_id}/runs?workflowType=machine_learning&viewStateShareKey={VIEW}"
 
 
 def tracking_uri(root: str | os.PathLike[str] = ".") -> str:
@@ -201,7 +123,7 @@ def open_tracker(
                 location = (database.parent / "artifacts").as_uri()
             client = mlflow.MlflowClient(uri)
             found = store.experiment_id(client, experiment, location)
-            _set_view(client, found, experiment)
+            set_view(client, found, experiment)
         return client, found
 
     try:
@@ -415,7 +337,7 @@ class Run:
             for k, v in self._buffer.items():
                 del v[: BATCH[k]]
 
-    def log_input(self, X: ArrayLike, y: ArrayLike, name: str, context: str = "training") -> None:
+    def log_input(self, X: ArrayLike, y: ArrayLike, name: str) -> None:
         """Record name, shape and digest of the data set, but not the samples.
 
         Parameters
@@ -426,15 +348,13 @@ class Run:
             Output.
         name : str
             Of the data set.
-        context : str, default="training"
-            Use of the data set.
         """
         if self._client is not None:
             mlflow = store.import_mlflow()
             from mlflow.entities import DatasetInput, InputTag
 
             data = mlflow.data.from_numpy(np.asarray(X), targets=np.asarray(y), name=utf8(name))
-            label = InputTag("mlflow.data.context", context)
+            label = InputTag("mlflow.data.context", "training")
             self._client.log_inputs(self.id, [DatasetInput(data._to_mlflow_entity(), [label])])
 
     def log_figure(self, figure: Any, file: str) -> None:
@@ -509,9 +429,7 @@ class Run:
             extra = Path(path).stat().st_size / store.UPLOAD_BYTES
             self._client.log_artifact(self.id, os.fspath(path), extra=extra)
 
-    def log_model(
-        self, model: Any, X: ArrayLike, *, registered_name: str = "", alias: str = "", trusted: Sequence[str] = ()
-    ) -> str:
+    def log_model(self, model: Any, X: ArrayLike, *, registered_name: str = "", alias: str = "") -> str:
         """Keep a fitted estimator with signature, example and explicit requirements; return its address.
 
         Served, it takes numbers of any kind, as rows, lists or a frame; the example names its columns, see
@@ -525,8 +443,6 @@ class Run:
             Inputs; the first rows become the example.
         registered_name, alias : str
             Register it under this name and let ``models:/registered_name@alias`` point to it.
-        trusted : sequence of str
-            Classes from outside whsklearn that may be loaded with it.
         """
         if self._client is None:
             return ""
@@ -535,7 +451,6 @@ class Run:
         named = input_example(model, example)
         with store.quiet():
             signature = served_signature(example.shape[1])
-        types = [*_own_types(model), *trusted]
 
         def logged() -> str:
             with store.active(mlflow, self._client, self.id), store.quiet():
@@ -546,7 +461,7 @@ class Run:
                     input_example=named,
                     pip_requirements=model_requirements(),
                     registered_model_name=registered_name or None,
-                    skops_trusted_types=types,
+                    skops_trusted_types=own_types(model),
                 )
                 if registered_name and alias:
                     client = mlflow.MlflowClient()
@@ -591,147 +506,6 @@ class Run:
             ) from error
 
 
-def input_example(model: Any, rows: ArrayLike) -> Any:
-    """Rows as a frame with the estimator's feature names, or ``u``, or ``u1``, ``u2``, ... for several columns.
-
-    Parameters
-    ----------
-    model : estimator
-        Fitted.
-    rows : array-like of shape (n, n_features)
-
-    Examples
-    --------
-    >>> from sklearn.linear_model import Ridge
-    >>> from whsklearn.tracking.runs import input_example
-    >>> list(input_example(Ridge().fit([[0.0], [1.0]], [0.0, 1.0]), [[0.5]]).columns)
-    ['u']
-    """
-    import pandas as pd
-
-    rows = np.asarray(rows, dtype=float)
-    names = getattr(model, "feature_names_in_", None)
-    if names is None:
-        names = ["u"] if rows.shape[1] == 1 else [f"u{i + 1}" for i in range(rows.shape[1])]
-    return pd.DataFrame(rows, columns=list(names))
-
-
-def served_signature(n_features: int) -> Any:
-    """The signature of a served model: columns of any numeric type in, doubles out.
-
-    A typed signature would refuse float32, whole numbers or lists (a tensor), or arrays without names (named columns);
-    the estimator itself checks its input.
-    """
-    from mlflow.models import ModelSignature
-    from mlflow.types import ColSpec, Schema, TensorSpec
-    from mlflow.types.schema import AnyType
-
-    columns = Schema([ColSpec(AnyType()) for _ in range(n_features)])  # unnamed: named ones refuse arrays and lists
-    return ModelSignature(columns, Schema([TensorSpec(np.dtype("float64"), (-1,))]))
-
-
-def alias_of(data: str) -> str:
-    """The alias of the best model of a data set, in the characters that MLflow takes.
-
-    Parameters
-    ----------
-    data : str
-        Name of the data set.
-
-    Examples
-    --------
-    >>> from whsklearn.tracking import alias_of
-    >>> alias_of("example-5.1")
-    'champion-example-5-1'
-    """
-    return "champion-" + re.sub(r"[^\w-]+", "-", data)[:200]
-
-
-def model_requirements() -> list[str]:
-    """The requirements of a logged model, pinned to the installed versions.
-
-    Examples
-    --------
-    >>> from whsklearn.tracking import model_requirements
-    >>> any(line.startswith("scikit-learn==") for line in model_requirements())
-    True
-    """
-    return [f"{p}=={version(p)}" for p in ("whsklearn", "mlflow", "scikit-learn", "numpy", "scipy", "numba", "skops")]
-
-
-def estimator_params(estimator: Any) -> dict[str, Any]:
-    """The parameters of an estimator; nested ones are named by path, objects are given by class.
-
-    Parameters
-    ----------
-    estimator : estimator
-        Of scikit-learn.
-
-    Examples
-    --------
-    >>> from whsklearn import RLSRegressor, WienerHammersteinLags
-    >>> from whsklearn.tracking import estimator_params
-    >>> params = estimator_params(RLSRegressor(WienerHammersteinLags(n_a=3)))
-    >>> params["lags__n_a"], params["lags"]
-    (3, 'WienerHammersteinLags')
-    """
-    return {k: type(v).__name__ if hasattr(v, "get_params") else v for k, v in estimator.get_params(deep=True).items()}
-
-
-def log_candidates(
-    parent: Run,
-    results: Mapping[str, Any],
-    first: int = 0,
-    tags: Mapping[str, str] | None = None,
-    varied: Sequence[str] = (),
-) -> None:
-    """Record a search: a child for each candidate of ``cv_results_`` from `first` on.
-
-    A child is named by the parameters that are `varied`, in that order; by all of them if none is given.
-
-    A score ``neg_nmse`` becomes the metric ``nmse``, its mean over the folds, beside ``nmse_std`` and the
-    stepped ``fold/nmse``; a score without ``neg_`` keeps its sign and its name.
-
-    Parameters
-    ----------
-    parent : Run
-    results : mapping
-        ``cv_results_`` of a search.
-    first : int, default=0
-        Candidate to begin with.
-    tags : mapping of str to str, optional
-        Of every child.
-    varied : sequence of str
-        Names of parameters.
-
-    Examples
-    --------
-    >>> from whsklearn.tracking import log_candidates, open_tracker
-    >>> from sklearn.linear_model import Ridge
-    >>> from sklearn.model_selection import GridSearchCV
-    >>> search = GridSearchCV(Ridge(), {"alpha": [0.1, 1.0]}, cv=2).fit([[0.0], [1.0], [2.0], [3.0]], [0, 1, 2, 3])
-    >>> with open_tracker("axis", enabled=False).run("grid") as parent:
-    ...     log_candidates(parent, search.cv_results_)  # a child for each candidate
-    """
-    scores = [k.removeprefix("mean_test_") for k in results if k.startswith("mean_test_")]
-    for i in range(first, len(results["params"])):
-        params = results["params"][i]
-        shown = {k: params[k] for k in varied if k in params} or params
-        name = ", ".join(
-            f"{k.split('__')[-1]}={v:g}" if isinstance(v, float) else f"{k.split('__')[-1]}={v}"
-            for k, v in shown.items()
-        )
-        with parent.child(name[:250], tags=tags) as run:
-            run.log_params(results["params"][i])
-            for score in scores:
-                sign, metric = (-1.0, score[4:]) if score.startswith("neg_") else (1.0, score)
-                n_folds = sum(bool(re.fullmatch(rf"split\d+_test_{score}", k)) for k in results)
-                run.log_paths({f"fold/{metric}": [sign * results[f"split{n}_test_{score}"][i] for n in range(n_folds)]})
-                mean, std = results[f"mean_test_{score}"][i], results[f"std_test_{score}"][i]
-                run.log_metrics({metric: sign * mean, f"{metric}_std": std})
-            run.log_metrics({"fit_seconds": results["mean_fit_time"][i]})
-
-
 def experiments(root: str | os.PathLike[str] = ".") -> list[tuple[str, str]]:
     """Name and id of every experiment with runs, most recent first.
 
@@ -764,23 +538,5 @@ def experiments(root: str | os.PathLike[str] = ".") -> list[tuple[str, str]]:
         if runs:
             begun[e.name, e.experiment_id] = runs[0].info.start_time
             if f"mlflow.sharedViewState.{VIEW}" not in e.tags:
-                _set_view(tracker.client, e.experiment_id, e.name)
+                set_view(tracker.client, e.experiment_id, e.name)
     return sorted(begun, key=lambda key: -begun[key])
-
-
-def _set_view(client: Any, experiment_id: str, name: str) -> None:
-    """The order and the columns of an experiment's page, at the address that `page_of` gives and in its menu "Views".
-
-    MLflow 3.15 and later read a named view with its state as text, earlier ones the state itself: the tag holds both.
-    """
-    view = view_of(name)
-    now = int(time.time() * 1000)
-    saved = {"name": VIEW_NAME, "createdAt": now, "updatedAt": now, "state": json.dumps(view), **view}
-    client.set_experiment_tag(experiment_id, f"mlflow.sharedViewState.{VIEW}", json.dumps(saved))
-
-
-def _own_types(model: Any) -> list[str]:
-    """Our own classes inside a model; skops may refuse any others."""
-    import skops.io
-
-    return [t for t in skops.io.get_untrusted_types(data=skops.io.dumps(model)) if t.startswith("whsklearn.")]

@@ -1,16 +1,17 @@
-"""A model file as served by MLflow: it simulates the output of ``model.json`` for a column of inputs."""
+"""Models as MLflow keeps and serves them: signature, example and requirements, and the free run of a model file."""
 
 from __future__ import annotations
 
+import re
+from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from whsklearn.logs.units import UNKNOWN, factor_between, unit_of
-from whsklearn.models import load_model
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
 
 
 class Served:
@@ -38,6 +39,8 @@ class Served:
     """
 
     def __init__(self, path: str):
+        from whsklearn.models import load_model
+
         self.model = load_model(path)
 
     def predict(self, model_input: Any, params: Any = None) -> NDArray[np.float64]:  # noqa: ARG002 - MLflow passes it
@@ -72,3 +75,78 @@ class Served:
 def _load_pyfunc(path: str) -> Served:
     """What MLflow calls."""
     return Served(path)
+
+
+def input_example(model: Any, rows: ArrayLike) -> Any:
+    """Rows as a frame with the estimator's feature names, or ``u``, or ``u1``, ``u2``, ... for several columns.
+
+    Parameters
+    ----------
+    model : estimator
+        Fitted.
+    rows : array-like of shape (n, n_features)
+
+    Examples
+    --------
+    >>> from sklearn.linear_model import Ridge
+    >>> from whsklearn.tracking.served import input_example
+    >>> list(input_example(Ridge().fit([[0.0], [1.0]], [0.0, 1.0]), [[0.5]]).columns)
+    ['u']
+    """
+    import pandas as pd
+
+    rows = np.asarray(rows, dtype=float)
+    names = getattr(model, "feature_names_in_", None)
+    if names is None:
+        names = ["u"] if rows.shape[1] == 1 else [f"u{i + 1}" for i in range(rows.shape[1])]
+    return pd.DataFrame(rows, columns=list(names))
+
+
+def served_signature(n_features: int) -> Any:
+    """The signature of a served model: columns of any numeric type in, doubles out.
+
+    A typed signature would refuse float32, whole numbers or lists (a tensor), or arrays without names (named columns);
+    the estimator itself checks its input.
+    """
+    from mlflow.models import ModelSignature
+    from mlflow.types import ColSpec, Schema, TensorSpec
+    from mlflow.types.schema import AnyType
+
+    columns = Schema([ColSpec(AnyType()) for _ in range(n_features)])  # unnamed: named ones refuse arrays and lists
+    return ModelSignature(columns, Schema([TensorSpec(np.dtype("float64"), (-1,))]))
+
+
+def alias_of(data: str) -> str:
+    """The alias of the best model of a data set, in the characters that MLflow takes.
+
+    Parameters
+    ----------
+    data : str
+        Name of the data set.
+
+    Examples
+    --------
+    >>> from whsklearn.tracking import alias_of
+    >>> alias_of("example-5.1")
+    'champion-example-5-1'
+    """
+    return "champion-" + re.sub(r"[^\w-]+", "-", data)[:200]
+
+
+def model_requirements() -> list[str]:
+    """The requirements of a logged model, pinned to the installed versions.
+
+    Examples
+    --------
+    >>> from whsklearn.tracking import model_requirements
+    >>> any(line.startswith("scikit-learn==") for line in model_requirements())
+    True
+    """
+    return [f"{p}=={version(p)}" for p in ("whsklearn", "mlflow", "scikit-learn", "numpy", "scipy", "numba", "skops")]
+
+
+def own_types(model: Any) -> list[str]:
+    """Our own classes inside a model; skops may refuse any others."""
+    import skops.io
+
+    return [t for t in skops.io.get_untrusted_types(data=skops.io.dumps(model)) if t.startswith("whsklearn.")]

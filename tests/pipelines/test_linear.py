@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
-from whsklearn.cli.linear import BestLinear, fit_linear, record
+from pipelines._linear import BestLinear, fit_linear, record, verdict
+from whsklearn.cli.comparison import ComparedModel, Outcome
 from whsklearn.metrics import nmse
 
 
@@ -20,3 +22,11 @@ def test_linear_yardstick_finds_a_linear_system():
         < 0.005
         < nmse(clean, fit_linear(record(X, y), "ARX", 2).run(record(X, y)))
     )
+
+
+@pytest.mark.parametrize(("ours", "said"), [(0.01, "leaves 0.1 of the best"), (0.3, "Warning: in free run")])
+def test_the_verdict_holds_the_best_against_a_linear_model(ours, said):
+    pairs = (("line", "linear", 0.1), ("a", "full", ours), ("b", "full", 2.0))
+    outcomes = [Outcome(ComparedModel(n, None, r), indices={"nmse": value}) for n, r, value in pairs]
+    assert said in verdict(outcomes)
+    assert "Too little" in verdict(outcomes[:1])

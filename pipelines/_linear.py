@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 from sklearn.base import BaseEstimator, RegressorMixin
 
+from whsklearn.cli.comparison import Outcome
+from whsklearn.cli.job import wrapped
 from whsklearn.recursion.batch.best_linear import IOData, Ratio, least_squares_arx, output_error, stabilised
 
 if TYPE_CHECKING:
@@ -66,3 +69,21 @@ def fit_linear(data: IOData, kind: str, order: int) -> Ratio:
     arx = least_squares_arx(known, order, order - 1)
     arx = Ratio(arx.b, stabilised(arx.a))
     return arx if kind == "ARX" else output_error(data, arx, iterations=60)
+
+
+def verdict(outcomes: Sequence[Outcome]) -> str:
+    """A sentence on whether the nonlinear model is better than a linear one on this record."""
+    linear = next((o for o in outcomes if o.candidate.reading == "linear" and not o.failure), None)
+    others = [o for o in outcomes if o.candidate.reading != "linear" and not o.failure]
+    if linear is None or not others:
+        return "Too little could be fitted to compare with a linear model."
+    best = min(others, key=lambda o: o.indices["nmse"])
+    ratio = best.indices["nmse"] / linear.indices["nmse"]
+    name = f"{best.candidate.name} ({best.candidate.reading})"
+    if ratio < 1:
+        return f"{name} leaves {ratio:.2g} of the best linear model's mean squared error in free run."
+    return wrapped(
+        f"Warning: in free run {name} has {ratio:.2g} times the mean squared error of the best linear model. These "
+        "estimators minimise the one-step error, with these orders and this law; whether the record is that of a "
+        "Wiener-Hammerstein system, of a linear one or of an axis, `whsklearn identify` tells."
+    )

@@ -1,0 +1,153 @@
+"""Options that several commands share, and what their values mean."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import click
+
+ESTIMATORS = {"rls": "RLSRegressor", "mils": "MILSRegressor", "rmils": "RMILSRegressor"}
+Command = Callable[..., Any]
+
+
+class OrdersType(click.ParamType):
+    """Four whole numbers, as in ``2,2,2,2``.
+
+    Examples
+    --------
+    >>> ORDERS.convert("3, 2, 2,1", None, None)
+    (3, 2, 2, 1)
+    """
+
+    name = "n_a,n_b,n_c,n_d"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, ...]:
+        """The numbers of a text."""
+        parts = value if isinstance(value, tuple) else [p.strip() for p in value.split(",")]
+        if len(parts) != 4 or not all(str(p).isdigit() for p in parts):
+            self.fail(f"{value!r}; expected four whole numbers n_a,n_b,n_c,n_d such as 2,2,2,2.", param, ctx)
+        return tuple(map(int, parts))
+
+
+ORDERS = OrdersType()
+
+
+def _together(*options: Callable[[Command], Command]) -> Callable[[Command], Command]:
+    """One decorator that adds several options, in this order."""
+
+    def add(function: Command) -> Command:
+        for option in reversed(options):
+            function = option(function)
+        return function
+
+    return add
+
+
+logged_option = click.option(
+    "--logged",
+    type=click.Choice(["auto", "output", "velocity", "position"]),
+    default="auto",
+    help="Kind of output; a position is fitted through its velocity.",
+)
+# How a log is to be taken.
+reading_options = _together(
+    click.option("--columns", help="Columns by name or number from 0: time,drive,position or drive,position."),
+    click.option(
+        "--unit",
+        "units",
+        multiple=True,
+        metavar="ROLE=UNIT",
+        help="Unit of a column, such as position=deg; may be repeated.",
+    ),
+    click.option("--rate", type=click.FloatRange(min=0, min_open=True), help="Sample rate in Hz, in place of --time."),
+    click.option("--torque-constant", metavar="K+-S", help="Nm/A with its standard deviation, for a drive in amperes."),
+    click.option("--invert-drive", is_flag=True, help="Change the sign of the drive."),
+)
+# The columns of a servo axis.
+axis_options = _together(
+    click.option("--time", "time_column", help="Time column; found by its name if omitted."),
+    click.option("--drive", help="Column of the drive: torque, force, current, voltage."),
+    click.option("--position", help="Column of the measured position; a suffix such as _deg or _mm gives its unit."),
+    click.option("--velocity", help="Column of the velocity, where no position is logged."),
+    click.option("--command", help="Column of a position servo's command, where no drive is logged."),
+)
+# The columns of each joint of an arm.
+joint_options = _together(
+    click.option(
+        "--joints", help='Columns of each joint of an arm: "NAME:POSITION,DRIVE;..."; found by their names if omitted.'
+    ),
+    click.option("--gains", help='Torque constants of an arm: "NAME:NM_PER_AMPERE+-ERROR;...", for drives in amperes.'),
+)
+robot_options = _together(
+    click.option(
+        "--robot", type=click.Path(exists=True, dir_okay=False), help="URDF, MJCF or model.json: a log of an arm."
+    ),
+    joint_options,
+)
+# A recursive estimator, see `build_model`.
+model_options = _together(
+    click.option("--estimator", type=click.Choice(sorted(ESTIMATORS)), default="rmils", help="Estimator."),
+    click.option("--orders", type=ORDERS, default="2,2,2,2", help="Orders of the Wiener-Hammerstein model."),
+    click.option("--law", default="reduced", help="Friction law: names joined by commas."),
+    click.option("--p", type=int, default=4, help="Innovation length."),
+    click.option("--forgetting", type=float, default=1.0, help="Forgetting factor."),
+)
+
+
+def given(options: Mapping[str, Any]) -> dict[str, Any]:
+    """The options that were given or have a default, as they are recorded with a run."""
+    return {k: v for k, v in options.items() if not (v is None or v is False or v == ())}
+
+
+def units_of(given: tuple[str, ...]) -> dict[str, str]:
+    """Units by role from texts such as ``position=deg``."""
+    out = {}
+    for text in given:
+        role, sign, unit = text.partition("=")
+        if not (role and sign and unit):
+            raise ValueError(f"--unit is {text!r}; expected ROLE=UNIT such as position=deg.")
+        out[role.strip()] = unit.strip()
+    return out
+
+
+def columns_of(options: Mapping[str, Any]) -> dict[str, Any]:
+    """The columns that ``--columns``, or ``--input``, ``--output`` and ``--time`` name, by role.
+
+    Raises
+    ------
+    ColumnError
+        If neither names input and output.
+    """
+    from whsklearn.logs.errors import ColumnError
+    from whsklearn.logs.roles import by_number
+
+    if options["columns"]:
+        return dict(by_number(options["columns"], chain=True))
+    if not (options["input_column"] and options["output_column"]):
+        raise ColumnError("Give --input and --output, the input and output columns.")
+    return {
+        "drive": options["input_column"],
+        "position": options["output_column"],
+        "time": options["time_column"],
+    }
+
+
+def lags_of(orders: tuple[int, ...], law: str | None) -> Any:
+    """`WienerHammersteinLags` of these orders; the law is (4) for None or ``reduced``."""
+    from whsklearn import WienerHammersteinLags
+
+    n_a, n_b, n_c, n_d = orders
+    return WienerHammersteinLags(n_a=n_a, n_b=n_b, n_c=n_c, n_d=n_d, law=None if law == "reduced" else law)
+
+
+def build_model(options: Mapping[str, Any]) -> Any:
+    """The estimator that `model_options` and ``--seed`` ask for."""
+    from whsklearn import estimators
+
+    cls = getattr(estimators, ESTIMATORS[options["estimator"]])
+    wanted = {"p": options["p"], "forgetting": options["forgetting"], "random_state": options["seed"]}
+    known = cls().get_params()
+    return cls(lags=lags_of(options["orders"], options["law"])).set_params(
+        **{k: v for k, v in wanted.items() if k in known}
+    )
