@@ -200,10 +200,11 @@ def longest(log: Bunch) -> Bunch:
     counts = np.bincount(log.groups)
     if counts.size == 1:
         return log
-    rows = np.flatnonzero(log.groups == np.argmax(counts))
+    rows = log.groups == np.argmax(counts)
+    time = log.time[rows]
     text = (
-        f"{rows.size} of {len(log.y)} samples, the longest of {counts.size} segments from "
-        f"{log.time[rows[0]]:.6g} to {log.time[rows[-1]]:.6g} s, are used."
+        f"{time.size} of {len(log.y)} samples, the longest of {counts.size} segments from "
+        f"{time[0]:.6g} to {time[-1]:.6g} s, are used."
     )
     return _cut(log, rows, text)
 
