@@ -53,7 +53,7 @@ def test_changes_are_seen_soon_and_after_they_happened(change, within):
 
 
 def test_an_outlier_and_its_ringing_count_once():
-    """A wrong sign of dx rings in the linear block behind it; each ringing sample used to multiply the evidence by ten."""
+    """A wrong sign of dx rings in the linear block behind it; each sample of that used to multiply the evidence by ten."""
     ringing = 100.0 * 0.5 ** np.arange(5)
     fired = []
     for seed in range(20):
@@ -191,5 +191,6 @@ def test_it_stops_at_the_sample_that_raised_the_alarm_and_goes_on_behind_it():
 
 def test_old_counts_fade_when_there_are_many():
     past, counts, evidence, rest = begun()
-    watch(np.zeros(10), 0, past, np.empty(0), np.linspace(-2, 2, LEVELS.size), tilts(), counts, evidence, rest, 1e12, 905.0)
+    edges = np.linspace(-2, 2, LEVELS.size)
+    watch(np.zeros(10), 0, past, np.empty(0), edges, tilts(), counts, evidence, rest, 1e12, 905.0)
     assert counts.sum() < 905.0
