@@ -210,6 +210,11 @@ class Arm:
     def unit_of(self, name: str) -> str:
         """SI unit of a number such as ``elbow.mx``, ``lift.armature`` or ``elbow.viscous``; empty for an unknown one.
 
+        Parameters
+        ----------
+        name : str
+            Joint and number, as in `parameters_` of a fitted arm.
+
         Examples
         --------
         >>> arm = Arm.from_dh([(0.3, 0, 0, 0)])
