@@ -53,7 +53,7 @@ def test_changes_are_seen_soon_and_after_they_happened(change, within):
 
 
 def test_an_outlier_and_its_ringing_count_once():
-    """A wrong sign of dx rings in the linear block behind it; each sample of that used to multiply the evidence by ten."""
+    """A wrong sign of dx rings in the linear block behind it; each such sample used to count tenfold."""
     ringing = 100.0 * 0.5 ** np.arange(5)
     fired = []
     for seed in range(20):
