@@ -159,3 +159,18 @@ def test_a_log_is_what_either_kind_of_model_takes(tmp_path):
     assert axis.parameters_["inertia"] == pytest.approx(0.05, rel=0.05)
     with pytest.warns(UserWarning, match="check that X is the position and y the drive"):
         RLSRegressor(InverseDynamicsLags(sample_rate=log.sample_rate)).fit(log.X, log.y)
+
+
+def test_signals_with_rows_of_their_own_are_brought_to_those_of_the_position(write):
+    columns = table(300)
+    n = columns["time_s"].size
+    rows = {"time_s": np.ravel(np.column_stack([columns["time_s"], columns["time_s"] + 1e-3]))}
+    for name, place in (("torque_nm", 1), ("position_rad", 0)):
+        rows[name] = np.full(2 * n, np.nan)
+        rows[name][place::2] = columns[name]
+    log = load_log(write(rows), **NAMES)
+    assert log.sample_rate == pytest.approx(RATE)
+    np.testing.assert_allclose(log.y, columns["position_rad"][1:], atol=1e-12)
+    wanted = np.interp(columns["time_s"][1:], columns["time_s"] + 1e-3, columns["torque_nm"])
+    np.testing.assert_allclose(log.X[:, 0], wanted, atol=1e-9)
+    assert any("interpolated linearly at the stamps of 'position_rad'" in n for n in log.notes)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from whsklearn.logs import load_log, open_source
+from whsklearn.logs import LogWarning, load_log, open_source
 from whsklearn.logs.errors import ColumnError, LogError
-from whsklearn.logs.parts import by_motor, by_signal, open_folder
+from whsklearn.logs.parts import by_motor, by_signal, open_folder, with_nanoseconds
 from whsklearn.logs.source import Column, Source
 from whsklearn.logs.text import open_text
 
@@ -121,3 +121,19 @@ def test_a_time_column_that_became_the_stamps_of_each_signal_need_not_be_named(t
     (tmp_path / "a.csv").write_text(HEAD + series(0, "torque_nm", signals[0]) + series(1, "position_rad", signals[1]))
     with pytest.raises(ColumnError, match="its own time stamps; leave --time out"):
         open_source(tmp_path / "a.csv").resolve("_time", "time")
+
+
+def test_seconds_and_nanoseconds_are_one_time(tmp_path):
+    time = 1_700_000_000_000_000_000 + 5_000_000 * np.arange(400)
+    position = np.sin(np.arange(400) / 20)
+    rows = [f"{t // 10**9},{t % 10**9},{i},{q}" for i, (t, q) in enumerate(zip(time.tolist(), position, strict=True))]
+    (tmp_path / "a.csv").write_text("\n".join([".header.stamp.secs,.header.stamp.nsecs,effort,position", *rows]))
+    log = load_log(tmp_path / "a.csv", time=".header.stamp.secs", drive="effort", position="position")
+    assert log.sample_rate == pytest.approx(200.0)
+    assert open_source(tmp_path / "a.csv").names == [".header.stamp.secs", "effort", "position"]
+    alone = table(**{"a.sec": [0, 1, 2], "b.nanosec": [0, 0, 0]})
+    assert with_nanoseconds(alone) is alone  # of two messages
+    (tmp_path / "hole.csv").write_text("\n".join(["sec,nanosec,effort,position", *rows[:200], ",,,", *rows[200:]]))
+    with pytest.warns(LogWarning, match="Column 'sec' has no value at row 200"):
+        log = load_log(tmp_path / "hole.csv", time="sec", drive="effort", position="position")
+    assert (log.y.size, log.sample_rate) == (400, pytest.approx(200.0))

@@ -20,6 +20,9 @@ def test_a_name_is_taken_before_its_lower_case_and_that_before_a_number(wanted, 
 
 
 def test_a_column_that_is_named_by_a_number_is_that_column():
+    assert (
+        source(["time", "u", "y"]).resolve("%time", "time") == "time"
+    )  # of rostopic, whose comment sign is not a name
     assert source(["7", "0", "y"]).resolve("0", "drive") == "0"  # and not the first
 
 

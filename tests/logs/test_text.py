@@ -75,3 +75,21 @@ def test_a_header_that_does_not_fit_its_rows_is_told_as_it_is(tmp_path):
     with pytest.raises(ColumnError, match="the header line has 3 names where the rows have 4 cells"):
         load_log(tmp_path / "wide.csv", **NAMES)
     assert len(load_log(tmp_path / "wide.csv", time=0, drive=1, position=2).y) == 300
+
+
+def test_decimal_commas_between_commas_need_quotes(tmp_path):
+    plain = load_log(_written(tmp_path / "plain.csv", text()), **NAMES)
+    head, *rows = text().splitlines()
+    comma = [[c.replace(".", ",") for c in row.split(",")] for row in rows]
+    quoted = "\n".join([head, *(",".join(f'"{c}"' for c in cells) for cells in comma)])
+    log = load_log(_written(tmp_path / "quoted.csv", quoted), **NAMES)
+    assert (log.X == plain.X).all()
+    assert (log.y == plain.y).all()
+    torn = "\n".join([head, *(",".join(cells) for cells in comma)])
+    with pytest.raises(LogError, match=r"decimal commas too: 3 names above 6 cells"):
+        load_log(_written(tmp_path / "torn.csv", torn), **NAMES)
+
+
+def _written(path, content):
+    path.write_text(content)
+    return path

@@ -43,8 +43,9 @@ def dialect_of(lines: list[str]) -> Dialect | None:
     """
     live = [(i, t) for i, t in enumerate(lines) if _says(t) and not t.lstrip().startswith(COMMENTS)]
     best: tuple[float, Dialect] | None = None
+    quoted = any('"' in t for _, t in live)  # only then can a comma be both separator and decimal sign
     for separator in SEPARATORS:
-        for decimal in (".", ",") if separator != "," else (".",):
+        for decimal in (".", ",") if separator != "," or quoted else (".",):
             found = _read_as(lines, live, separator, decimal)
             if found is not None and (best is None or found[0] > best[0]):
                 best = found

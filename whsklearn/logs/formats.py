@@ -105,7 +105,7 @@ def _of_text(path: Path) -> Source:
         return objects.open_json(path)
     if labelled.is_labelled(head):
         return labelled.open_labelled(path)
-    return parts.by_motor(parts.by_signal(text.open_text(path)))
+    return parts.by_motor(parts.by_signal(parts.with_nanoseconds(text.open_text(path))))
 
 
 def _unpacked(path: Path, head: bytes) -> Source:

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 _MENDED = {"LOG001", "LOG002", "LOG003", "LOG004", "LOG010", "LOG011", "LOG013", "LOG014", "LOG018"}
+FEWEST = 3  # rows
 _STAMPS = {"LOG001", "LOG002", "LOG003", "LOG004", "LOG010"}
 _UNEVEN = {"LOG001"}  # of a log whose stamps were late: a long step has lost no sample
 
@@ -225,6 +226,7 @@ def read_columns(
         _rate_of_ticks(columns["time"], units["time"], source.name)
         clock, more = to_seconds(values.pop("time"), units["time"], columns["time"])
         found += more
+        clock, values = _in_turn(clock, values, columns, found)
     else:
         values, stamps = _one_clock(columns, read, values, found)
         n = len(next(iter(values.values())))
@@ -240,8 +242,8 @@ def read_columns(
     if len(set(lengths.values())) > 1:
         told = ", ".join(f"{r} {n}" for r, n in lengths.items())
         raise LogError(f"The columns of {source.name} differ in length ({told} rows); give columns of one table.")
-    if len(clock) < 3:
-        raise LogError(f"{source.name} has {len(clock)} rows; a log needs at least 3.")
+    if len(clock) < FEWEST:
+        raise LogError(f"{source.name} has {len(clock)} rows; a log needs at least {FEWEST}.")
     for role, column in columns.items():
         if role != "time":
             mend.too_small(role, column, values[role])
@@ -249,6 +251,22 @@ def read_columns(
             text = f"The unit of {role}, column {column!r}, is not known; --unit {role}=UNIT states it."
             found.append(Finding("LOG019", "info", text))
     return _Table(time=clock, signals=values, columns=dict(columns), units=units, findings=found)
+
+
+def _in_turn(
+    clock: Array, values: dict[str, Array], columns: Mapping[str, str], found: list[Finding]
+) -> tuple[Array, dict[str, Array]]:
+    """One row for each position of a table in which every signal has rows of its own, as PlotJuggler writes."""
+    there = {r: np.isfinite(v) & np.isfinite(clock) for r, v in values.items() if len(v) == len(clock)}
+    if len(there) < len(values) or len(there) < 2:
+        return clock, values
+    fewest = min(int(t.sum()) for t in there.values())
+    if fewest < FEWEST or 2 * np.logical_and.reduce(list(there.values())).sum() >= fewest:
+        return clock, values
+    names = {r: c for r, c in columns.items() if r != "time"}
+    read = {c: Column(values[r][there[r]], clock[there[r]]) for r, c in names.items()}
+    out, stamps = _one_clock(names, read, {r: read[c].values for r, c in names.items()}, found)
+    return (clock, values) if stamps is None else (stamps, out)
 
 
 def _one_clock(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +20,44 @@ _TEXTS = {".csv", ".txt", ".tsv", ".dat", ".log", ".asc"}
 _MOTOR = "(motor|joint|axis|servo|actuator|drive|node|can|canopen|device|dev|slave)"
 _ID = re.compile(rf"({_MOTOR}_?)?(id|no|nr|number|num|index|name|addr|address)|{_MOTOR}")
 _SIGNAL = re.compile("(signal|field|channel|variable|var|tag|metric|quantity)_?(id|name)?|name")
+_SECONDS = re.compile(r"(|.*[._/ ])(?:secs?|seconds?)")
+_NANOSECONDS = re.compile(r"(|.*[._/ ])(?:nsecs?|nanosecs?|nanoseconds?)")
 _VALUE = {"value", "val", "values", "varvalue", "wert", "reading"}
 _UNIT = {"unit", "units", "einheit"}
 _MOST_MOTORS = 64
 _FEWEST_ROWS = 3
+
+
+def with_nanoseconds(source: Source) -> Source:
+    """Whole seconds completed by the column of nanoseconds beside them, as ROS messages have them; otherwise the source
+    itself.
+
+    Examples
+    --------
+    >>> table = {"stamp.sec": [7, 7, 8], "stamp.nanosec": [0, 500_000_000, 0], "q": [0.0, 0.1, 0.2]}
+    >>> rows = Source("a.csv", list(table), lambda wanted: {w: Column(np.array(table[w])) for w in wanted})
+    >>> whole = with_nanoseconds(rows)
+    >>> whole.names, whole.fetch(["stamp.sec"])["stamp.sec"].values, whole.units
+    (['stamp.sec', 'q'], array([7000000000, 7500000000, 8000000000]), {'stamp.sec': 'ns'})
+    """
+    ends = {m[1]: n for n in source.names if (m := _NANOSECONDS.fullmatch(n.lower()))}
+    pairs = {n: ends[m[1]] for n in source.names if (m := _SECONDS.fullmatch(n.lower())) and m[1] in ends}
+    if not pairs or not source.header:
+        return source
+
+    def fetch(wanted: Sequence[str]) -> dict[str, Column]:
+        read = source.fetch([*wanted, *(pairs[w] for w in wanted if w in pairs)])
+        for name in set(wanted) & set(pairs):
+            whole, part = read[name].values, read.pop(pairs[name]).values
+            if whole.dtype.kind == "f":  # rows without a stamp
+                read[name] = Column(1e9 * (whole - whole[np.isfinite(whole)][:1].sum()) + part)
+            else:
+                read[name] = Column(np.asarray(whole, dtype=np.int64) * 1_000_000_000 + part.astype(np.int64))
+        return read
+
+    notes = [*source.notes, *(f"Column {a!r} is completed by the nanoseconds in {b!r}." for a, b in pairs.items())]
+    names = [n for n in source.names if n not in pairs.values()]
+    return replace(source, names=names, fetch=fetch, units=source.units | dict.fromkeys(pairs, "ns"), notes=notes)
 
 
 def by_motor(source: Source) -> Source:

@@ -138,5 +138,5 @@ def _folded(name: str) -> str:
 
 
 def _letters(name: str) -> str:
-    """A name without a leading list marker: ``- joint_effort``."""
-    return _folded(name).lstrip("-*+#> ").rstrip(": ")
+    """A name without a leading list marker or comment sign: ``- joint_effort``, ``%time``."""
+    return _folded(name).lstrip("-*+#>% ").rstrip(": ")

@@ -46,6 +46,11 @@ def open_text(path: Path) -> Source:
     head, encoding, clean, layout = _begin(path)
     if layout is None:
         raise LogError(_why_none(clean, path.name, len(head) >= MOST_HEAD))
+    if _is_torn(layout):
+        raise LogError(
+            f"{path.name} separates cells by commas and has decimal commas too: {len(layout.header or ())} names above "
+            f"{layout.width} cells. Export it with semicolons, or with a decimal point."
+        )
     whole, last, notes = _whole_rows(path, encoding, layout)
     cut = _is_cut(last.decode(encoding, errors="replace"), clean, layout)
     if cut:
@@ -117,6 +122,13 @@ def _begin(path: Path) -> tuple[bytes, str, list[str], Dialect | None]:
 
 def _is_time(name: str) -> bool:
     return bool(set(WORDS["time"]) & set(words_of(name)))
+
+
+def _is_torn(layout: Dialect) -> bool:
+    """Whether decimal commas cut every number in two: half as many names as cells, and no cell with a point."""
+    names = len(layout.header or ())
+    whole = not any("." in cell for cell in layout.sample)
+    return layout.separator == "," and layout.names is None and 2 * names == layout.width and names > 1 and whole
 
 
 def _why_nameless(layout: Dialect) -> str:
