@@ -332,10 +332,6 @@ def _spanned(columns: list[Array], n: int) -> Array:
 
 
 # --- the fit of one effect: its size first, then all its numbers together --------------------------
-# Number of such fits at most, and the share of the error that the last one may leave: a stop takes three.
-AGAIN, SETTLED = 4, 0.8
-
-
 def refine(plant: Any, model: SimulatorModel, look: Look) -> SimulatorModel:
     """The model with the effect at its best numbers and the simulator refitted; unchanged if it cannot be added."""
     model = plant.fits.built(model)
@@ -357,12 +353,10 @@ def refine(plant: Any, model: SimulatorModel, look: Look) -> SimulatorModel:
     if look.size**2 > HALF * whole**2 and plant.left(best) > HALF * plant.left(model):
         best = min((best, anew(plant, model, look.start[0])), key=plant.left)
     left = plant.left(model)
-    if plant.left(best) < HALF * left:
-        for _ in range(AGAIN):
-            plant.tune(best.error)  # weighted by the residual; the previous weights hid the effect's own spectrum
-            left, best = plant.left(best), plant.fits.grow(model, best, plant.weighed, again=True)
-            if plant.left(best) > SETTLED * left:
-                break
+    while plant.left(best) < HALF * left:
+        plant.tune(best.error)  # weighted by the residual; the previous weights hid the effect's own spectrum
+        again = plant.fits.grow(model, best, plant.weighed, again=True)
+        left, best = plant.left(best), min((best, again), key=plant.left)
     return best
 
 
