@@ -14,7 +14,7 @@ from benchmarks.blind_logs.wiener_hammerstein import Case
 from whsklearn.effects import reduced_law
 from whsklearn.gap.plant import DEFAULT_TOLERANCE
 from whsklearn.gap.plants.chain import ChainPlant
-from whsklearn.gap.plants.chain_fit import base_starts, coloured, cost, law_choice, minima, polished, sharpened
+from whsklearn.gap.plants.chain_fit import base_starts, coloured, cost, minima, polished, sharpened
 from whsklearn.gap.plants.chain_model import HARD, ChainModel, Record, Term, catalogue, free_run
 
 PLACES = {"position": 20, "time": 2000, "step": 40}  # independent places that a scan looks at
@@ -48,7 +48,7 @@ def record_of(case: Case) -> Record:
     """The record as the finder takes it."""
     dt = float(case.frame["time_s"].iloc[1])
     u, y = case.frame["u"].to_numpy(), case.frame["y"].to_numpy()
-    return ChainPlant(u, y, (law_choice(None), (2, 2, 2, 2), 0), tolerance=DEFAULT_TOLERANCE, dt=dt).readings()
+    return ChainPlant(u, y, (None, (2, 2, 2, 2), 0), tolerance=DEFAULT_TOLERANCE, dt=dt).readings()
 
 
 def typical(e: np.ndarray, limit: float) -> float:

@@ -16,24 +16,43 @@ Array = NDArray[np.float64]
 N_KNOTS = 12  # 0.276 mV on the benchmark, the same as with 20; 8 leave 0.451 (cubic spline)
 N_KINKS = 30  # a piecewise-linear law needs this many for the same error: 12 leave 0.523 mV, 20 leave 0.314
 SPREAD = 3.0  # deviations
+MOST = 40  # kinks or degrees that a name may ask for
+
+
+DEGREE = 3  # of a polynomial
 
 
 def static_terms(name: str) -> tuple[StaticEffect, ...] | None:
     """The terms of a named law in x; None for any other name.
 
-    ``linear``, ``offset``, ``polynomial`` (of third degree, with offset), ``piecewise_linear``, ``cubic_spline``.
+    ``linear``, ``offset``, ``polynomial`` (with offset; ``polynomial:5`` up to the fifth degree), ``piecewise_linear``
+    (``piecewise_linear:12`` with 12 kinks), ``cubic_spline`` (``cubic_spline:8`` with 8 knots).
+
+    Raises
+    ------
+    ValueError
+        If what follows a colon is no number from 1 to 40, or fewer than the 3 knots of a spline.
     """
+    kind, colon, number = name.partition(":")
+    least = 3 if kind == "cubic_spline" else 1
+    if colon and not (number.isdigit() and least <= int(number) <= MOST):
+        raise ValueError(f"The law has {name!r}; expected a number from {least} to {MOST} after the colon.")
     if name == "linear":
         return (Power(1.0, 1),)
     if name == "offset":
         return (Power(0.0, 0),)
-    if name == "polynomial":
-        return tuple(Power(float(k == 1), k) for k in range(4))
-    if name == "piecewise_linear":
-        return piecewise_linear_terms(np.linspace(-SPREAD, SPREAD, N_KINKS))
-    if name == "cubic_spline":
-        return spline_terms(np.linspace(-SPREAD, SPREAD, N_KNOTS))
+    if kind == "polynomial":
+        return tuple(Power(float(k == 1), k) for k in range(int(number or DEGREE) + 1))
+    if kind == "piecewise_linear":
+        return piecewise_linear_terms(np.linspace(-SPREAD, SPREAD, int(number or N_KINKS)))
+    if kind == "cubic_spline":
+        return spline_terms(np.linspace(-SPREAD, SPREAD, int(number or N_KNOTS)))
     return None
+
+
+def has_knots(terms: tuple[StaticEffect, ...]) -> bool:
+    """Whether some of the terms have knots, whose places follow from x."""
+    return any(isinstance(t, Hinge | NaturalSpline) for t in terms)
 
 
 def spline_terms(knots: Array) -> tuple[StaticEffect, ...]:

@@ -14,7 +14,7 @@ from whsklearn.effects import QuadraticDrag
 from whsklearn.gap import GapFinder
 from whsklearn.gap.data_check import FEWEST_SAMPLES
 from whsklearn.gap.plants import chain as readings
-from whsklearn.gap.plants.chain_fit import coloured, law_choice
+from whsklearn.gap.plants.chain_fit import coloured
 from whsklearn.gap.plants.chain_model import SKIP, Record, clipped, free_run, left, simulate
 
 
@@ -202,7 +202,7 @@ def test_gaps_and_their_spectra_are_those_of_the_two_models():
     """Half the squared amplitudes sum to the variance, up to the window's own 1.5 bins."""
     s = record(QuadraticDrag(0.05))
     base, model = coloured(s, TRUE), coloured(s, TRUE.plus(term("quadratic_drag", 0.05)))
-    plant = readings.ChainPlant(s.u, s.y, (law_choice(None), (2, 2, 2, 2), 0), tolerance=0.004)
+    plant = readings.ChainPlant(s.u, s.y, (None, (2, 2, 2, 2), 0), tolerance=0.004)
     plant.record = plant.everything = s
     plant.unit = 2.0
     told = plant.told(base, model)

@@ -10,7 +10,7 @@ from tests.gap.plants.example_chain import PLAIN, TRUE, kind, record, term
 from whsklearn.effects import ChainDeadZone, ParameterChange, Stribeck, as_law
 from whsklearn.gap.plants import chain_anew as anew
 from whsklearn.gap.plants.chain import ChainPlant
-from whsklearn.gap.plants.chain_fit import base_starts, coloured, cost, law_choice, minima, sharpened
+from whsklearn.gap.plants.chain_fit import base_starts, coloured, cost, minima, sharpened
 from whsklearn.gap.plants.chain_looks import gained, look
 from whsklearn.gap.plants.chain_model import Record, free_run
 
@@ -102,9 +102,7 @@ def test_an_additive_effect_starts_from_both_looks():
 
 def test_a_spring_that_pulls_on_a_mass_is_fitted_from_every_division_of_a_linear_model():
     log = mass_on_spring.record(0, 2000)
-    plant = ChainPlant(
-        *(log[k].to_numpy() for k in ("u", "y")), (law_choice("linear"), (2, 2, 2, 2), 1), tolerance=0.004
-    )
+    plant = ChainPlant(*(log[k].to_numpy() for k in ("u", "y")), ("linear", (2, 2, 2, 2), 1), tolerance=0.004)
     base = plant.base(RNG(0))
     ((_, grown),) = anew.fitted_anew(plant.record, base, [], [kind("hardening_spring", "input")], RNG(0))
     before, after = (np.std((plant.y - free_run(plant.everything, m))[plant.record.fit]) for m in (base, grown))

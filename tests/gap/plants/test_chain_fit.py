@@ -14,9 +14,11 @@ from tests.gap.plants.example_chain import PLAIN, THETA, TRUE, record, term
 from whsklearn import WienerHammersteinSystem
 from whsklearn.datasets import make_coupled_drives
 from whsklearn.effects import FrictionLaw, Hinge, Power, QuadraticDrag, as_law
+from whsklearn.effects.knots import place_knots
 from whsklearn.gap import GapFinder
 from whsklearn.gap.plants import chain_fit as cf
-from whsklearn.gap.plants.chain_fit import REACH, base_starts, coloured, cost, law_choice, minima
+from whsklearn.gap.plants.chain import ChainPlant
+from whsklearn.gap.plants.chain_fit import base_starts, coloured, cost, first_law, minima
 from whsklearn.gap.plants.chain_model import ChainModel, Record, free_run, rms_dx, simulate
 from whsklearn.systems.stability import is_stable
 
@@ -111,10 +113,15 @@ def static_record(bend, n=1500, seed=5, noise=0.01):
     return pd.DataFrame({"u": u, "y": y}), x
 
 
+def plant_with(law):
+    """A plant of noise with this law."""
+    return ChainPlant(*np.random.default_rng(0).normal(size=(2, 400)), (law, (2, 2, 2, 2), 0), tolerance=0.004)
+
+
 @pytest.mark.parametrize("text", ["linear:x", "polynomial:0", "no_such_law", " , "])
 def test_a_law_that_is_none_is_refused_in_one_sentence(text):
     with pytest.raises(ValueError, match=r"law|effect"):
-        law_choice(text)
+        plant_with(text)
 
 
 def test_direct_paths_take_a_delay_each():
@@ -171,17 +178,17 @@ def test_a_free_law_of_weight_zero_changes_nothing_and_any_weight_does():
         assert np.abs(moved - free_run(PLAIN, TRUE)).max() > 1e-3
 
 
-def test_knots_lie_at_the_quantiles_of_x_and_a_law_with_them_explains_as_much():
+def test_knots_are_placed_by_x_and_a_law_with_them_explains_as_much():
     frame, _ = static_record(np.tanh)
-    choice = law_choice("piecewise_linear:6")
+    asked = as_law("piecewise_linear:6")
     u, y = (frame[k].to_numpy().copy() for k in ("u", "y"))
-    law = choice.first()
+    law = first_law(asked)
     s = Record.of(u, y, 1.0, np.array([2, 2, 2, 1, len(law)]), law)
     start = minima(s, base_starts(s, np.random.default_rng(0)))[0]
-    at, (model,) = cf.with_knots(s, start, choice)
+    at, (model,) = cf.with_knots(s, start, asked)
     knots = [t.knot for t in at.law.terms if hasattr(t, "knot")]
-    np.testing.assert_allclose(knots, np.quantile(simulate(s, start)[0], np.linspace(*REACH, 6)))
-    assert int(at.dims[4]) == len(at.law) == 7
+    np.testing.assert_allclose(knots, place_knots(simulate(s, start)[0], 6))
+    assert int(at.dims[4]) == len(at.law) == 8
     assert cost(at, model) < 1.1 * cost(s, start)
 
 
@@ -190,7 +197,7 @@ def test_a_pole_too_few_is_told_and_an_effect_is_not_taken_for_it():
     u = rng.normal(size=1500)
     big = WienerHammersteinSystem([1.0, 0.5], [-1.2, 0.7, -0.1], [1.0], [-0.5, 0.3, -0.2, 0.4])
     y = big.simulate(u, 0.01 * rng.normal(size=u.size))
-    law = law_choice(None).first()
+    law = as_law(None)
     s = Record.of(u, y, 1.0, np.array([2, 1, 1, 2, len(law)]), law)
     base = minima(s, base_starts(s, np.random.default_rng(0)))[0]
     said = cf.falls_short(s, base, base)

@@ -18,7 +18,7 @@ from whsklearn.effects import Effect, Quantity, as_law, base
 from whsklearn.gap import GapFinder
 from whsklearn.gap.plants import chain_model as cm
 from whsklearn.gap.plants.chain import ChainPlant
-from whsklearn.gap.plants.chain_fit import coloured, cost, law_choice
+from whsklearn.gap.plants.chain_fit import coloured, cost
 from whsklearn.gap.plants.chain_model import Term, catalogue, free_run
 from whsklearn.gap.report import as_model
 from whsklearn.models import load_model, save_model
@@ -191,7 +191,7 @@ def test_what_its_class_says_of_the_search_counts(bump):
     bump.held, bump.aliases = ("centre",), ("end_stop",)
     bump.quantities["width"] = Quantity("rad", 0.01, 20.0, log=True, scan="step")
     assert (found().free, found().n_numbers, found().scanned) == ((0,), 2, "step")
-    plant = ChainPlant(np.zeros(9), np.zeros(9), (law_choice(None), (2, 2, 2, 2), 0), tolerance=0.004)
+    plant = ChainPlant(np.zeros(9), np.zeros(9), (None, (2, 2, 2, 2), 0), tolerance=0.004)
     assert plant.aliases("bump") == ("end_stop",)
     assert plant.aliases("end_stop") == ()
 
@@ -209,7 +209,7 @@ def test_it_is_named_where_it_is_and_not_where_it_is_not(bump):
     assert GapFinder("wiener-hammerstein").fit(pd.DataFrame({"u": u, "y": y})).verdict_ == "no_gap"
 
 
-LINE = law_choice("linear").first()
+LINE = as_law("linear")
 TABLE = [*catalogue(as_law(None)), *(k for k in catalogue(LINE) if k.at == "middle" and k.cls.port == "input")]
 
 

@@ -76,7 +76,6 @@ def _chain(
 ) -> Any:  # fmt: skip
     """The plant of a chain; orders, direct paths and law are taken from the system unless they are given."""
     from whsklearn.gap.plants.chain import ChainPlant
-    from whsklearn.gap.plants.chain_fit import law_choice
 
     system = None if isinstance(model, str) else model
     law, orders, direct = base
@@ -88,7 +87,7 @@ def _chain(
         raise ValueError(f"orders are {orders}; expected n_a, n_b, n_c, n_d with n_a and n_c at least 1.")
     if direct not in (0, 1, 2):
         raise ValueError(f"direct is {direct}; expected the number of blocks with a direct path: 0, 1 or 2.")
-    return ChainPlant(u, y, (law_choice(law), orders, direct), tolerance=tolerance, dt=dt, at=at, given_model=system)
+    return ChainPlant(u, y, (law, orders, direct), tolerance=tolerance, dt=dt, at=at, given_model=system)
 
 
 def holes_in(steps: Array) -> NDArray[np.bool_]:

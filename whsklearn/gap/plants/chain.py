@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from whsklearn.effects import Quantization, get_effect
+from whsklearn.effects import FrictionLaw, Quantization, as_law, get_effect
+from whsklearn.effects.knots import has_knots
 from whsklearn.gap.calibration import GATE, p_value
 from whsklearn.gap.data_check import FEWEST_SAMPLES, FLAT, DataProblem, flat_share
 from whsklearn.gap.diagnosis import NamedEffect
@@ -27,10 +28,10 @@ from whsklearn.gap.plants.chain_anew import (
     nudged,
 )
 from whsklearn.gap.plants.chain_fit import (
-    LawChoice,
     base_starts,
     cost,
     falls_short,
+    first_law,
     minima,
     polished,
     sharpened,
@@ -77,8 +78,9 @@ class ChainPlant(Plant):
     Parameters
     ----------
     u, y : ndarray of shape (n,)
-    base : (LawChoice, tuple of int, int)
-        Law and orders (n_a, n_b, n_c, n_d) of the base model, and the number of its two blocks that have a direct path.
+    base : (str or FrictionLaw, tuple of int, int)
+        Law (the knots of a named one are placed by the record), orders (n_a, n_b, n_c, n_d) of the base model, and the
+        number of its two blocks that have a direct path.
         The law lies between delays, so no record shows which of the two blocks it is.
     tolerance : float
         Smallest change of the output worth naming, as a share of its rms.
@@ -98,11 +100,13 @@ class ChainPlant(Plant):
     effect_units = ("", "")  # x and v have no units, whatever the units of the log are
 
     def __init__(
-        self, u: Array, y: Array, base: tuple[LawChoice, tuple[int, ...], int], *, tolerance: float, dt: float = 1.0,
-        at: NDArray[np.intp] | None = None, given_model: Any = None,
+        self, u: Array, y: Array, base: tuple[str | FrictionLaw | None, tuple[int, ...], int], *, tolerance: float,
+        dt: float = 1.0, at: NDArray[np.intp] | None = None, given_model: Any = None,
     ):  # fmt: skip
         self.u, self.y = (np.array(v, dtype=float) for v in (u, y))  # the compiled pass needs writable arrays
-        self.law, self.orders, self.direct = base
+        law, self.orders, self.direct = base
+        self.law = as_law(law)
+        self.placed = not (isinstance(law, str) and has_knots(self.law.terms))
         self.at = np.arange(self.u.size) if at is None else at
         self.length = int(self.at[-1]) + 1 if self.at.size else 0
         self.tolerance, self.dt, self.given_model, self.own_units = tolerance, dt, given_model, {}
@@ -130,7 +134,7 @@ class ChainPlant(Plant):
     def readings(self, n: int | None = None) -> Record:
         """The record in the form that fits take, or the part of it up to its n-th logged sample."""
         n = self.length if n is None else int(self.at[n - 1]) + 1
-        law = self.law.first()
+        law = self.law if self.placed else first_law(self.law)
         dims = np.array([*self.orders, len(law)], dtype=np.int64)
         seen = np.zeros(self.length, dtype=bool)
         seen[self.at] = True
@@ -142,7 +146,7 @@ class ChainPlant(Plant):
         """The best of the base model's minima; the others are kept as starts for candidates."""
         s = self.readings(min(self.u.size, SEARCHED))
         found = minima(s, base_starts(s, rng))
-        if self.law.has_knots:
+        if not self.placed:
             for _ in range(2):
                 s, found = with_knots(s, found[0], self.law)
         self.record, self._others = s, found[1:]

@@ -12,11 +12,11 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import numpy as np
 
-from whsklearn.effects import FrictionLaw, Hinge, Power, StaticEffect, as_law
+from whsklearn.effects import FrictionLaw, Hinge, Power
+from whsklearn.effects.knots import has_knots, place_knots, placed
 from whsklearn.gap.calibration import gain
 from whsklearn.gap.least_squares import least_squares
 from whsklearn.gap.plants import chain_model as cm
@@ -266,97 +266,21 @@ def base_starts(s: Record, rng: np.random.Generator) -> list[ChainModel]:
 
 
 # --- the law, and whether orders and law suffice ---------------------------------------------------
-DEGREE, KNOTS = 3, 8  # unless the name gives a number
-# Shares of the samples between which knots are placed.  Beyond them the curve is a straight line, and the capped fit
-# treats samples that bend away from it as outliers; still further out a segment has too few samples for a slope.
-REACH = (0.005, 0.995)
+KNOTS = 8  # kinks of a free function of x beside the given law
 EXTRA = (1, 2)  # poles and zeros added to each block
 SPOKEN_OF = 0.2  # share of the mean square that orders, or a law, must explain to be mentioned as the cause
 
 
-@dataclass(frozen=True)
-class LawChoice:
-    """A law before its knots are placed by the data.
-
-    Attributes
-    ----------
-    terms : tuple of StaticEffect
-        The terms without knots.
-    n_knots : int
-        Number of kinks of a piecewise-linear curve in x; 0 for none.
-    """
-
-    terms: tuple[StaticEffect, ...]
-    n_knots: int = 0
-
-    @property
-    def has_knots(self) -> bool:
-        """Whether the law needs x to place its knots."""
-        return self.n_knots > 0
-
-    def first(self) -> FrictionLaw:
-        """The law itself, or a cubic polynomial instead of a curve with knots, as it can be fitted from any start."""
-        return FrictionLaw([*self.terms, *_powers(DEGREE)] if self.has_knots else self.terms)
-
-    def placed(self, x: Array) -> FrictionLaw:
-        """The law with its knots at the quantiles of x."""
-        knots = np.unique(np.quantile(x, np.linspace(*REACH, self.n_knots)))
-        return FrictionLaw([*self.terms, Power(1.0, 1.0), *(Hinge(0.0, float(k)) for k in knots)])
+def first_law(law: FrictionLaw) -> FrictionLaw:
+    """The law, with a cubic in place of knots: that can be fitted from any start, and knows no x that places them."""
+    if not has_knots(law.terms):
+        return law
+    return FrictionLaw([*(t for t in law.terms if not has_knots((t,))), Power(0.0, 2), Power(0.0, 3)])
 
 
-def law_choice(law: str | FrictionLaw | None) -> LawChoice:
-    """A base law from names separated by commas: names of effects and of curves in x.
-
-    ``linear`` is x, ``polynomial`` x, x^2, x^3 (``polynomial:5`` up to x^5), ``piecewise_linear`` a curve with 8 kinks
-    at the quantiles of x (``piecewise_linear:12`` with 12), ``offset`` a constant.
-
-    Raises
-    ------
-    ValueError
-        If a name is not known, or no number follows a colon.
-
-    Examples
-    --------
-    >>> law_choice("linear,offset,coulomb").first().labels
-    ('x1', 'x0', 'coulomb')
-    >>> law_choice("piecewise_linear:4").placed(np.linspace(-1, 1, 101)).labels
-    ('x1', 'hinge1', 'hinge2', 'hinge3', 'hinge4')
-    """
-    if not isinstance(law, str):
-        return LawChoice(as_law(law).terms)
-    terms: list[StaticEffect] = []
-    n_knots = 0
-    for part in (p.strip() for p in law.split(",")):
-        name, _, number = part.partition(":")
-        if number and (not number.isdigit() or not 1 <= int(number) <= 40):
-            raise ValueError(f"The law has {part!r}; expected a number from 1 to 40 after the colon.")
-        if name == "linear":
-            terms.append(Power(1.0, 1.0))
-        elif name == "offset":
-            terms.append(Power(1.0, 0.0))
-        elif name == "polynomial":
-            terms += _powers(int(number) if number else DEGREE)
-        elif name == "piecewise_linear":
-            n_knots = int(number) if number else KNOTS
-        elif part:
-            try:
-                terms += as_law(part).terms
-            except ValueError as error:
-                raise ValueError(
-                    f"{error} A chain also takes linear, polynomial, piecewise_linear and offset."
-                ) from None
-    if not terms and not n_knots:
-        raise ValueError("The law is empty; name at least one term, such as linear or viscous.")
-    return LawChoice(tuple(terms), n_knots)
-
-
-def _powers(degree: int) -> list[StaticEffect]:
-    return [Power(1.0, float(k)) for k in range(1, degree + 1)]
-
-
-def with_knots(s: Record, m: ChainModel, choice: LawChoice) -> tuple[Record, list[ChainModel]]:
-    """(record, [fitted model]) with the knots of the law at the quantiles of the model's x."""
-    law = choice.placed(cm.simulate(s, m)[0])
+def with_knots(s: Record, m: ChainModel, asked: FrictionLaw) -> tuple[Record, list[ChainModel]]:
+    """(record, [fitted model]) with the knots of the law placed for the model's x."""
+    law = FrictionLaw(placed(asked.terms, cm.simulate(s, m)[0]))
     dims = s.dims.copy()
     dims[4] = len(law)
     at = dataclasses.replace(s, law=law, dims=dims)
@@ -377,8 +301,8 @@ def raised(s: Record, m: ChainModel, more: int) -> tuple[Record, ChainModel]:
 def freed(s: Record, m: ChainModel) -> tuple[Record, ChainModel]:
     """(record, model) with kinks in x, all of weight zero, and a cubic beside its law."""
     x = cm.simulate(s, m)[0]
-    kinks = [Hinge(0.0, float(k)) for k in np.quantile(x, np.linspace(*REACH, KNOTS))]
-    law = FrictionLaw([*s.law.terms, *(Power(0.0, float(k)) for k in range(1, DEGREE + 1)), *kinks])
+    kinks = [Hinge(0.0, float(k)) for k in place_knots(x, KNOTS)]
+    law = FrictionLaw([*s.law.terms, *(Power(0.0, float(k)) for k in (1, 2, 3)), *kinks])
     dims = s.dims.copy()
     dims[4] = len(law)
     cut = s.blocks[2].stop
