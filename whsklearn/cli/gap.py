@@ -57,7 +57,8 @@ USUAL = {"time": "time_s", "drive": "torque_nm", "position": "position_rad"}
     "--law",
     default=None,
     help="Terms of the base model's law, joined by commas: friction such as viscous,coulomb; for Wiener-Hammerstein "
-    "also linear, offset, polynomial (or polynomial:5), piecewise_linear (or piecewise_linear:12 for 12 kinks).",
+    "also linear, offset, polynomial (or polynomial:5), piecewise_linear (or piecewise_linear:12 for 12 kinks), "
+    "cubic_spline.",
 )
 @click.option("--orders", type=ORDERS, default=None, help="Orders of the base model (Wiener-Hammerstein).")
 @click.option(
