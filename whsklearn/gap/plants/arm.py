@@ -59,7 +59,8 @@ Array = NDArray[Any]
 CANCELS = 20.0
 # Least rms that a law must explain beyond an elementary one without a shape, as a share of what that one explains, as
 # long as it is less than what stays without a name: of a model that is no better than that, a shape is not to be told.
-# Above a quarter (6 % of the power) the elementary law is no longer most of the effect.
+# Above a quarter (6 % of the power) the elementary law is no longer most of the effect.  `python -m
+# benchmarks.blind_arms --kinds coulomb` prints the names that change with it.
 DOUBTFUL = 0.25
 UNTOLD = 1e6  # m: the standard error of a centre that no drive tells, in place of infinity
 SOME = 200  # positions at which the mass matrix is checked for being positive definite
@@ -415,6 +416,8 @@ class ArmPlant(Plant):
         if self.known is not None and self.known.unexplained:
             loud = after**2 > (QUIET * floor) ** 2 + np.where(named, 0.0, 2.0 * self.tolerance**2)
             still = float(np.sqrt(np.max(np.where(loud, after**2 - floor**2, 0.0), initial=0.0)))
+            if before[j] <= floor[j]:  # it was there before, and what explains it has no certain name
+                still = float(before[j])
         else:
             here = frozenset(np.array(self.view.arm.joints)[named] if model.terms else ())
             sizes = [k.size for k in self.looked if not k.name and (k.size >= self.tolerance or k.place & here)]
