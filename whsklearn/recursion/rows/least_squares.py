@@ -134,8 +134,8 @@ def one_row():
     large, or if another thread holds the state (BUSY is set, or that thread has learnt a row that has not been reported
     yet).  The interpreter lock is held throughout, so threads need no other lock, which would cost as much as the row.
     """
-    # It makes no array and returns none, so nobody need count references to its arguments: Numba allocates a counter for
-    # each array otherwise, which was a sixth of a call (0.49 us with it, 0.41 without).
+    # It makes no array and returns none, so references to its arguments need not be counted.  Numba allocates a counter
+    # for each array otherwise, which was a sixth of a call (0.49 us with it, 0.41 without).
     kernel = njit(
         "int64(float64[::1], int64, float64[:, ::1], float64[::1])", error_model="numpy", short=True, _nrt=False
     )
