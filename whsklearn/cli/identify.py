@@ -75,21 +75,34 @@ def main(**options: Any) -> None:
         return
     import numpy as np
 
-    from whsklearn.identification import identify
-    from whsklearn.identification.report import on_intervals, write
+    from whsklearn.identification.report import write
 
     paths = (options["train"], *options["more"])
     logs = [log_of(path, options) for path in paths]
     train = together(logs)
-    records = np.repeat(names_of(paths), [log.y.size for log in logs]) if len(logs) > 1 else None
     test = log_of(options["test"], options) if options["test"] else None
     note_assumed(train)
     if test is not None:
         refuse_shared(train, test)
     writable_folder(options["out"])
     name = Path(options["train"]).stem
-    timed = train.units["time"] != "samples"
     tracker = tracker_for("identify", options["track"], data=name)
+    records = np.repeat(names_of(paths), [log.y.size for log in logs]) if len(logs) > 1 else None
+    found = fitted(options, train, test, records)
+    say(found)
+    page = write(found, options["out"])
+    click.echo(f"The page is {page}.")
+    with tracker.run(f"identify {name}") as run:
+        run.log_params(given(options))
+        run.log_tags({"recommended": found.recommended.name})
+        track(run, found, page.parent, train.columns["drive"])
+    say_where(tracker)
+
+
+def fitted(options: dict[str, Any], train: Bunch, test: Bunch | None, records: Any) -> Identification:
+    """The identification of the joined logs, of which ``records`` names that of each sample, beside a progress bar."""
+    from whsklearn.identification import identify
+
     with progress_bar(desc="fitting", unit="model") as bar:
 
         def progress(candidate: str) -> None:
@@ -99,15 +112,11 @@ def main(**options: Any) -> None:
         found = identify(
             train.X[:, 0],
             train.y,
-            dt=1.0 / train.sample_rate if timed else 1.0,
+            dt=1.0 / train.sample_rate if train.units["time"] != "samples" else 1.0,
             test=None if test is None else as_train(test, train),
             skip=options["skip"],
             logged=options["logged"],
-            units={
-                "input": train.units["drive"],
-                "output": train.units["position"],
-                "time": train.units["time"],
-            },
+            units={"input": train.units["drive"], "output": train.units["position"], "time": train.units["time"]},
             drive_error=train.drive_error,
             groups=train.groups,
             records=records,
@@ -118,20 +127,19 @@ def main(**options: Any) -> None:
             f"{found.test.y.size} of {test.y.size} samples of {test.name} are used: the other segments are too short "
             "to judge anything."
         )
-    told = wrapped(on_intervals(found))
+    return found
+
+
+def say(found: Identification) -> None:
+    """Print the structures, the reason of the recommendation, its numbers, and what is doubtful about them."""
+    from whsklearn.identification.report import on_intervals
+
     bad = worse_than_mean({found.recommended.name: found.recommended.test.get("nmse", 0.0)})
     click.echo(f"\n{comparison(found)}\n\n{wrapped(found.reason)}\n\n{numbers(found)}\n")
-    if found.on_drive:
-        click.echo(wrapped(found.on_drive))
-    if bad:
-        click.echo(wrapped(bad))
-    page = write(found, options["out"])
-    click.echo(f"{told}\n\nThe page is {page}." if told else f"The page is {page}.")
-    with tracker.run(f"identify {name}") as run:
-        run.log_params(given(options))
-        run.log_tags({"recommended": found.recommended.name})
-        track(run, found, page.parent, train.columns["drive"])
-    say_where(tracker)
+    for text in filter(None, (found.on_drive, bad)):
+        click.echo(wrapped(text))
+    if told := on_intervals(found):
+        click.echo(f"{wrapped(told)}\n")
 
 
 def track(run: Run, found: Identification, folder: Path, column: str) -> None:
