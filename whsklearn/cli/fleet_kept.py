@@ -38,6 +38,14 @@ class Kept:
     folder : Path
     axis : str
         As for `axes_of`.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as made:
+    ...     kept = Kept(Path(made, "fleet.parquet"), "rls", Path(made), "axis")
+    ...     print(kept.path.name, kept.rows(["one"]))
+    fleet.parquet.part []
     """
 
     def __init__(self, out: Path, settings: str, folder: Path, axis: str):

@@ -59,7 +59,13 @@ class RecordLost(click.ClickException):
 
 
 class Ended(KeyboardInterrupt):
-    """SIGTERM, treated like Ctrl-C, so that runs are closed and temporary files are removed."""
+    """SIGTERM, treated like Ctrl-C, so that runs are closed and temporary files are removed.
+
+    Examples
+    --------
+    >>> issubclass(Ended, KeyboardInterrupt), ENDED
+    (True, 143)
+    """
 
 
 def job(function: Callable[..., None]) -> click.Command:

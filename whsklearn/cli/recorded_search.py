@@ -19,6 +19,14 @@ class Contiguous:
     ----------
     drawn : splitter
         scikit-learn's, with ``base_cv`` and ``fraction``.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> from sklearn.model_selection import TimeSeriesSplit
+    >>> halves = Contiguous(SimpleNamespace(base_cv=TimeSeriesSplit(2), fraction=0.5))
+    >>> [(train.tolist(), test.tolist()) for train, test in halves.split(range(12))]
+    [([2, 3], [4, 5]), ([4, 5, 6, 7], [8, 9])]
     """
 
     def __init__(self, drawn: Any):
