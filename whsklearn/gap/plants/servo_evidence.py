@@ -6,8 +6,6 @@ The comment above each number gives its purpose and source.  "blind" is `python 
 
 from __future__ import annotations
 
-import numpy as np
-
 from whsklearn.gap.calibration import least_lead
 from whsklearn.gap.diagnosis import ALPHA
 from whsklearn.gap.record import MAD as MAD  # for the modules of this plant
@@ -44,8 +42,6 @@ FEWEST_JUDGED = 100
 
 # --- limits on effects beside others, and what no axis does ---------------------------------------
 
-# rad of travel above which a wave of one shaft must repeat every turn.
-SEVERAL_TURNS = 6 * np.pi
 # rad of travel below which the cosine of gravity is a constant and a slope to within 3 %, so that names are shared.
 LITTLE_TRAVEL = 0.5
 # Multiple of the median power around it from which a peak is a line of the reference, where no tone is accepted; and
@@ -53,9 +49,6 @@ LITTLE_TRAVEL = 0.5
 # ("real --only so101").
 STANDS_OUT = 10.0
 LINE, AROUND = 1.5, 12.0
-# Multiple of the rms drive above which a torque only cancels another one of the model: for a freely swinging pendulum
-# gravity is 15 times the rms drive.
-AGAINST = 100.0
 # Smallest gain after a change of gain, relative to before: with 0.4 %, inertia and missing torque also fall to 0.4 %,
 # which "explained" KR300 A with Coulomb friction hidden. Simulated changes keep 70 % and more.
 LEAST_GAIN_LEFT = 0.1

@@ -307,11 +307,6 @@ class InverseView:
         t = model.terms[index]
         if t.kind.code == codes.SATURATION and t.q[0] > 0.0 and self.below_limit(t.q[0]) < model.vector().size:
             return "the drive would be at it nearly all the time, and its sign alone says too little about the axis"
-        if t.kind.linear and t.kind.code not in TWO_MASS:
-            torque = self.torque(model) if self._depends(t) else None
-            own = self.term_columns(model, t, torque)[self.at] @ np.array(t.q[: t.kind.linear])
-            if self.rms(own) > rules.AGAINST * self.scene.torque:
-                return "it would be a hundred times the drive and only cancel another number of the model"
         return unphysical(self.record, model, index)
 
     def below_limit(self, limit: float) -> float:
@@ -372,7 +367,6 @@ def unphysical(record: ServoRecord, model: AxisModel, index: int) -> str:
         or never_free(term.effect, record.position)
         or negative_damping(model, index)
         or too_large(model, index)
-        or off_shaft(model, index)
         or on_excitation_line(record, term)
     )
 
@@ -412,25 +406,6 @@ def negative_damping(model: AxisModel, index: int) -> str:
     if t.name == "asymmetric_viscous" and abs(t.q[0]) > max(viscous, 0.0):
         return "the axis would be driven by its own friction in one direction"
     return ""
-
-
-def off_shaft(model: AxisModel, index: int) -> str:
-    """The objection that a wave cannot belong to the shaft of the other waves; empty if it can.
-
-    Over several turns, an effect of one shaft repeats every turn.  Fractional orders beside whole ones are a tone in
-    time, seen at the mean speed (LAAS: 61.3 and 82.7, which a tone of the mains at 60.00 Hz replaces).
-    """
-
-    def wave(t: Term) -> float | None:
-        return float(t.q[2]) if t.kind.cls.repeats and t.kind.scanned == "position" else None
-
-    order = wave(model.terms[index])
-    others = [o for i, t in enumerate(model.terms) if i != index and (o := wave(t)) is not None]
-    if order is None or order.is_integer() or 2.0 * model.scene.reach < rules.SEVERAL_TURNS or not others:
-        return ""
-    if not all(o.is_integer() for o in others):
-        return ""
-    return "its order is not a whole number, so it does not repeat with every turn"
 
 
 def on_excitation_line(record: ServoRecord, term: Term) -> str:
