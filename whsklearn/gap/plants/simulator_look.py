@@ -264,17 +264,19 @@ def slopes(plant: Any, seen: Seen) -> Iterator[Look]:
     left = seen.error[train]
     tangent = Tangent(left, seen.null[:, train], plane, n_effective(free(left, plane)))
     for name, shapes in plant.shapes.items():
-        if shapes[0].scanned():  # too many shapes for one run each
+        # one run each: only shapes that differ in one number, of which there are few
+        few = [e for e in shapes if not e.scanned() and (len(e.searched()) < 2 or len(shapes) == 1)]
+        if not few:
             continue
         columns = []
-        for start in shapes:
+        for start in few:
             try:
                 columns.append(smallest(plant, seen.model, start)[0][train])
             except (ValueError, NotImplementedError, FloatingPointError) as error:
                 plant.refused[name] = str(error)
                 break
         if name not in plant.refused:
-            look = tangent.look(_simulated(name, shapes, columns))
+            look = tangent.look(_simulated(name, few, columns))
             if look is not None:
                 yield look
 
