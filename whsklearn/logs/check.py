@@ -65,7 +65,7 @@ def check_log(
     elif np.ptp(position) == 0:
         found.append(Finding("LOG009", "error", "The axis stood still or the encoder was off; nothing can be fitted."))
     else:
-        quantum = lattice(position) or None
+        quantum = lattice(position, distinct=1.0) or None
         if quantum is not None:
             text = f"Values are multiples of {quantum:.4g}: its variance q^2/12 is the lowest noise a fit can reach."
             found.append(Finding("LOG007", "info", text, value=quantum))

@@ -15,12 +15,14 @@ ON_GRID, MOSTLY = 0.02, 0.99
 DISTINCT = 0.9
 
 
-def lattice(readings: ArrayLike) -> float:
+def lattice(readings: ArrayLike, distinct: float = DISTINCT) -> float:
     """Step of the grid on which all readings lie, 0 if there is none.
 
     Parameters
     ----------
     readings : array-like of shape (n,)
+    distinct : float, default=0.9
+        Share of distinct values above which there is no grid worth knowing; 1 finds also one finer than the noise.
 
     Examples
     --------
@@ -31,7 +33,7 @@ def lattice(readings: ArrayLike) -> float:
     """
     x = np.asarray(readings, dtype=float)
     values = np.unique(x)
-    if values.size < 4 or values.size > DISTINCT * x.size:
+    if values.size < 4 or values.size > distinct * x.size:
         return 0.0
     gaps = np.diff(values)
     gaps = gaps[gaps > 1e-12 * (values[-1] - values[0])]  # rounding errors
