@@ -47,9 +47,9 @@ SHOOTING = (
     0.5,
     2.0,
 )  # s, lengths of the pieces of multiple shooting: from those fitted first to those by which windows are judged
-# Of the rms drive: gravity that is fitted where there is none, and that happens to help on held-out data, is up to 0.2
-# % (benchmarks/which_structure.py, axes of MuJoCo)
-LEAST_GRAVITY = 0.01
+# Of the rms drive: a force that is fitted where there is none, and that happens to help on held-out data, is up to 0.2
+# % (benchmarks/which_structure.py, gravity of axes of MuJoCo)
+LEAST_FORCE = 0.01
 SMOOTHER = 0.95  # of the error with a held drive, which a smooth one must at least remove to be preferred
 LEAST_LINEAR = 0.5  # share of the variance that the best linear model may leave; above it no start is close
 EARLY = 4_000  # samples of the first fit of a coupled axis
@@ -76,9 +76,16 @@ def fit_rigid_axis(log: View) -> AxisModel:
 
 
 def fit_free_law_axis(log: View) -> AxisModel:
-    """The same with friction bent at four speeds."""
+    """The same with friction bent at four speeds.
+
+    Raises
+    ------
+    ValueError
+        If the bends are negligible, or as `inverse_starts`.
+    """
     speed = np.abs(log.target)
-    return _fit(log, AxisForm(np.unique(np.quantile(speed[speed > 0.02 * speed.max()], KNOTS))))
+    model = _fit(log, AxisForm(np.unique(np.quantile(speed[speed > 0.02 * speed.max()], KNOTS))))
+    return _with_force(model, model.law(0.0, log.target), log)
 
 
 def fit_hanging_axis(log: View) -> AxisModel:
@@ -92,7 +99,7 @@ def fit_hanging_axis(log: View) -> AxisModel:
     model = _fit(_of_position(log), AxisForm(hangs=True))
     numbers = model.parameters
     share = numbers["gravity_imbalance"] / np.std(log.u)
-    if share < LEAST_GRAVITY:
+    if share < LEAST_FORCE:
         raise ValueError(f"Gravity would be {100 * share:.2g} % of the drive, so the axis without it is equivalent.")
     if abs(numbers["input_offset"]) > np.abs(log.u).max():
         raise ValueError(
@@ -108,9 +115,20 @@ def fit_placed_axis(log: View) -> AxisModel:
     Raises
     ------
     ValueError
-        As `inverse_starts`.
+        If the force is negligible, or as `inverse_starts`.
     """
-    return _fit(_of_position(log), AxisForm(powers=3))
+    model = _fit(_of_position(log), AxisForm(powers=3))
+    return _with_force(model, sum(e.value(position=log.y) for e in model.effects[1:]), log)
+
+
+def _with_force(model: AxisModel, force: Array, log: View) -> AxisModel:
+    """The model, if its force over the record differs from viscous and Coulomb friction and an offset by enough."""
+    plain = np.column_stack([log.target, np.sign(log.target), np.ones_like(log.target)])
+    own = force - plain @ np.linalg.lstsq(plain, force, rcond=None)[0]
+    share = float(np.std(own) / np.std(log.u))
+    if share < LEAST_FORCE:
+        raise ValueError(f"It would add {100 * share:.2g} % to the drive, so viscous and Coulomb are equivalent.")
+    return model
 
 
 def fit_sprung_axis(log: View, powers: int) -> AxisModel:
