@@ -299,12 +299,16 @@ def _model(best: AxisFit, log: View, form: AxisForm) -> AxisModel:
     covariance = best.covariance
     if not (form.powers or form.coupled) and not white(axis_residual(best.theta, log, form), log):
         other, spread = inverse_dynamics(log, form)
-        # two estimators agree if nothing is missing, and their difference shows what is (Hausman 1978)
+        # two estimators agree if nothing is missing, and their difference shows what is (Hausman 1978): its square less
+        # the variance of the other estimates the squared bias, which is nothing where inverse dynamics says little
         errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-        wider = np.hypot(np.hypot(errors, spread), best.theta - other)
-        known = errors.min() > TINY * wider.max()  # for a diverged run they are arbitrary
-        scale = wider / errors if known else wider
-        covariance = covariance * np.outer(scale, scale) if known else np.diag(wider**2)
+        apart = (best.theta - other) ** 2
+        wider = np.sqrt(errors**2 + np.maximum(apart - spread**2, 0.0))
+        if errors.min() > TINY * wider.max():
+            scale = wider / errors
+            covariance = covariance * np.outer(scale, scale)
+        else:  # those of a diverged run are arbitrary, and the start itself has none
+            covariance = np.diag(errors**2 + spread**2 + apart)
     model = axis_of(best.theta, log, form)
     return replace(model, standard_errors=standard_errors(best.theta, covariance, log, form))
 
