@@ -6,7 +6,8 @@ Arms of `benchmarks.blind_arms`, one record of each, or a measured record of `be
 every pair of joints are exchanged, as a wrong list of columns does.  "told" warns
 (`whsklearn.identification.arm_fit.swapped`), "right" names the pair.  The other columns are what the rule's numbers are
 compared with: "left" is the largest share of a drive's variance that the shared numbers leave (tried above MUCH),
-"less" the sum of these in the true order as a share of that in the given one (taken below LESS), "clearly" the largest
+"less" the sum of these over the exchanged joints in the true order as a share of that in the given one (taken below
+LESS), "clearly" the largest
 such share of one exchanged joint (told below CLEARLY).
 """
 
@@ -55,8 +56,9 @@ def exchanged(arm: Any, q: np.ndarray, u: np.ndarray, dt: float) -> list[Row]:
         named = [f"the columns of {arm.joints[i]} by those given for {arm.joints[j]}" for i, j in ways]
         right = bool(said) and all(text in said[0] for text in named) and said[0].count("the columns of") == 2
         share = (true / left)[list(pair)].max() if pair else 1.0
+        less = float(true[list(pair)].sum() / left[list(pair)].sum()) if pair else 1.0
         name = "+".join(str(i + 1) for i in pair)
-        rows.append((name, bool(said), right, float(left.max()), float(true.sum() / left.sum()), float(share)))
+        rows.append((name, bool(said), right, float(left.max()), less, float(share)))
     return rows
 
 

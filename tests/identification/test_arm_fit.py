@@ -138,6 +138,19 @@ def test_joints_in_another_order_are_told_by_what_is_left_of_their_drives():
     assert "the columns of yaw by those given for pitch" in order_told(Q[:, ::-1], TORQUE[:, ::-1])[0]
 
 
+@pytest.mark.parametrize("seed", [3, 5])
+def test_two_exchanged_joints_are_told_beside_a_third_whose_drive_is_half_noise(seed):
+    arm = drawn_arm(3, seed, slides=0.0, branch=0.0, gravity=(0, 0, -9.81))
+    size = smooth_log(arm, seconds=6.0)[1].std(axis=0)
+    arm = arm.with_effects({j: (Viscous(float(x)),) for j, x in zip(arm.joints, size, strict=True)})
+    q, u = smooth_log(arm, seconds=6.0)
+    noise = np.convolve(np.random.default_rng(0).standard_normal(len(u)), np.ones(40) / 40**0.5, "same")
+    u[:, 2] += u[:, 2].std() * noise
+    lags = RigidBodyLags(arm, RATE)
+    for order, told in (([0, 1, 2], 0), ([1, 0, 2], 1)):
+        assert len(swapped(lags, q[:, order], u[:, order], lags.joint_rows(q[:, order], u[:, order]))) == told
+
+
 @pytest.mark.parametrize("joint", ARM.joints)
 def test_a_large_effect_at_one_joint_is_no_other_order(joint):
     q, torque = make_arm_log(effects={joint: [CableSpring(1.0), Cogging(0.5, 3.0)]}, duration=12.0, return_arrays=True)

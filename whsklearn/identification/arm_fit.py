@@ -471,7 +471,7 @@ CLEARLY = 0.25  # of the drives' residual: half the error at the joints affected
 # Simulated arms in order leave 0.0003, and with two joints exchanged 0.03 to 0.9; real ones in order leave 0.01, with a
 # wrist turned by its neighbour 0.2.
 MUCH, SOME = 0.005, 6000
-LESS = 0.7  # of the sum over the joints: an exchange has to lower it to this; the right one lowers it to 0.004 or less
+LESS = 0.7  # of the sum over the joints that an exchange moves: it has to lower it to this, as most of a chain do
 
 
 def suspicions(arm: Arm, q: Array, torque: Array) -> list[str]:
@@ -537,6 +537,11 @@ def swapped(
         moved = (places != given) | (drives != given)
         return bool(moved.any() and (left[moved] <= CLEARLY * before[moved]).all())
 
+    def less(other: NDArray[np.int64], paid: NDArray[np.int64], rest: Array) -> float:
+        """What an order leaves at the joints that it moves, as a share of what they leave now."""
+        moved = (other != places) | (paid != drives)
+        return float(rest[moved].sum() / max(left[moved].sum(), 1e-300)) if moved.any() else 1.0
+
     bad = np.flatnonzero(left > MUCH)
     if bad.size and not clearly():
         trial, whole = clone(lags).set_params(cutoff=lags.cutoff_), max(runs(groups, len(q)), key=_length)
@@ -554,8 +559,8 @@ def swapped(
                     tried.append((other, *_ordered(*trial.joint_rows(q[part][:, other], torque[part]))))
             if not tried:
                 break
-            best = min(tried, key=lambda t: float(t[2].sum()))
-            if best[2].sum() > LESS * left.sum():
+            best = min(tried, key=lambda t: less(*t))
+            if less(*best) > LESS:
                 break
             places, drives, left = best
     if not clearly():
