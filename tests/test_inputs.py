@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from whsklearn._inputs import check_lengths, in_one_sentence, starts
+from whsklearn._inputs import check_lengths, check_whole, in_one_sentence, starts
 
 
 def test_an_experiment_begins_where_the_label_changes():
@@ -46,3 +46,13 @@ def test_messages_become_one_sentence_and_others_stay():
         raise ValueError("something else")
     with pytest.raises(TypeError), in_one_sentence(X):
         raise TypeError("not mine")
+
+
+@pytest.mark.parametrize("value", [True, 0, 1.0, "2", None])
+def test_what_is_no_whole_number_is_refused(value):
+    with pytest.raises(ValueError, match=r"p is .*, expected a whole number of 1 or more, the innovation length\."):
+        check_whole("p", value, 1, ", the innovation length")
+
+
+def test_a_whole_number_of_numpy_s_is_one():
+    check_whole("p", np.int64(1), 1)

@@ -15,6 +15,12 @@ if TYPE_CHECKING:
 LARGEST = 1e30  # squares and products of four stay finite
 
 
+def check_whole(name: str, value: Any, least: int, meaning: str = "") -> None:
+    """Raise if a setting is no whole number of ``least`` or more; True is none either."""
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least:
+        raise ValueError(f"{name} is {value!r}, expected a whole number of {least} or more{meaning}.")
+
+
 def check_lengths(X: NDArray[np.float64], y: NDArray[np.float64]) -> None:
     """Raise if X and y differ in length or hold what no log has, such as the NaN that "nan" becomes."""
     if len(X) != len(y):

@@ -12,7 +12,7 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 from sklearn.utils.validation import check_is_fitted
 
-from whsklearn._inputs import starts
+from whsklearn._inputs import check_whole, starts
 from whsklearn.estimators import _advice
 from whsklearn.estimators import _model as wh
 from whsklearn.estimators._checked import warn
@@ -265,9 +265,7 @@ class RecursiveRegressor(AxisRegressor):
 
     def _check_parameters(self) -> None:
         """Raise in one sentence if a parameter is invalid."""
-        p = self.p
-        if isinstance(p, bool) or not isinstance(p, (int, np.integer)) or p < 1:
-            raise ValueError(f"p is {p!r}, expected a whole number of 1 or more, the innovation length.")
+        check_whole("p", self.p, 1, ", the innovation length")
         for name, low, high in (("P0", 0.0, np.inf), ("forgetting", 0.0, 1.0)):
             value = getattr(self, name, 1.0)
             if value is None and name == "P0":
@@ -280,9 +278,7 @@ class RecursiveRegressor(AxisRegressor):
         if self.gradient not in GRADIENTS:
             raise ValueError(f"gradient is {self.gradient!r}, expected one of {', '.join(map(repr, GRADIENTS))}.")
         for name, least in (("n_starts", 1), ("memory", 0)):
-            value = getattr(self, name, least)
-            if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least:
-                raise ValueError(f"{name} is {value!r}, expected a whole number of {least} or more.")
+            check_whole(name, getattr(self, name, least), least)
         if self._is_wiener_hammerstein:
             self._lags.dims()
             if self.gradient == "pseudolinear":

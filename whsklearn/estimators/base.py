@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from sklearn.base import RegressorMixin
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from whsklearn._inputs import check_lengths, in_one_sentence, starts, writeable
+from whsklearn._inputs import check_lengths, check_whole, in_one_sentence, starts, writeable
 from whsklearn.estimators import _advice
 from whsklearn.estimators import _model as wh
 from whsklearn.estimators._checked import CheckedModel, warn
@@ -205,8 +205,7 @@ class AxisRegressor(RegressorMixin, CheckedModel):
             if self._is_plain(u, known):
                 return self._ahead_now(u, known, horizon)
         check_is_fitted(self, "state_")
-        if isinstance(horizon, bool) or not isinstance(horizon, (int, np.integer)) or horizon < 1:
-            raise ValueError(f"horizon is {horizon!r}, expected a whole number of samples, 1 or more.")
+        check_whole("horizon", horizon, 1, " samples")
         given = joined(X, y, groups)
         X, y, groups = given.X, given.y, given.groups
         with in_one_sentence(X, y):

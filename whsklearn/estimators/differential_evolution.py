@@ -11,6 +11,8 @@ from whsklearn.estimators import _model as wh
 from whsklearn.estimators._records import joined
 from whsklearn.estimators.pem import PEMRegressor
 from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
+from whsklearn.recursion.arrays import Array
+from whsklearn.recursion.memory.starts import denominator_of
 
 
 class DifferentialEvolutionRegressor(PEMRegressor):
@@ -100,12 +102,12 @@ class DifferentialEvolutionRegressor(PEMRegressor):
         limits = np.full((n, 2), [-self.bound, self.bound])
         limits[blocks[1]] = limits[blocks[4]] = [-0.999, 0.999]
 
-        def natural(genes: Any) -> Any:
+        def natural(genes: Array) -> Array:
             out = genes.copy()
-            out[blocks[1]], out[blocks[4]] = _denominator(genes[blocks[1]]), _denominator(genes[blocks[4]])
+            out[blocks[1]], out[blocks[4]] = denominator_of(genes[blocks[1]]), denominator_of(genes[blocks[4]])
             return out
 
-        def cost(genes: Any) -> float:
+        def cost(genes: Array) -> float:
             e: Any = root * (y - wh.free_run(natural(genes), structure, u, restart))
             return float(min(e @ e, 1e300))
 
@@ -117,11 +119,3 @@ class DifferentialEvolutionRegressor(PEMRegressor):
         noise = self.cost_ / max(len(y) - n, 1)
         self.state_ = {"theta": theta, "covariance": np.full((n, n), np.nan), "seen": len(y), "noise": noise}
         return self
-
-
-def _denominator(reflections: Any) -> Any:
-    """A stable denominator from reflection coefficients."""
-    b = np.zeros(0)
-    for r in reflections:
-        b = np.append(b + r * b[::-1], r)
-    return b

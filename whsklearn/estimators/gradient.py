@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from whsklearn.estimators._recursive import RecursiveRegressor
+from whsklearn.recursion.arrays import Array
 from whsklearn.recursion.rows.pseudolinear import GRADIENT
 
 if TYPE_CHECKING:
@@ -68,9 +70,7 @@ class MultiInnovationGradientRegressor(RecursiveRegressor):
         self.forgetting = forgetting
         self.theta0 = theta0
 
-    def _covariance(self):  # type: ignore[no-untyped-def]
+    def _covariance(self) -> Array:
         """A gradient step has no covariance."""
-        import numpy as np
-
         n = self.state_["theta"].size
         return np.full((n, n), np.nan)

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from sklearn.base import clone
 from sklearn.utils.validation import check_is_fitted
 
+from whsklearn._inputs import check_whole
 from whsklearn.estimators import _model as wh
 from whsklearn.estimators._prediction_error import PredictionError
 from whsklearn.estimators._records import joined
@@ -192,8 +193,7 @@ class PEMRegressor(ChainRegressor):
         ValueError
             If the record is too short, a number is not finite, or a setting is invalid.
         """
-        if isinstance(self.n_starts, bool) or not isinstance(self.n_starts, (int, np.integer)) or self.n_starts < 1:
-            raise ValueError(f"n_starts is {self.n_starts!r}, expected a whole number of 1 or more.")
+        check_whole("n_starts", self.n_starts, 1)
         if self.criterion not in CRITERIA:
             raise ValueError(f"criterion is {self.criterion!r}, expected one of: {', '.join(CRITERIA)}.")
         before = self.__dict__.pop("state_", None)

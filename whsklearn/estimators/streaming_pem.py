@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits
 
-from whsklearn._inputs import starts
+from whsklearn._inputs import check_whole, starts
 from whsklearn.effects import as_law
 from whsklearn.estimators._model import Structure
 from whsklearn.estimators._records import Given, checked_weights, joined
@@ -152,9 +152,7 @@ class StreamingPEMRegressor(ChainRegressor):
 
     def _check_settings(self) -> None:
         for name, least in (("n_start", 50), ("block", 20)):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least:
-                raise ValueError(f"{name} is {value!r}, expected a whole number of {least} or more.")
+            check_whole(name, getattr(self, name), least)
 
     def _initial(self, m: int) -> dict[str, Any]:
         return {

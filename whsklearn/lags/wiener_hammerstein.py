@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator, TransformerMixin, clone
 from sklearn.utils.validation import check_array, check_is_fitted, column_or_1d
 
-from whsklearn._inputs import check_lengths, in_one_sentence, starts, writeable
+from whsklearn._inputs import check_lengths, check_whole, in_one_sentence, starts, writeable
 from whsklearn.effects import FrictionLaw, StaticEffect, as_law
 from whsklearn.recursion.rows.pseudolinear import auxiliary_size, rows_along
 
@@ -96,9 +96,7 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
             If an order is not a whole number, n_a or n_c is below 1, or n_b or n_d is below 0.
         """
         for name, least in (("n_a", 1), ("n_b", 0), ("n_c", 1), ("n_d", 0)):
-            order = getattr(self, name)
-            if isinstance(order, bool) or not isinstance(order, (int, np.integer)) or order < least:
-                raise ValueError(f"{name} is {order!r}, expected a whole number of {least} or more; set the order.")
+            check_whole(name, getattr(self, name), least, "; set the order")
         return np.array([self.n_a, self.n_b, self.n_c, self.n_d, len(as_law(self.law))], dtype=np.int64)
 
     def advance(self) -> int:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from whsklearn._inputs import real_array
+from whsklearn._inputs import check_whole, real_array
 
 __all__ = ["Excitation", "ExcitationWarning", "check_excitation", "excitation"]
 
@@ -134,8 +134,7 @@ def excitation(phi: ArrayLike, names: Sequence[str] | None = None, p: int = 1, t
     names = tuple(names) if names is not None else tuple(f"theta[{i}]" for i in range(n_params))
     if len(names) != n_params:
         raise ValueError(f"excitation: {len(names)} names for {n_params} columns; give one name a column.")
-    if isinstance(p, bool) or not isinstance(p, (int, np.integer)) or p < 1:
-        raise ValueError(f"excitation: p is {p!r}, expected a whole number >= 1.")
+    check_whole("excitation: p", p, 1)
     weight = np.minimum(p, n - np.arange(n))  # of sample k among the windows j <= n
     size = float(np.max(np.abs(phi))) or 1.0  # so that no square leaves the range of floats
     with np.errstate(over="ignore"):

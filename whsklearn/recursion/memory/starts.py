@@ -19,9 +19,14 @@ N_SIZES = 9  # random L1 behind which a term's size is measured; an odd number h
 
 
 def random_stable(order: int, rng: np.random.Generator) -> Array:
-    """A stable denominator from uniform reflection coefficients (Levinson recursion)."""
+    """A stable denominator from uniform reflection coefficients."""
+    return denominator_of(rng.uniform(-0.9, 0.9, order))
+
+
+def denominator_of(reflections: Array) -> Array:
+    """b_1, ... from reflection coefficients (Levinson recursion); stable if each is between -1 and 1."""
     b: list[float] = []  # arrays would take five times as long, and a sample is waiting
-    for r in rng.uniform(-0.9, 0.9, order).tolist():
+    for r in reflections.tolist():
         b = [x + r * y for x, y in zip(b, b[::-1], strict=True)] + [r]
     return np.array(b)
 

@@ -113,8 +113,6 @@ def rows_along(theta, dims, codes, shapes, key, state, past_u, past_y, u, y, res
     return out
 
 
-__all__ = ["BLOCK", "GRADIENT", "REEVALUATED", "Published", "auxiliary_size", "rebuild", "row", "run_pseudolinear"]
-
 BLOCK, REEVALUATED, GRADIENT = 0, 1, 2
 
 
