@@ -181,7 +181,7 @@ class ContactStop(EndStop):
     (1.5, 2.5)
     """
 
-    angle: float = number(1.0, "rad", -1e2, 1e2, span=(-1.5, 1.5), starts=(0.8,))
+    angle: float = number(1.0, "rad", -1e2, 1e2, scale="extent", span=(-1.5, 1.5), starts=(0.8,))
     relaxation: float = number(0.01, "s", 0.0, 1.0, span=(0.0, 0.05), starts=(0.0,))
     centre: float = number(0.0, "rad", -10.0, 10.0, span=(-3.0, 3.0), starts=(0.0,))
     side: str = choice("upper", {"both": codes.END_STOP, "upper": codes.END_STOP_UPPER, "lower": codes.END_STOP_LOWER})

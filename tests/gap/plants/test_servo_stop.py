@@ -15,11 +15,11 @@ from whsklearn.systems import ServoAxis
 
 RATE, SECONDS = 500.0, 20.0
 TIME = np.arange(int(RATE * SECONDS)) / RATE
-REFERENCE = 1.3 * np.sin(1.1 * TIME) + 0.5 * np.sin(5.1 * TIME + 1) + 0.2 * np.sin(12.3 * TIME) + 0.4
+REFERENCE = 1.3 * np.sin(1.1 * TIME) + 0.5 * np.sin(5.1 * TIME + 1) + 0.2 * np.sin(12.3 * TIME) - 2.0  # away from zero
 STOPS = {
-    "upper": ContactStop(150.0, 1.9, 0.02, side="upper"),
-    "lower": ContactStop(150.0, -1.1, 0.02, side="lower"),
-    "both": ContactStop(150.0, 1.5, 0.02, centre=0.4, side="both"),
+    "upper": ContactStop(150.0, -0.5, 0.02, side="upper"),
+    "lower": ContactStop(150.0, -3.5, 0.02, side="lower"),
+    "both": ContactStop(150.0, 1.5, 0.02, centre=-2.0, side="both"),
 }
 
 
@@ -43,7 +43,7 @@ def test_a_stop_is_named_with_its_side_and_its_end(side):
     assert finder.diagnosis_.closure > 0.88
 
 
-@pytest.mark.parametrize("effects", [(), (CableSpring(1.0),), (Saturation(2.0),)], ids=["plain", "spring", "limit"])
+@pytest.mark.parametrize("effects", [(), (CableSpring(1.0, -2.4),), (Saturation(2.0),)], ids=["plain", "spring", "limit"])
 def test_no_stop_is_seen_where_there_is_none(effects):
     r = log_of(*effects)
     view, model = start_of(ServoRecord(r.time, r.drive, r.position), ("viscous", "coulomb"), 0.004)
@@ -58,7 +58,7 @@ def test_the_base_numbers_are_those_without_the_stop_and_the_contact_is_the_true
     assert model.inertia == pytest.approx(plain.inertia, rel=2e-3)
     for with_stop, without in zip(model.terms, plain.terms, strict=False):
         assert with_stop.q[0] == pytest.approx(without.q[0], rel=0.01)
-    assert model.terms[-1].q == pytest.approx((150.0, 1.5, 0.02, 0.4), rel=0.06)
+    assert model.terms[-1].q == pytest.approx((150.0, 1.5, 0.02, -2.0), rel=0.06)
 
 
 def test_a_hard_limit_of_the_drive_is_named():
