@@ -164,3 +164,14 @@ def test_what_travel_is_too_short_to_tell_apart_is_said():
     assert "gravity predicts about as well" in recommend(both, trivial)[1]
     both[1].score = 1.2
     assert "about as well" not in recommend(both, trivial)[1]
+
+
+def test_gravity_over_little_travel_is_not_replaced_by_a_cubic_that_imitates_it():
+    t = 0.01 * np.arange(500)
+    waves = ((0.2, 3.0), (0.15, 7.1))
+    q, v, a = (sum(size * w**k * np.sin(w * t + k * np.pi / 2) for size, w in waves) for k in range(3))
+    u = 0.08 * a + 0.2 * v + 0.1 * np.sign(v) + 0.8 * np.sin(q + 0.3)
+    y = q + 1e-5 * np.random.default_rng(0).standard_normal(500)
+    found = identify(u, y, dt=0.01, logged="position", units={"input": "Nm", "output": "rad"})
+    assert found.recommended.name == "axis with gravity", found.reason
+    assert "gravity is the best" in next(c.failure for c in found.models if "over position" in c.name)
