@@ -18,7 +18,6 @@ import numpy as np
 from sklearn.utils import Bunch
 
 from whsklearn.effects import Effect, effect_names, get_effect
-from whsklearn.logs.units import respelled
 from whsklearn.systems._arm_kernels import N_BODY, Links, fill_mass, fill_regressor, fill_torque
 from whsklearn.systems._arm_pass import DRIVE, MEASURED, N_SIGNALS, POSITION, VELOCITY, Axes, Course, run
 from whsklearn.systems._servo_torques import KAPPA, LIMIT, N_PARTS, RESOLUTION, plant_of
@@ -231,7 +230,8 @@ class Arm:
         if effect not in effect_names():
             return ""
         cls = get_effect(effect)
-        return respelled(cls.quantities[cls.size].unit, {"Nm": "N", "rad": "m"} if slides else {})[1]
+        unit = cls.quantities[cls.size].unit
+        return unit.replace("Nm", "N").replace("rad", "m") if slides else unit
 
     def index(self, joint: str) -> int:
         """Index of a joint by its name.
