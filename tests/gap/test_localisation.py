@@ -67,6 +67,11 @@ def test_a_friction_that_drifts_moves_with_time():
     assert "coulomb" in drift_sentence(d.drifting)
 
 
+def test_a_constant_that_was_lost_has_no_share_of_itself():
+    lost = {"name": "inertia", "mean": 6e-8, "spread": 4e5, "taken": 0.66, "follows": "reversal", "share": 0.96}
+    assert "changes by more than itself, 96 %" in drift_sentence([lost])
+
+
 def test_constants_stay_constant_where_nothing_is_missing():
     case = make_case("none", 42, **SHORT)
     d = GapFinder("servo").fit(case.frame, **COLUMNS).diagnosis_

@@ -262,7 +262,8 @@ def drift_sentence(rows: list[dict]) -> str:
         return ""
     r = telling[0]
     name = r["name"].replace("_", " ")
+    much = f"{100 * r['spread']:.1f} % of itself" if r["spread"] < 1 else "more than itself"  # a mean near zero
     return (
-        f"Identified with a memory of {TIME_CONSTANT:.0f} s, {name} drifts: it changes by "
-        f"{100 * r['spread']:.1f} % of itself, {100 * r['share']:.0f} % of that with {r['follows']}."
+        f"Identified with a memory of {TIME_CONSTANT:.0f} s, {name} drifts: it changes by {much}, "
+        f"{100 * r['share']:.0f} % of that with {r['follows']}."
     )
