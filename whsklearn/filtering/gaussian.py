@@ -53,23 +53,6 @@ def gaussian_derivatives(sigma: float, dt: float) -> tuple[Array, Array, Array]:
     return g, g1, g2
 
 
-def gaussian_at(cutoff: float, dt: float) -> tuple[Array, Array, Array]:
-    """The kernels of `gaussian_derivatives` for a Gaussian that is 3 dB down at the cut-off (Hz)."""
-    return gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * cutoff), dt)
-
-
-def motion_behind(position: Array, dt: float, cutoff: float) -> tuple[Array, Array, Array]:
-    """Position, velocity and acceleration behind one Gaussian of the cut-off (Hz), shape (n,) each; edges repeat."""
-    from scipy.signal import fftconvolve
-
-    kernels = gaussian_at(cutoff, dt)
-    half = kernels[0].size // 2
-    centre = float(np.mean(position))  # the rounding error of the kernels' sums would multiply a large angle
-    padded = np.pad(position - centre, half, mode="edge")
-    q, v, a = (fftconvolve(padded, k, mode="valid") for k in kernels)
-    return q + centre, v, a
-
-
 def decimation(cutoff: float, dt: float) -> int:
     """Samples from one that is kept to the next behind a Gaussian with a cut-off (Hz)."""
     return max(1, int(1.0 / (PER_CUTOFF * cutoff * dt)))

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.filtering.gaussian import HIGHEST_CUTOFF, decimation, filtered, gaussian_at
+from whsklearn.filtering.gaussian import CUTOFF_SIGMA, HIGHEST_CUTOFF, decimation, filtered, gaussian_derivatives
 from whsklearn.validation.residuals import whiteness_test
 
 Array = NDArray[Any]
@@ -78,7 +78,7 @@ def residual_filter(
     best = None
     highest = min(30.0, HIGHEST_CUTOFF / dt)
     for cutoff in np.geomspace(highest, min(3.0, 0.5 * highest), 16):
-        g, first, second = gaussian_at(float(cutoff), dt)
+        g, first, second = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * cutoff), dt)
         taps = inertia * (second + gains[0] / dt * first + gains[1] / dt * g)
         every = decimation(float(cutoff), dt)
         best = ResidualFilter(taps, every, gains, float(cutoff), dt)

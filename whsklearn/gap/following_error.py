@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from whsklearn.filtering.gaussian import HIGHEST_CUTOFF, filtered, gaussian_at, motion_behind
+from whsklearn.filtering.gaussian import CUTOFF_SIGMA, HIGHEST_CUTOFF, filtered, gaussian_derivatives
 from whsklearn.gap.record import Array, ServoRecord
 
 # Share of the residual without a delay, below which a delay of a position servo's command is accepted: a delay trades
@@ -39,17 +39,17 @@ def following_error(record: ServoRecord) -> tuple[Array, float]:
     """
     command, position, dt = record.reference, record.position, record.dt
     assert command is not None
-    cutoff = min(CUTOFF, HIGHEST_CUTOFF / dt)
-    smooth, *_ = gaussian_at(cutoff, dt)
-    q, v, a = record.by_piece(lambda x: motion_behind(x, dt, cutoff), position)
+    kernels = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * min(CUTOFF, HIGHEST_CUTOFF / dt)), dt)
+    q, v, a = (record.by_piece(partial(filtered, taps=k, every=1), position - position.mean()) for k in kernels)
+    q = q + position.mean()
     slow = 0.05 * float(np.std(v)) + 1e-12
     columns = np.column_stack([a, v, np.tanh(v / slow), np.ones_like(q), np.cos(q), np.sin(q)])
-    edge = smooth.size + round(LONGEST_DELAY / dt)
+    edge = kernels[0].size + round(LONGEST_DELAY / dt)
     inside = record.by_piece(partial(_inner, edge=edge), np.ones(q.size, dtype=bool))
     basis, _ = np.linalg.qr(columns[inside])
 
     def left(samples: int) -> float:
-        error = (record.by_piece(lambda x: filtered(late(x, samples), smooth, 1), command) - q)[inside]
+        error = (record.by_piece(lambda x: filtered(late(x, samples), kernels[0], 1), command) - q)[inside]
         return float(np.linalg.norm(error - basis @ (basis.T @ error)))
 
     losses = [left(k) for k in range(round(LONGEST_DELAY / dt) + 1)]

@@ -163,29 +163,6 @@ def since_reversal(speed: Array, dt: float, quiet: float) -> Array:
     return out
 
 
-def signals_of(motion: Any, dt: float, speed: float, units: tuple[str, str]) -> dict[str, tuple[Array, str]]:
-    """Name -> (signal, unit) of an axis: the signals of its motion that a gap may follow, shape (n,) each.
-
-    Parameters
-    ----------
-    motion : object
-        With ``time``, ``position``, ``velocity`` and ``drive``.
-    dt : float
-    speed : float
-        Rms velocity; below a hundredth of it no direction changes.
-    units : tuple of str
-        Of drive and position.
-    """
-    drive, rad = units
-    out = {
-        "time": (motion.time, "s"), "position": (motion.position, rad), "velocity": (motion.velocity, f"{rad}/s"),
-        "reversal": (since_reversal(motion.velocity, dt, 0.01 * speed), "s"),
-    }  # fmt: skip
-    if np.ptp(motion.position) > 2 * np.pi:
-        out["angle in the turn"] = np.mod(motion.position, 2 * np.pi), rad
-    return out | {"drive": (motion.drive, drive)}
-
-
 def sentence(places: list[Place]) -> str:
     """Where the gap lies, in words."""
     telling = [p for p in places if p.p_value <= LEVEL]

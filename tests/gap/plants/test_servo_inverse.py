@@ -10,12 +10,11 @@ import pytest
 
 from benchmarks.blind_logs import servo
 from whsklearn.effects import GravityImbalance, LuGre
-from whsklearn.filtering.gaussian import motion_behind
 from whsklearn.gap import GapFinder
 from whsklearn.gap.plants.servo_candidates import candidate
 from whsklearn.gap.plants.servo_inverse import too_large
 from whsklearn.gap.plants.servo_model import Term
-from whsklearn.gap.plants.servo_start import start_of
+from whsklearn.gap.plants.servo_start import filtered_motion, start_of
 from whsklearn.gap.proof import closure
 from whsklearn.gap.record import ServoRecord
 from whsklearn.systems import ServoAxis
@@ -98,9 +97,9 @@ def test_added_columns_never_worsen_the_fit(plain):
 @pytest.mark.parametrize("rate", [50.0, 1000.0, 10_000.0])
 def test_smoothed_motion_has_no_phantom_spring(rate):
     t = np.arange(int(4 * rate)) / rate
-    _, _, a = motion_behind(np.full(t.size, 100.0), 1 / rate, min(8.0, 0.04 * rate))
+    _, _, a = filtered_motion(np.full(t.size, 100.0), 1 / rate, min(8.0, 0.04 * rate))
     assert np.abs(a).max() < 1e-6
-    _, _, a = motion_behind(0.5 * t**2, 1 / rate, min(8.0, 0.04 * rate))
+    _, _, a = filtered_motion(0.5 * t**2, 1 / rate, min(8.0, 0.04 * rate))
     assert a[t.size // 3 : -t.size // 3] == pytest.approx(1.0, abs=1e-6)
 
 

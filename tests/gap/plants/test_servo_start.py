@@ -10,10 +10,10 @@ import pytest
 from tests.gap.plants.example_servo import INERTIA, RATE, TIME, opened, record_of
 from whsklearn.datasets import make_servo_log
 from whsklearn.effects import InputDelay
-from whsklearn.filtering.gaussian import motion_behind
 from whsklearn.gap.plants.servo_start import (
     base_model,
     best_view,
+    filtered_motion,
     logged_late,
     start_of,
     with_earlier_drive,
@@ -29,7 +29,7 @@ def views():
 @pytest.mark.parametrize("centre", [0.0, 1e5])
 def test_derivatives_of_a_wave_are_its_own_wherever_the_encoder_counts_from(centre):
     w = 3.0
-    q, v, a = motion_behind(centre + np.sin(w * TIME), 1.0 / RATE, 20.0)
+    q, v, a = filtered_motion(centre + np.sin(w * TIME), 1.0 / RATE, 20.0)
     inside = slice(200, -200)
     np.testing.assert_allclose(q[inside] - centre, np.sin(w * TIME)[inside], atol=2e-3)
     np.testing.assert_allclose(v[inside], w * np.cos(w * TIME)[inside], atol=w * 2e-3)

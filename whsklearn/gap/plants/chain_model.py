@@ -97,6 +97,11 @@ class ChainCandidate(EffectVariant):
         return "position" if "order" in self.fields else super().scanned
 
     @property
+    def positive(self) -> bool:
+        """Whether its one size must be positive."""
+        return self.linear == 1 and self.cls.quantities[self.cls.size].positive
+
+    @property
     def at(self) -> str:
         """The port, if there is a choice."""
         return self.options.get("at", "")

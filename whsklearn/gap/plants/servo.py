@@ -18,7 +18,7 @@ from whsklearn.gap.calibration import gain
 from whsklearn.gap.data_check import DataProblem, check_servo
 from whsklearn.gap.diagnosis import NamedEffect
 from whsklearn.gap.filters import whiteness
-from whsklearn.gap.localisation import signals_of, spectra
+from whsklearn.gap.localisation import since_reversal, spectra
 from whsklearn.gap.pictures import DRAWN
 from whsklearn.gap.plant import QUIET, Figures, Gap, Learned, Linearised, Plant, Reading, Told
 from whsklearn.gap.plants import servo_evidence as rules
@@ -459,9 +459,18 @@ def law_names(law: str | None, default: str) -> tuple[str, ...]:
 
 def signals(view: Any, units: tuple[str, str]) -> dict[str, tuple[Array, str]]:
     """The signals that the gap may follow, at the judged samples of the inverse view."""
-    every = signals_of(view.motion._replace(time=view.time), view.scene.dt, view.scene.speed, units)
-    out = {k: (x[:: view.every][view.at], unit) for k, (x, unit) in every.items()}
-    return out | {"drive": (view.drive[view.at], units[0])}
+    motion, dt = view.motion, view.scene.dt
+    drive, rad = units
+    picked = {
+        "time": (view.time, "s"),
+        "position": (motion.position, rad),
+        "velocity": (motion.velocity, f"{rad}/s"),
+        "reversal": (since_reversal(motion.velocity, dt, 0.01 * view.scene.speed), "s"),
+    }
+    if np.ptp(motion.position) > 2 * np.pi:
+        picked["angle in the turn"] = (np.mod(motion.position, 2 * np.pi), rad)
+    out = {k: (x[:: view.every][view.at], u) for k, (x, u) in picked.items()}
+    return out | {"drive": (view.drive[view.at], drive)}
 
 
 def pictures(view: Any, base: Any, model: Any, units: tuple[str, str], what: str) -> dict[str, Any]:

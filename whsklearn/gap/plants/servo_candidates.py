@@ -67,6 +67,11 @@ class Candidate(EffectVariant):
         """Whether the size is a cosine and a sine."""
         return self.linear == 2
 
+    @property
+    def positive(self) -> bool:
+        """Whether a physical size is positive; the two weights of a wave are free."""
+        return not self.paired and self.cls.quantities[self.cls.size].positive
+
     @cached_property
     def parent(self) -> str:
         """The effect that must be present before it is tried."""

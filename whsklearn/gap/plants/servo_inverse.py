@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from whsklearn.effects import EndStop, Scales, codes
-from whsklearn.filtering.gaussian import CUTOFF_SIGMA, decimation, filtered, gaussian_at, motion_behind
+from whsklearn.filtering.gaussian import CUTOFF_SIGMA, decimation, filtered, gaussian_derivatives
 from whsklearn.gap.least_squares import jacobian
 from whsklearn.gap.plant import Linearised
 from whsklearn.gap.plants import inverse_dynamics as ols
@@ -69,16 +69,18 @@ class InverseView:
         self.quantum = lattice(y)
         self.noise = max(noise_level(y), rules.GRID_AS_NOISE * self.quantum)
         sigma = CUTOFF_SIGMA / (2 * np.pi * cutoff)
-        self.g, _, g2 = gaussian_at(cutoff, dt)
+        self.g, _, g2 = gaussian_derivatives(sigma, dt)
         self.every = decimation(cutoff, dt)
-        double = min(2 * cutoff, 0.1 / dt)
-        fine = gaussian_at(double, dt)
-        q, v, a = record.smoothed(lambda x: motion_behind(x, dt, double), y, fine[0].size // 2)
+        fine = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * min(2 * cutoff, 0.1 / dt)), dt)
+        centre = float(np.mean(y))
+        q, v, a = record.smoothed(
+            lambda x: tuple(filtered(x, kernel, 1) for kernel in fine), y - centre, fine[0].size // 2
+        )
         self.time = record.clock
-        self.motion = ColumnSignals(self.time, q, v, a, u)
+        self.motion = ColumnSignals(self.time, q + centre, v, a, u)
         self.slowest = max(rules.NOISY * self.noise * float(np.linalg.norm(fine[1])), rules.SLOW * scene.speed)
         self.motion = self.motion._replace(kappa=2.0 / self.slowest)
-        self.acceleration = filtered(y - np.mean(y), g2, self.every)
+        self.acceleration = filtered(y - centre, g2, self.every)
         self.drive = self.blur(u)
         self.moving, whole = self._moving(sigma)
         enough = self.moving.sum() >= rules.FEWEST_JUDGED
@@ -172,7 +174,7 @@ class InverseView:
     def _new_columns(self, model: AxisModel, t: Term, torque: Array | None) -> Array:
         if t.kind.cls.port == "output":  # J a and B v are computed from a reading that is ahead by the error
             waves = t.kind.unit_columns(t.q[t.kind.linear :], self.motion)
-            _, _, g2 = gaussian_at(self.cutoff, self.scene.dt)
+            _, _, g2 = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * self.cutoff), self.scene.dt)
             return -model.inertia * filtered(waves, g2, self.every)
         s = self.motion if torque is None else self.motion._replace(drive=torque)
         return self.blur(t.kind.unit_columns(t.q[t.kind.linear :], s))

@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import fftconvolve
 
 from whsklearn.effects import Scales, get_effect
-from whsklearn.filtering.gaussian import HIGHEST_CUTOFF, gaussian_at, motion_behind
+from whsklearn.filtering.gaussian import CUTOFF_SIGMA, HIGHEST_CUTOFF, gaussian_derivatives
 from whsklearn.gap.diagnosis import NamedEffect
 from whsklearn.gap.filters import residual_filter
 from whsklearn.gap.plant import DEFAULT_TOLERANCE, QUIET
@@ -26,6 +27,16 @@ from whsklearn.logs.lattice import lattice
 Array = NDArray[Any]
 LOWEST_CUTOFF = 2.0  # Hz, of the search for the filter
 FIRST_CUTOFF = 8.0  # Hz, for the first guess of the inertia: above any reference, below most noise
+
+
+def filtered_motion(position: Array, dt: float, cutoff: float) -> tuple[Array, Array, Array]:
+    """Position, velocity and acceleration of a segment behind one Gaussian of the cut-off (Hz), shape (n,) each."""
+    g, g1, g2 = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * cutoff), dt)
+    half = g.size // 2
+    centre = float(np.mean(position))  # the rounding error of the kernels' sums would multiply a large angle
+    padded = np.pad(position - centre, half, mode="edge")
+    q, v, a = (fftconvolve(padded, k, mode="valid") for k in (g, g1, g2))
+    return q + centre, v, a
 
 
 def base_model(law: tuple[str, ...], scene: Scales) -> AxisModel:
@@ -47,8 +58,8 @@ def best_view(view: InverseView, model: AxisModel, goal: float) -> InverseView:
     speed = np.abs(view.start[1])
     cutoffs = np.geomspace(top, min(LOWEST_CUTOFF, 0.5 * top), 14)
     for cutoff in cutoffs:
-        *_, g2 = gaussian_at(float(cutoff), dt)
-        _, g1, _ = gaussian_at(min(2 * cutoff, 0.1 / dt), dt)
+        *_, g2 = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * cutoff), dt)
+        _, g1, _ = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * min(2 * cutoff, 0.1 / dt)), dt)
         slowest = rules.NOISY * noise * float(np.linalg.norm(g1))
         other = InverseView(view.record, scene, float(cutoff), view.start)
         if np.mean((speed < slowest) & (speed > rules.SLOW * scene.speed)) > rules.BLIND_SHARE:
@@ -68,7 +79,7 @@ def start_of(record: ServoRecord, law: tuple[str, ...], goal: float) -> tuple[In
     """
     dt, y = record.dt, record.position
     first = min(FIRST_CUTOFF, 0.5 * HIGHEST_CUTOFF / dt)
-    q, v, a = record.smoothed(lambda x: motion_behind(x, dt, first), y, round(1.0 / (first * dt)))
+    q, v, a = record.smoothed(lambda x: filtered_motion(x, dt, first), y, round(1.0 / (first * dt)))
     torque = rms(record.drive)
     scene = Scales(
         torque=torque,

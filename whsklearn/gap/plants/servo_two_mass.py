@@ -20,7 +20,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from whsklearn.effects import codes as k
-from whsklearn.filtering.gaussian import filtered, gaussian_at
+from whsklearn.filtering.gaussian import CUTOFF_SIGMA, filtered, gaussian_derivatives
 from whsklearn.gap.plants.servo_model import INSIDE, AxisModel, Term
 
 Array = NDArray[Any]
@@ -73,7 +73,7 @@ def contact(model: AxisModel, t: Term) -> tuple[float, float, float]:
 
 def from_load(view: Any, t: Term, torque: Array | None) -> Array:
     """Drive of a motor that is ahead of a measured load, per unit of J_M J_L / k or of J_M gap / 2; shape (n, 1)."""
-    _, _, g2 = gaussian_at(view.cutoff, view.scene.dt)
+    _, _, g2 = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * view.cutoff), view.scene.dt)
     if t.kind.code == k.BACKLASH:
         m = view.record.drive if torque is None else torque
         side = np.clip(m / (TURNS * view.scene.torque), -1.0, 1.0)

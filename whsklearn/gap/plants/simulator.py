@@ -31,7 +31,7 @@ from whsklearn.effects import effect_names, get_effect
 from whsklearn.gap.calibration import GATE, gain, n_effective, p_value
 from whsklearn.gap.data_check import DataProblem, check_servo
 from whsklearn.gap.filters import WHITENING, autoregression, whiten, whiteness
-from whsklearn.gap.localisation import signals_of, spectra
+from whsklearn.gap.localisation import since_reversal, spectra
 from whsklearn.gap.plant import Figures, Gap, Linearised, Plant, Told
 from whsklearn.gap.plants.simulator_look import (
     Motion,
@@ -327,9 +327,13 @@ def _scale(record: ServoRecord) -> float:
 
 def signals(plant: Any) -> dict[str, tuple[Array, str]]:
     """Name -> (signal at the judged samples, unit)."""
-    s = plant.motion.signals
-    every = signals_of(s, plant.record.dt, rms(s.velocity), plant.units)
-    return {k: (x[:: plant.every], unit) for k, (x, unit) in every.items()}
+    s, k = plant.motion.signals, plant.every
+    drive, rad = plant.units
+    still = 0.01 * rms(s.velocity)
+    return {
+        "time": (s.time[::k], "s"), "position": (s.position[::k], rad), "velocity": (s.velocity[::k], f"{rad}/s"),
+        "reversal": (since_reversal(s.velocity, plant.record.dt, still)[::k], "s"), "drive": (s.drive[::k], drive),
+    }  # fmt: skip
 
 
 def pictures(plant: Any, base: SimulatorModel, model: SimulatorModel) -> dict[str, Any]:

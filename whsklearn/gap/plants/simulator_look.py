@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.effects import ContactStop, Coulomb, Effect, Scales, Viscous, effect_names, get_effect
-from whsklearn.filtering.gaussian import CUTOFF_SIGMA, HIGHEST_CUTOFF, decimation, filtered, gaussian_at, motion_behind
+from whsklearn.filtering.gaussian import CUTOFF_SIGMA, HIGHEST_CUTOFF, decimation, filtered, gaussian_derivatives
 from whsklearn.gap.calibration import N_NULL, coloured, n_effective, smoothed_power
 from whsklearn.gap.nameless import nameless
 from whsklearn.gap.plants.servo_candidates import UNSEEN
@@ -57,10 +57,17 @@ class Motion:
 
 def motion(record: Any) -> Motion:
     """Smooth position, velocity and acceleration of a record; ``usable`` are the decimated samples away from edges."""
+    from scipy.signal import fftconvolve
+
     cutoff = min(HIGHEST, HIGHEST_CUTOFF / record.dt)
-    kernels = gaussian_at(cutoff, record.dt)
+    kernels = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * cutoff), record.dt)
     half = kernels[0].size // 2
-    q, v, a = record.by_piece(lambda x: motion_behind(x, record.dt, cutoff), record.position)
+
+    def smooth(x: Array) -> tuple[Array, ...]:
+        padded = np.pad(x, half, mode="edge")
+        return tuple(fftconvolve(padded, k, mode="valid") for k in kernels)
+
+    q, v, a = record.by_piece(smooth, record.position)
     still = 3.0 * noise_level(record.position) / (CUTOFF_SIGMA / (2 * np.pi * cutoff))
     signals = SimpleNamespace(
         time=record.time - record.time[0], position=q, velocity=v, acceleration=a, drive=record.drive,

@@ -66,11 +66,6 @@ class EffectVariant:
         field = self.cls.scanned()
         return self.cls.quantities[field].scan if field else ""
 
-    @property
-    def positive(self) -> bool:
-        """Whether a physical size is positive; the two weights of a wave are free."""
-        return self.linear != 2 and self.cls.quantities[self.cls.size].positive
-
     def ratios(self, i: int) -> bool:
         """Whether number ``i`` is varied by ratios."""
         if i < self.linear:
