@@ -59,8 +59,10 @@ class Bins:
 
     def __init__(self, x: Array):
         self.edges = np.unique(np.quantile(x, np.linspace(0, 1, N_BINS + 1)))
-        self.at = np.clip(np.searchsorted(self.edges, x, side="right") - 1, 0, self.edges.size - 2)
-        self.count = np.bincount(self.at, minlength=self.edges.size - 1)
+        self.at = np.clip(
+            np.searchsorted(self.edges, x, side="right") - 1, 0, max(self.edges.size - 2, 0)
+        )  # a constant has one bin
+        self.count = np.bincount(self.at, minlength=max(self.edges.size - 1, 1))
 
     def sums(self, values: Array) -> Array:
         """Sum of values of shape (n,) in every bin."""
