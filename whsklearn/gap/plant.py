@@ -317,9 +317,9 @@ class Plant(Protocol):
         before, after = self.errors(model), self.errors(grown)
         return gain(float(before @ before), float(after @ after), self.n_effective), self.size(before, after)
 
-    def alone(self, *models: Any) -> list[Array]:
-        """Residual of each model minus the artefacts of its own records: here the residual itself."""
-        return [np.asarray(self.errors(m)) for m in models]
+    def alone(self, model: Any) -> Array:
+        """Residual of a model minus the artefacts of its own records: here the residual itself."""
+        return np.asarray(self.errors(model))
 
     def leads(self, taken: Any, other: Any, before: Array, rng: np.random.Generator) -> Array:
         """Lead of the one taken in records simulated with the other: to first order, from what each explains."""

@@ -330,7 +330,7 @@ class Search:
         powers = (float(f.errors @ f.errors) for f in (taken, other))
         if next(powers) < HALF * next(powers):
             return True
-        left, rest = self.plant.alone(taken.model, other.model)
+        left, rest = (self.plant.alone(f.model) for f in (taken, other))
         n = max(self.plant.n_effective, n_effective(rest))
         lead = gain(float(rest @ rest), float(left @ left), n)
         lead -= 2.0 * float(np.mean(taken.look.null) - np.mean(other.look.null))

@@ -146,9 +146,7 @@ class ServoPlant(Plant):
 
         Inverse dynamics takes the measured motion to be the motor's; its form for the load side is only first order.
         """
-        i = next((i for i, t in enumerate(model.terms) if t.kind.code in TWO_MASS), None)
-        if i is None:
-            return []
+        i = next(i for i, t in enumerate(model.terms) if t.kind.code in TWO_MASS)
         rest = self.observer.fit(model.without(i))
         other = dataclasses.replace(model.terms[i].kind, on_load=True)
         fitted = servo_run.with_load(self.observer, rest, other)
@@ -316,26 +314,13 @@ class ServoPlant(Plant):
         """Residual of the model at the judged samples."""
         return self.inverse.gap(model)
 
-    def alone(self, *models: AxisModel) -> list[Array]:
-        """The models' residuals, polished with the artefacts of their own records instead of those of their base.
-
-        With a transmission in one of them, all are fitted and judged along their runs: inverse dynamics takes the
-        measured motion to be the motor's, and sees a load to first order only.
-        """
-        if any(t.kind.code in TWO_MASS for m in models for t in m.terms):
-            return [self._along_either_side(m) for m in models]
-        view, kept, out = self.inverse, self.inverse.artefact, []
-        for model in models:
-            view.artefact = servo_own.own(view, model, np.random.default_rng(0))[0].mean
-            out.append(view.gap(looking_settled(view, view.fit(model))))
+    def alone(self, model: AxisModel) -> Array:
+        """The model's residual, polished with the artefacts of its own records instead of those of its base."""
+        view, kept = self.inverse, self.inverse.artefact
+        view.artefact = servo_own.own(view, model, np.random.default_rng(0))[0].mean
+        left = view.gap(looking_settled(view, view.fit(model)))
         view.artefact = kept
-        return out
-
-    def _along_either_side(self, model: AxisModel) -> Array:
-        """Smallest missing torque along the run, with the encoder on either side of a transmission."""
-        view = self.observer
-        fits = [view.fit(model), *self._from_load(model)]
-        return view.gap(min(fits, key=lambda m: view.rms(view.gap(m))))[view.usable]
+        return left
 
     def objection(self, model: AxisModel, grown: AxisModel) -> str:
         """The objection to an effect: a physical one, too small a share beside play, or a worse free run."""
