@@ -247,15 +247,6 @@ def test_a_name_that_explains_as_much_is_a_rival_though_chance_might_explain_it(
     assert search._as_good(taken, asked) == ["as good"]
 
 
-def test_a_look_is_weighed_against_looks_and_not_against_what_polishing_made_of_one():
-    """A play explained more than a coupling once polished, and was named although the coupling explains all."""
-    plant = Columns({"b": 1.0}, names="ab")
-    plant.columns["a"] = 0.9 * plant.columns["b"] + 0.44 * plant.columns["a"]
-    search = Search(plant, np.random.default_rng(0), alpha=0.01, max_effects=3)
-    first = [Look(n, 40.0, np.zeros(3), p_value=1e-6, size=size) for n, size in (("a", 0.5), ("b", 0.3))]
-    assert [f.name for f in search.fitted(Regression(), first)] == ["b", "a"]
-
-
 def test_a_review_leaves_an_effect_that_a_better_one_is_not_told_from():
     plant = Columns({"a": 0.5, "c": 0.3})
     search = Search(plant, np.random.default_rng(0), alpha=0.01, max_effects=3)

@@ -21,25 +21,6 @@ def test_jitter_goes_onto_an_even_grid_with_little_error(load):
     assert np.max(np.abs(log.y - np.cos(8 * (log.time + t[0])))[2:-2]) < 2e-5  # a straight line would be 2e-4 off
 
 
-def test_stamps_that_are_late_leave_the_samples_as_they_are(load):
-    table = columns(2000)
-    table["position_rad"] = np.cos(8 * table["time_s"])
-    late = np.minimum(np.random.default_rng(1).exponential(0.2, 2000), 0.8) / RATE
-    table["time_s"] = table["time_s"] + late
-    with pytest.warns(LogWarning, match="only their stamps are late"):
-        log = load(table)
-    assert np.array_equal(log.y, table["position_rad"])
-    assert log.sample_rate == pytest.approx(RATE, rel=1e-4)
-    assert set(log.report.codes) == {"LOG001", "LOG011"}  # uneven, but nothing is missing
-
-
-def test_a_lost_sample_is_no_late_stamp(load):
-    table = {k: np.delete(v, 900) for k, v in columns(2000).items()}
-    table["time_s"] = table["time_s"] + 0.1 / RATE * np.random.default_rng(1).random(1999)
-    with pytest.warns(LogWarning, match="even grid"):
-        assert load(table).time[-1] == pytest.approx(1999 / RATE, abs=1 / RATE)
-
-
 def test_steps_of_10_and_12_ms_are_11(load):
     table = columns(1000)
     table["time_s"] = np.cumsum(np.tile([0.010, 0.012], 500))

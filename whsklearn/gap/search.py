@@ -263,7 +263,7 @@ class Search:
                 reason = "it explains too little of what follows the motion"
             reason = self.plant.objection(model, f.model) or reason
             if not reason:
-                strongest = max(strongest, look.size)
+                strongest = max(strongest, size)
             out.append(replace(f, reason=reason))
         return out
 

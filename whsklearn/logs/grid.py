@@ -16,10 +16,6 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 MOTIONS = ("position", "reference", "command")
-# Rows of a block whose median lateness shows a lost sample, and the largest such median in periods: a lost sample moves
-# all later rows by one period, while the median of 32 latencies that spread over one varies by a tenth of it.
-BLOCK, MOVED = 32, 0.25
-STRAIGHTER = 0.5  # share of the power of the interpolation error that even stamps must leave: it halves at least
 
 
 class Even(NamedTuple):
@@ -75,66 +71,6 @@ def even(time: Array, signals: dict[str, Array], segment: NDArray[np.int64]) -> 
         Finding("LOG011", "warning", text, value=period),
         len(straight) == len(spans),
     )
-
-
-def punctual(time: Array, motion: Array, segment: NDArray[np.int64]) -> tuple[Array, Finding | None]:
-    """Stamps on an even line, if the samples were taken evenly and only their stamps are late; else as they are.
-
-    A host stamps a sample when it arrives, while the drive took it on time.  The motion tells which it was: each sample
-    is predicted from its two neighbours on either side, with the stamps and with the line, and wrong times make a
-    motion rough.
-
-    Parameters
-    ----------
-    time, motion : ndarray of shape (n,)
-        Increasing stamps in s and a measured motion.
-    segment : ndarray of int, shape (n,)
-        Number of the segment of each row.
-
-    Examples
-    --------
-    >>> t = 0.01 * np.arange(400)
-    >>> late = t + 0.004 * np.random.default_rng(0).random(400)
-    >>> one = np.zeros(400, dtype=np.int64)
-    >>> out, found = punctual(late, np.sin(5 * t), one)  # taken at t
-    >>> bool(np.allclose(np.diff(out), 0.01, atol=1e-4)), found is not None
-    (True, True)
-    >>> punctual(late, np.sin(5 * late), one)[1] is None  # taken when stamped
-    True
-    """
-    steps = np.diff(time)[np.diff(segment) == 0]
-    if steps.size == 0 or np.all(np.abs(steps / np.median(steps) - 1.0) <= ALLOWED_JITTER):
-        return time, None
-    out, errors = time.copy(), np.zeros(2)
-    for number in np.unique(segment):
-        rows = np.flatnonzero(segment == number)
-        if rows.size < BLOCK:
-            continue
-        if _line(time[rows]) is not None:  # rounded: `even` knows what to do
-            return time, None
-        place = np.arange(rows.size)
-        line = np.polynomial.Polynomial.fit(place, time[rows], 1)(place)
-        whole = rows.size // BLOCK * BLOCK
-        late = np.median((time[rows] - line)[:whole].reshape(-1, BLOCK), axis=1)
-        if np.abs(late).max() > MOVED * (line[1] - line[0]):
-            return time, None
-        errors += [_roughness(t, motion[rows]) for t in (time[rows], line)]
-        out[rows] = line
-    if not errors[1] < STRAIGHTER * errors[0]:
-        return time, None
-    text = f"The samples are even and only their stamps are late; rows are taken {np.median(np.diff(out)):.6g} s apart."
-    return out, Finding("LOG011", "warning", text)
-
-
-def _roughness(t: Array, x: Array) -> float:
-    """Sum of squared differences between samples and the cubic through their two neighbours on either side."""
-    at = np.stack([t[k : t.size - 4 + k] - t[2:-2] for k in (0, 1, 3, 4)])
-    values = np.stack([x[k : x.size - 4 + k] for k in (0, 1, 3, 4)])
-    guess = np.zeros(t.size - 4)
-    for i in range(4):
-        others = [j for j in range(4) if j != i]
-        guess += values[i] * np.prod([at[j] / (at[j] - at[i]) for j in others], axis=0)
-    return float(np.sum((guess - x[2:-2]) ** 2))
 
 
 def _resampled(t: Array, signals: dict[str, Array], period: float) -> tuple[Array, dict[str, Array]]:

@@ -16,7 +16,7 @@ from whsklearn.logs.current import TorqueConstant, factor_to_torque, is_current
 from whsklearn.logs.errors import ColumnError, LogError, LogWarning
 from whsklearn.logs.findings import Finding, LogReport
 from whsklearn.logs.formats import open_source
-from whsklearn.logs.grid import MOTIONS, even, punctual
+from whsklearn.logs.grid import even
 from whsklearn.logs.source import Column, Source
 from whsklearn.logs.timebase import in_order, to_seconds
 from whsklearn.logs.units import UNKNOWN, stated, symbol_of, time_unit_of, unit_for, unit_of, written_unit
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 _MENDED = {"LOG001", "LOG002", "LOG003", "LOG004", "LOG010", "LOG011", "LOG013", "LOG014", "LOG018"}
 FEWEST = 3  # rows
 _STAMPS = {"LOG001", "LOG002", "LOG003", "LOG004", "LOG010"}
-_UNEVEN = {"LOG001"}  # of a log whose stamps were late: a long step has lost no sample
 
 
 class Log(Bunch):
@@ -372,10 +371,6 @@ def _mended(name: str, table: _Table) -> Bunch:
     signals, more = _motions(signals, table.units)
     found += more
     clock, segment = stamps.time, stamps.segment
-    motion = next((signals[role] for role in (*MOTIONS, "velocity") if role in signals), None)
-    clock, late = (clock, None) if motion is None else punctual(clock, motion, segment)
-    if late is not None:
-        found.append(late)
     if "velocity" in signals and "position" not in signals:
         signals["position"], more_one = _summed(clock, signals["velocity"], segment)
         found.append(more_one)
@@ -391,9 +386,9 @@ def _mended(name: str, table: _Table) -> Bunch:
     done = even(clock, signals, segment)
     if done.finding is not None:
         found.append(done.finding)
-    if not done.rounded:  # if stamps were merely rounded, no sample is lost
+    if done.finding is None or not done.rounded:  # if stamps were merely rounded, no sample is lost
         for f in raw.findings:
-            if f.code in (_STAMPS if late is None else _UNEVEN):  # the problem without the remedy, which was applied
+            if f.code in _STAMPS:  # the problem without the remedy, which was applied
                 text = f.explanation.partition(";")[0].rstrip(".") + "."
                 found.append(Finding(f.code, "warning", text, f.rows, f.value))
         if done.segment[-1] > 0:

@@ -104,19 +104,6 @@ def test_numbers_for_simulation_are_compared_at_the_horizon_that_is_proved(monke
     assert plant.headline == 0.07
 
 
-def test_runs_with_and_without_a_lag_are_compared_by_the_better_numbers_of_each(monkeypatch):
-    errors = {"lag": 3.0, "lag refitted": 1.0, "bare": 2.0, "bare refitted": 2.5}
-    monkeypatch.setattr(servo_run, "train_error", lambda view, m, horizon: errors[m.name])
-    monkeypatch.setattr(ServoPlant, "_horizons", lambda self, m: (0.5, ()))
-    monkeypatch.setattr(ServoPlant, "_weighs", lambda self, m: True)
-    plant = object.__new__(ServoPlant)
-    lag = Term(candidate("actuator_lag"), (0.01,))
-    bare, after = (SimpleNamespace(name=n, terms=(lag,)) for n in ("bare", "lag"))
-    plant.observer = SimpleNamespace(fit=lambda m: SimpleNamespace(name=f"{m.name} refitted"))
-    assert not plant._runs_worse(bare, after)
-    assert plant._runs_worse(after, bare)
-
-
 @pytest.mark.parametrize("load_side", [False, True])
 def test_missing_drive_behind_a_coupling_is_told_by_the_observer(load_side):
     plant = object.__new__(ServoPlant)

@@ -165,13 +165,8 @@ class ServoPlant(Plant):
         if not self._weighs(after):
             return True
         horizon, _ = self._horizons(after)
-
-        def error(model: AxisModel) -> float:
-            """With the better of its numbers: an inverse counts half a sample of age for the hold, a run does not."""
-            fits = (model, self.observer.fit(model))
-            return min(servo_run.train_error(self.observer, m, horizon) for m in fits)
-
-        return not error(after) < error(before)
+        old, new = (servo_run.train_error(self.observer, m, horizon) for m in (before, after))
+        return not new < old
 
     def _weighs(self, model: AxisModel) -> bool:
         """Whether the inertia accounts for a considerable share of the drive; otherwise a free run shows nothing."""
