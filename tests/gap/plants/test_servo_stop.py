@@ -43,7 +43,9 @@ def test_a_stop_is_named_with_its_side_and_its_end(side):
     assert finder.diagnosis_.closure > 0.88
 
 
-@pytest.mark.parametrize("effects", [(), (CableSpring(1.0, -2.4),), (Saturation(2.0),)], ids=["plain", "spring", "limit"])
+@pytest.mark.parametrize(
+    "effects", [(), (CableSpring(1.0, -2.4),), (Saturation(2.0),)], ids=["plain", "spring", "limit"]
+)
 def test_no_stop_is_seen_where_there_is_none(effects):
     r = log_of(*effects)
     view, model = start_of(ServoRecord(r.time, r.drive, r.position), ("viscous", "coulomb"), 0.004)
