@@ -253,8 +253,9 @@ def strongest_lines(rows: Array, kept: Array, step: float, low: float, high: flo
     power = np.abs(np.fft.rfft(whole, n)) ** 2
     best = np.clip(inside[np.argmax(power[:, inside], axis=1)], 1, frequency.size - 2)
     below, here, above = (power[np.arange(best.size), best + k] for k in (-1, 0, 1))
-    bend = np.maximum(2.0 * here - below - above, 1e-300)
-    off = np.clip(0.5 * (above - below) / bend, -0.5, 0.5)  # the vertex of the parabola through three lines
+    bend = 2.0 * here - below - above
+    # the vertex of the parabola through three lines; at an end of the band there may be none
+    off = np.clip(np.divide(0.5 * (above - below), bend, out=np.zeros(best.size), where=bend > here * 1e-9), -0.5, 0.5)
     return [float(f) for f in np.unique(np.clip((best + off) * frequency[1], low, high))]
 
 
