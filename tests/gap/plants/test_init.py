@@ -58,6 +58,8 @@ def test_a_system_gives_orders_direct_paths_and_law_unless_told():
     assert (plant.orders, plant.direct) == ((3, 1, 1, 2), 1)
     assert plant.law == system.law
     told = made(system, PAIR, law="viscous", orders=(1, 0, 1, 0))
+    assert told.orders == (1, 0, 1, 0)
+    assert told.law != plant.law
 
 
 @pytest.mark.parametrize("settings", [{"orders": (2, 2, 2)}, {"orders": (0, 1, 1, 1)}, {"direct": 3}])
