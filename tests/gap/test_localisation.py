@@ -67,6 +67,10 @@ def test_a_friction_that_drifts_moves_with_time():
     assert "coulomb" in drift_sentence(d.drifting)
 
 
+def test_a_constant_signal_is_one_bin():
+    assert Bins(np.ones(50)).count.tolist() == [50]
+
+
 def test_a_constant_that_was_lost_has_no_share_of_itself():
     lost = {"name": "inertia", "mean": 6e-8, "spread": 4e5, "taken": 0.66, "follows": "reversal", "share": 0.96}
     assert "changes by more than itself, 96 %" in drift_sentence([lost])

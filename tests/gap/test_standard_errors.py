@@ -31,6 +31,12 @@ def test_a_number_that_moves_nothing_has_no_variance():
     assert covariance(fit(None, jac=J * [1.0, 0.0]))[1, 1] == 0.0
 
 
+def test_a_limit_that_the_fit_has_left_does_not_hold_its_errors():
+    inside = fit(lambda x: {"inertia": x[0]})
+    outside = inside._replace(low=np.array([-9.0, -9.0]), high=np.array([-8.0, 9.0]))
+    assert errors_of(outside, lambda m: m) == errors_of(inside, lambda m: m)
+
+
 def test_errors_of_labels_follow_from_those_of_the_numbers():
     read = fit(lambda x: {"plain": x[0], "double": 2 * x[0], "text": "inertia"})
     errors = errors_of(read, lambda m: m)

@@ -59,10 +59,9 @@ class Bins:
 
     def __init__(self, x: Array):
         self.edges = np.unique(np.quantile(x, np.linspace(0, 1, N_BINS + 1)))
-        self.at = np.clip(
-            np.searchsorted(self.edges, x, side="right") - 1, 0, max(self.edges.size - 2, 0)
-        )  # a constant has one bin
-        self.count = np.bincount(self.at, minlength=max(self.edges.size - 1, 1))
+        n = max(self.edges.size - 1, 1)  # a constant has one bin
+        self.at = np.clip(np.searchsorted(self.edges, x, side="right") - 1, 0, n - 1)
+        self.count = np.bincount(self.at, minlength=n)
 
     def sums(self, values: Array) -> Array:
         """Sum of values of shape (n,) in every bin."""
