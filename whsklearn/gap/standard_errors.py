@@ -50,7 +50,7 @@ def errors_of(fit: Linearised, read: Callable[[Any], Mapping[str, float | str]])
     spread = vectors * np.sqrt(np.maximum(values, 0.0))
     rng = np.random.default_rng(0)
     draws: dict[str, list[float]] = {k: [] for k in centre}
-    # a limit that the fit has left is none: a free run finds an inertia that the regression behind the limits is blind to
+    # a limit that the fit has left is none: free runs find an inertia that the regression behind it is blind to
     low, high = np.where(fit.x < fit.low, -np.inf, fit.low), np.where(fit.x > fit.high, np.inf, fit.high)
     for z in np.clip(fit.x + rng.standard_normal((N_DRAWS, fit.x.size)) @ spread.T, low, high):
         try:
