@@ -93,7 +93,7 @@ def _paint(painter: Callable[[Any, Diagnosis], bool], d: Diagnosis) -> str:
 
     with matplotlib.rc_context({"svg.fonttype": "path", "svg.hashsalt": painter.__name__, "path.simplify": True}):
         figure = Figure(figsize=(6.2, 3.3), layout="constrained")
-        FigureCanvasSVG(figure)
+        canvas = FigureCanvasSVG(figure)
         axes = figure.subplots()
         axes.spines[["top", "right"]].set_visible(False)
         try:
@@ -103,7 +103,7 @@ def _paint(painter: Callable[[Any, Diagnosis], bool], d: Diagnosis) -> str:
         if not drawn:
             return ""
         buffer = io.BytesIO()
-        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+        canvas.print_svg(buffer, metadata={"Date": None, "Creator": None})  # `savefig` draws twice, for the same bytes
     return base64.b64encode(buffer.getvalue()).decode("ascii")
 
 
