@@ -97,7 +97,7 @@ def test_numbers_for_simulation_are_compared_at_the_horizon_that_is_proved(monke
     plant = object.__new__(ServoPlant)
     monkeypatch.setattr(ServoPlant, "_horizons", lambda self, m: (0.07, (0.014, 0.07, 0.28)))
     monkeypatch.setattr(servo_stop, "holds", lambda m: False)
-    kept = {"terms": (), "has_play": False, "at_the_end_of_inertia": False}
+    kept = {"terms": (), "has_play": False, "has_inertia": lambda fitted: True}
     found, refitted = (SimpleNamespace(name=n, **kept) for n in ("found", "refitted"))
     plant.observer, plant.corrected = SimpleNamespace(fit=lambda m: refitted), found
     assert plant.to_simulate(found) is found

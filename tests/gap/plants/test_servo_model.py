@@ -48,6 +48,16 @@ def test_a_vector_is_its_model_and_lies_within_its_bounds(kind):
     assert np.all(m.steps() > 0.0)
 
 
+def test_an_inertia_far_above_that_of_the_first_regression_has_room_on_either_side():
+    """As of a pendulum that swings freely, whose first regression, without gravity, finds almost none."""
+    m = model(*friction(0.1, 0.2), inertia=20.0 * SCENE.inertia)
+    x, (low, high) = m.vector(), m.bounds()
+    assert low[0] + np.log(2.0) < x[0] < high[0] - np.log(2.0)
+    assert m.has_inertia(replace(m, inertia=25.0 * SCENE.inertia))
+    assert not m.has_inertia(replace(m, inertia=200.0 * SCENE.inertia))
+    assert not model(inertia=0.04).has_inertia(model(inertia=1e-3 * SCENE.inertia))
+
+
 def test_a_step_of_one_number_moves_that_number_alone():
     m = model(*friction(0.1, 0.2), started(candidate("stribeck")))
     x = m.vector()

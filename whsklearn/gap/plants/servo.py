@@ -127,7 +127,7 @@ class ServoPlant(Plant):
         if [t.name for t in self.corrected.terms] == [t.name for t in model.terms]:
             tried.append(self.corrected)
         # a fit that ends with no inertia, or with far too much, has failed
-        kept = [m for m in tried if not m.at_the_end_of_inertia] or self.inverse.of_differences(model) or tried
+        kept = [m for m in tried if model.has_inertia(m)] or self.inverse.of_differences(model) or tried
         return min(kept, key=lambda m: servo_run.train_error(self.observer, m, self.headline))
 
     def contributes(self, base: AxisModel, model: AxisModel) -> bool:

@@ -26,7 +26,9 @@ from whsklearn.systems.servo_observer import (
 )
 
 Array = NDArray[Any]
-WIDEST = 5.0  # factor around the inertia of the inverse dynamics; fits further away had diverged
+# Factor below the inertia of the first regression and above that or the model's own, whichever is larger; fits further
+# away had diverged. A regression without the gravity that is there finds far too little where J a and G sin q cancel.
+WIDEST = 5.0
 LARGEST = 10.0  # largest effect in multiples of the rms drive; larger ones only cancel each other
 LONGEST_STEP = 1.001e-3  # s of a fine step; the extra thousandth allows for the rounding of 1 / 1000
 FASTEST_COUPLING = 90.0  # Hz of the fastest coupling searched for; `Effect.finest` of a transmission is made for it
@@ -81,10 +83,10 @@ class AxisModel:
                     return f"its {kind.fields[j]} reaches the limit of the plausible range"
         return ""
 
-    @property
-    def at_the_end_of_inertia(self) -> bool:
-        """Whether the inertia has reached a limit of its range."""
-        return not 1.001 / WIDEST < self.inertia / self.scene.inertia < WIDEST / 1.001
+    def has_inertia(self, fitted: AxisModel) -> bool:
+        """Whether a model fitted from this one has an inertia inside the range that the fit had."""
+        low, high = (np.exp(limit[0]) for limit in self.bounds())
+        return bool(1.001 * low < fitted.inertia < high / 1.001)
 
     @property
     def load_side(self) -> bool:
@@ -109,7 +111,8 @@ class AxisModel:
         """Lower and upper limits of `vector`."""
         late = any(t.kind.name == "input_delay" for t in self.terms)  # then the delay is the timing
         limit = 1e-9 if late else TIMING_LIMIT
-        low, high = [np.log(self.scene.inertia / WIDEST), -limit], [np.log(self.scene.inertia * WIDEST), limit]
+        low = [np.log(self.scene.inertia / WIDEST), -limit]
+        high = [np.log(max(self.scene.inertia, self.inertia) * WIDEST), limit]
         for i, j, logarithm in self.free():
             kind = self.terms[i].kind
             shape = j - kind.linear
