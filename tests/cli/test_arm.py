@@ -71,6 +71,15 @@ def test_simulate_and_export_take_the_model(folder):
     assert "armature" in (out / "again.xml").read_text()
 
 
+def test_a_law_given_to_identify_is_all_the_friction_of_the_joints(folder):
+    out, _ = folder
+    robot = "--robot", out / "arm.xml", "--no-track"
+    done = run(identify, out / "arm.csv", *robot, "--law", "viscous,coulomb,stribeck", "--out", out / "law")
+    assert done.exit_code == 0, done.output
+    arm = load_model(out / "law" / "model.json").arm
+    assert [e.name for e in arm.effects[1]] == ["viscous", "coulomb", "stribeck", "input_offset"]
+
+
 def test_all_segments_of_a_log_with_holes_are_used(folder):
     out, _ = folder
     pieces = [make_arm_log(duration=s, random_state=k) for k, s in enumerate((4.0, 5.0, 1.0))]

@@ -88,13 +88,13 @@ def gains_by_load(options: dict[str, Any], arm: Arm) -> str:
     return ";".join(f"{j}:{g:.6g}+-{e:.3g}" if g == g else f"{j}:1" for j, (g, e) in found.items())
 
 
-def identified(log: Bunch, arm: Arm) -> ArmFit:
+def identified(log: Bunch, arm: Arm, **settings: Any) -> ArmFit:
     """The result of `identify_arm` on a log; its warnings become notes."""
     from whsklearn.identification import identify_arm
 
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always", UserWarning)
-        found = identify_arm(log.y, log.X, dt=1.0 / log.sample_rate, robot=arm, groups=log.groups)
+        found = identify_arm(log.y, log.X, dt=1.0 / log.sample_rate, robot=arm, groups=log.groups, **settings)
     for text in dict.fromkeys(str(w.message) for w in said if w.category is UserWarning):
         note(text)
     return found
@@ -109,7 +109,7 @@ def identify(options: dict[str, Any]) -> None:
     log = long_segments(read_arm(options["train"], options, arm))
     folder = writable_folder(options["out"])
     tracker = tracker_for("identify", options["track"], data=Path(options["train"]).stem)
-    found = identified(log, arm)
+    found = identified(log, arm, **({"law": options["law"]} if options["law"] else {}))
     save_model(found.model, folder / "model.json")
     atomic_write(folder / "identify.json", json.dumps(document(found), indent=1, allow_nan=False).encode() + b"\n")
     click.echo(f"\n{joints_table(found)}\n\n{numbers_table(found)}\n")

@@ -51,6 +51,9 @@ UNEVEN = 0.01  # relative difference allowed between the rates of two logs; a cl
 @click.option("--time", "time_column", help="Column of time stamps; without it (or --rate) a sample is 1 s.")
 @reading_options
 @robot_options
+@click.option(
+    "--law", help="Friction of every joint of an arm, and nothing else: viscous,coulomb is what MuJoCo and URDF hold."
+)
 @click.option("--test", type=click.Path(exists=True), help="Another log to report on.")
 @click.option("--skip", type=click.IntRange(min=0), default=0, help="Samples at the start of the test to ignore.")
 @logged_option

@@ -135,6 +135,7 @@ def identify_arm(
         lags.interpret(theta, covariance), dict(zip(names, theta.tolist(), strict=True)), dt=dt,
         logged="position", standard_errors=errors, units={"input": "Nm", "output": "rad"}, covariance=covariance,
         unexplained={j: float(x) for j, x in zip(joints, missing * size, strict=True) if np.isfinite(x)},
+        varied=dict(zip(joints, target.std(axis=0).tolist(), strict=True)),
     )  # fmt: skip
     return ArmFit(
         model, lags, dict(zip(joints, missing.tolist(), strict=True)),
@@ -314,7 +315,7 @@ class Known(NamedTuple):
     """Prior knowledge of the weights from another record: ``root`` (r, p) times (weights - values) has unit variance.
 
     ``covariance`` (p, p) is that of the values, zero where nothing is known; ``unexplained`` the rms of what they left
-    of each joint's drive in that record (Nm or N), by joint.
+    of each joint's drive in that record (Nm or N), by joint, and ``varied`` the standard deviation of that drive.
 
     Examples
     --------
@@ -330,6 +331,7 @@ class Known(NamedTuple):
     covariance: Array
     root: Array
     unexplained: Mapping[str, float]
+    varied: Mapping[str, float]
 
     @classmethod
     def of(cls, model: ArmModel, names: Sequence[str]) -> Known:
@@ -352,7 +354,7 @@ class Known(NamedTuple):
         power, vectors = np.linalg.eigh(c[np.ix_(kept, kept)] / np.outer(size, size))
         root = np.zeros((int(kept.sum()), len(c)))
         root[:, kept] = (vectors / np.sqrt(np.maximum(power, ROUNDING * power[-1]))).T / size
-        return cls(values, c, root, model.unexplained)
+        return cls(values, c, root, model.unexplained, model.varied)
 
 
 def updated(rows: Array, target: Array, block: NDArray[np.int64], known: Array) -> tuple[Array, Array, float]:

@@ -27,6 +27,8 @@ class ArmModel(IdentifiedModel):
         Covariance of those numbers, in the same order.
     unexplained : mapping of str to float, optional
         For each joint, the rms error of its drive on blocks of the record that were not fitted (Nm or N).
+    varied : mapping of str to float, optional
+        For each joint, the standard deviation of its drive in that record (Nm or N).
 
     References
     ----------
@@ -47,6 +49,7 @@ class ArmModel(IdentifiedModel):
     numbers: Mapping[str, float] = field(default_factory=dict)
     covariance: Any = None
     unexplained: Mapping[str, float] = field(default_factory=dict)
+    varied: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def kind(self) -> str:

@@ -11,7 +11,7 @@ import pytest
 from tests.lags.test_rigid_body import RATE, smooth_log
 from tests.systems.drawn_arms import drawn_arm
 from whsklearn.datasets import default_arm, make_arm_log
-from whsklearn.effects import CableSpring, Cogging, Coulomb, LoadFriction, Stribeck, Viscous
+from whsklearn.effects import CableSpring, Cogging, ContactStop, Coulomb, LoadFriction, Stribeck, Viscous
 from whsklearn.gap import GapFinder
 from whsklearn.gap.plants.arm import ArmRecord, arm_plant
 from whsklearn.gap.plants.arm_terms import JointTerm, candidates, present
@@ -168,6 +168,27 @@ def test_a_name_is_certain_only_if_no_more_is_left_than_the_arm_left_before(empt
     loud = {joint: 0.1 * size for joint, size in zip(ARM.joints, r.drive.std(axis=0), strict=True)}
     found = GapFinder(dataclasses.replace(empty.model, unexplained=loud)).fit(noisy)
     assert (found.verdict_, names(found)) == ("named", ["coulomb at pitch"])
+    # a tenth as loud in a record whose drives varied a tenth as much is the same share of them
+    loud, varied = ({j: 0.1 * size for j, size in of.items()} for of in (loud, empty.model.varied))
+    found = GapFinder(dataclasses.replace(empty.model, unexplained=loud, varied=varied)).fit(noisy)
+    assert (found.verdict_, names(found)) == ("named", ["coulomb at pitch"])
+    assert GapFinder(dataclasses.replace(empty.model, unexplained=loud)).fit(noisy).verdict_ == "partial"
+
+
+def test_what_is_missing_at_a_joint_pulls_at_no_other(empty):
+    found = GapFinder(empty.model).fit(record({"pitch": [ContactStop(20.0, 0.3, relaxation=0.02)]}, random_state=3))
+    assert names(found) == ["end_stop at pitch"]
+    yaw, pitch = (row["missing"] for row in found.diagnosis_.joints)
+    assert pitch["before"] > 10 * pitch["after"]
+    assert yaw["before"] == pytest.approx(yaw["after"], rel=0.5)
+
+
+def test_an_inertia_is_no_load_on_the_axis_of_the_next_joint(empty):
+    found = GapFinder(empty.model).fit(
+        record(robot=dataclasses.replace(ARM, armature=ARM.armature + np.array([0.02, 0.0])), random_state=3)
+    )
+    assert (found.verdict_, names(found)) == ("named", ["joint_inertia at yaw"])
+    assert "payload at pitch" not in [k.name for k in found.found_.steps[0].looks]
 
 
 def test_the_proof_is_judged_at_the_joint_of_the_name_and_a_delayed_own_record_is_delayed():

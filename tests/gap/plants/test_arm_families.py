@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.gap.plants.test_arm_view import kind_of, view_of
-from whsklearn.effects import Cogging
+from tests.gap.plants.test_arm_view import ARM, kind_of, view_of
+from whsklearn.effects import Cogging, ContactStop
 from whsklearn.gap.plants.arm_families import families, nameless_at, polished
-from whsklearn.gap.plants.arm_terms import JointTerm
+from whsklearn.gap.plants.arm_terms import JointTerm, candidates
 from whsklearn.gap.tangent import Tangent
 
 pytestmark = pytest.mark.usefixtures("library_effects")
@@ -51,6 +51,15 @@ def test_waves_of_every_order_are_scanned_and_the_hidden_one_fits_best(waved):
     term = polished(view, tangent, JointTerm(kind, (0.0, 0.0, order)))
     resolution = np.pi / view.scene(kind).reach  # of waves over half a turn
     assert term.shape[0] == pytest.approx(7.0, abs=0.1 * resolution)
+
+
+def test_the_damper_of_a_stop_is_found_from_zero():
+    view, model = view_of({"pitch": [ContactStop(20.0, 0.3, relaxation=0.005)]})
+    kind = next(k for k in candidates(ARM, {}, frozen=False, weight=0) if k.name == "end_stop at pitch" and
+                dict(k.catalogued.choice) == {"side": "upper"})  # fmt: skip
+    term = polished(view, tangent_of(view, model), JointTerm(kind, (0.0, 0.28, 0.0, 0.0)))
+    assert term.shape[0] == pytest.approx(0.3, abs=0.01)
+    assert term.shape[1] == pytest.approx(0.005, abs=0.001)
 
 
 def test_the_polish_leaves_a_term_without_a_shape(waved):

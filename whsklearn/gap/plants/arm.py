@@ -434,9 +434,16 @@ class ArmPlant(Plant):
 
     @property
     def floor(self) -> Array:
-        """What chance leaves of each drive, as a share, (n_joints,): encoder noise, or what its own record leaves."""
-        left = self.known.unexplained if self.known is not None else {}
-        usual = np.array([left.get(j, 0.0) for j in self.view.arm.joints]) / np.maximum(self.view.drive_rms, 1e-300)
+        """What chance leaves of each drive, as a share, (n_joints,): encoder noise, or what its own record leaves.
+
+        Noise and errors of a model are shares of what a drive does, so a record in which it varies more, such as one
+        with a load, leaves more by the same factor.
+        """
+        view, known = self.view, self.known
+        left, varied = (known.unexplained, known.varied) if known is not None else ({}, {})
+        joints = view.arm.joints
+        more = [max(1.0, now / varied.get(j, np.inf)) for j, now in zip(joints, view.varies, strict=True)]
+        usual = np.array([left.get(j, 0.0) for j in joints]) * more / np.maximum(view.drive_rms, 1e-300)
         return np.maximum(np.maximum(self.own.floor, usual), 1e-12)
 
     # --- report ------------------------------------------------------------------------------
@@ -531,9 +538,16 @@ class ArmPlant(Plant):
 
 
 def outermost(looks: list[Look], arm: Arm) -> list[Look]:
-    """The looks without a load at a link if one further out explains as much: on a joint's axis, both move alike."""
-    loads = {arm.index(k.start.joint): k for k in looks if isinstance(k.start, JointTerm) and k.start.kind.cls is Load}
-    inner = [k for i, k in loads.items() if any(j > i and other.gain > k.gain - ALIKE for j, other in loads.items())]
+    """The looks without a load at a link if one further out explains as much: on a joint's axis, both move alike.
+
+    Nor is there a load if the inertia of a joint explains as much: a mass that does no more has its centre on the axis
+    of another joint, which three numbers would have to hit by chance.
+    """
+    terms = [(k.start, k) for k in looks if isinstance(k.start, JointTerm)]
+    loads = {arm.index(t.joint): k for t, k in terms if t.kind.cls is Load}
+    motors = [(arm.n_joints, k) for t, k in terms if t.kind.cls is JointInertia and t.kind.index is not None]
+    beside = [*loads.items(), *motors]
+    inner = [k for i, k in loads.items() if any(j > i and other.gain > k.gain - ALIKE for j, other in beside)]
     return [k for k in looks if not any(k is one for one in inner)]
 
 

@@ -24,7 +24,10 @@ N_STEPS, N_LIMITS, N_AGES = 25, 24, 16
 HIGHEST = 60.0  # order of a wave over a joint's angle
 LEAST_LEFT = 0.5  # share of a drive's rms that a limit or a dead zone must leave, or the joint cannot be fitted
 FEWEST = 4  # rows per column of a nameless family
-EVALUATIONS = 80  # of the cost while a shape is polished
+EVALUATIONS = 80  # of the cost while a shape is polished, for each simplex
+# Simplices in turn, each spread where the last one ended (Kelley 1999, SIAM J. Optim. 10(1), 43-55): one that begins on
+# a bound may collapse onto it.  The relaxation of a stop so stayed at zero, and the damper was named as a delay.
+SPREADS = 2
 OUTER = np.array([0.7, 0.8, 0.86, 0.9, 0.93, 0.96, 0.98, 0.99])  # quantiles of a joint's path at which a stop may be
 
 
@@ -196,16 +199,16 @@ def polished(view: ArmView, tangent: Tangent, term: JointTerm) -> JointTerm:
             return 0.0
         return -float(tangent.taken(family, columns[:, None, :])[0][0, 0])
 
-    start = [np.log(term.shape[i]) if g else term.shape[i] for i, g in zip(free, logs, strict=True)]
+    x = np.array([np.log(term.shape[i]) if g else term.shape[i] for i, g in zip(free, logs, strict=True)])
     bounds = [(np.log(a), np.log(b)) if g else (a, b) for (a, b), g in zip(ranges, logs, strict=True)]
     widths = np.array([_width(view, kind, g, b) for g, b in zip(logs, bounds, strict=True)])
-    simplex = np.vstack([start, *(np.array(start) + w for w in np.diag(widths))])
-    simplex = np.clip(simplex, [b[0] for b in bounds], [b[1] for b in bounds])
-    found = minimize(
-        cost, start, method="Nelder-Mead", bounds=bounds,
-        options={"maxfev": EVALUATIONS, "initial_simplex": simplex, "xatol": 1e-3, "fatol": 1e-9},
-    )  # fmt: skip
-    x = found.x if found.fun <= cost(np.array(start)) else np.array(start)
+    for _ in range(SPREADS):
+        simplex = np.clip(np.vstack([x, x + np.diag(widths)]), *np.transpose(bounds))
+        found = minimize(
+            cost, x, method="Nelder-Mead", bounds=bounds,
+            options={"maxfev": EVALUATIONS, "initial_simplex": simplex, "xatol": 1e-3, "fatol": 1e-9},
+        )  # fmt: skip
+        x = found.x if found.fun <= cost(x) else x
     return JointTerm(kind, (*term.q[: kind.linear], *shape_at(x)))
 
 

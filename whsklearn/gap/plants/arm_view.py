@@ -131,7 +131,7 @@ class ArmView:
         longest = self.position[max((s for s, _ in record.pieces), key=lambda s: s.stop - s.start)]
         self.noise = np.array([encoder_noise(x, lags.sample_rate) for x in longest.T])
         self.grid = np.array([lattice(x) for x in self.position.T])
-        self.weight = lags._weights(self.phi, self.target, self.keep)
+        self.weight = self.unbiased = lags._weights(self.phi, self.target, self.keep)
         self.repeats = self._repeats()
         self.artefact = np.zeros_like(self.target)
         # replaced by a model's torque
@@ -141,7 +141,7 @@ class ArmView:
         self._signals: dict[Any, ColumnSignals] = {}
         self._scenes: dict[Any, Scales] = {}
         self._fits: dict[Any, ArmState] = {}
-        self.drive_rms = self.by_joint(self.target)
+        self.drive_rms, self.varies = self.by_joint(self.target), self.target.std(axis=0)
 
     # -- rows ---------------------------------------------------------------------------------
     def by_joint(self, x: Array) -> Array:
@@ -301,7 +301,15 @@ class ArmView:
         x, y = self.design(model, self.timed(model))
         shape = self.target.shape
         known = self.known_rows(x.shape[1])
-        return held_out(x.reshape(*shape, -1), y.reshape(shape), self.keep, self.weight, self.target, known)
+        return held_out(x.reshape(*shape, -1), y.reshape(shape), self.keep, self._weight(model), self.target, known)
+
+    def _weight(self, model: ArmState) -> Array:
+        """Weights of the joints, (n_joints,); beside another record's numbers alone, those before anything was found.
+
+        With the weights of what the found effects leave, the numbers would bend to the gap of one joint at the cost of
+        all others.
+        """
+        return self.weight if self.known is None or model.terms else self.unbiased
 
     def known_rows(self, width: int) -> Array:
         """What another record says about the first of ``width`` columns, as rows scaled like weighted ones of this."""
@@ -318,7 +326,7 @@ class ArmView:
 
     def _solved(self, model: ArmState, timed: NDArray[np.bool_]) -> ArmState:
         x, y = self.design(model, timed)
-        sizes = solved(x, y, self.flat_weight(), self.known_rows(x.shape[1]))
+        sizes = solved(x, y, (self.keep * self._weight(model)).ravel(), self.known_rows(x.shape[1]))
         at, terms = len(self.expected), []
         numbers = self.expected + sizes[:at]
         for t in model.terms:
