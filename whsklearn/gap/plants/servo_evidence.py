@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from whsklearn.gap.calibration import least_lead
 from whsklearn.gap.diagnosis import ALPHA
-from whsklearn.gap.record import MAD as MAD  # for the modules of this plant
 from whsklearn.identification.drive_lead import KNOWN as KNOWN
 from whsklearn.identification.drive_lead import LATEST as LATEST
 from whsklearn.identification.drive_lead import OLDEST as OLDEST

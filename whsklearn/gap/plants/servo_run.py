@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -62,6 +63,14 @@ class ObserverView:
     ar: Array = field(default_factory=lambda: np.array([1.0]))
 
     # --- looking ---------------------------------------------------------------------------
+    @cached_property
+    def smoothed(self) -> tuple[int, Array, Array]:
+        """(width in samples, position, velocity) of the smoother that gives the start of every run."""
+        r, dt = self.record, self.scene.dt
+        width = smoothing_width(r.position, dt, self.noise)
+        q, v = r.by_piece(lambda x: smoothed(x, dt, width), r.position)
+        return width, q, v
+
     def follow(self, model: AxisModel) -> tuple[Array, Array, Array]:
         """Prediction, angle and velocity of the model held near the record."""
         return self.held_near(model)[:3]
@@ -272,8 +281,7 @@ def restart_states(view: Any, model: AxisModel) -> tuple[tuple[Array, Array], Ar
     model that cannot be held near the record does not affect its start.
     """
     dt = view.scene.dt
-    width = smoothing_width(view.record.position, dt, view.noise)
-    q, v = view.record.by_piece(lambda x: smoothed(x, dt, width), view.record.position)
+    width, q, v = view.smoothed
     y_hat, angle, speed, twist = view.held_near(model)
     folded = any(t.kind.name == "sensor_rectification" for t in model.terms)  # unfolded at the restart
     if folded or not (np.all(np.isfinite(y_hat)) and np.all(np.isfinite(twist))):

@@ -53,7 +53,7 @@ def best_view(view: InverseView, model: AxisModel, goal: float) -> InverseView:
     below 10 Hz would not call for a filter that passes it.
     """
     dt, scene = view.record.dt, model.scene
-    noise = max(noise_level(view.record.position), rules.GRID_AS_NOISE * lattice(view.record.position))
+    noise = view.noise
     top = HIGHEST_CUTOFF / dt
     speed = np.abs(view.start[1])
     cutoffs = np.geomspace(top, min(LOWEST_CUTOFF, 0.5 * top), 14)
