@@ -14,8 +14,6 @@ from whsklearn.identification.drive_lead import OLDEST as OLDEST
 
 # --- how much of the motion a filter lets through ("real") ----------------------------------------
 
-# Largest noise behind any filter, as a share of the rms drive.
-LARGEST_FLOOR = 0.1
 # Largest noise as a share of the gap: cogging of order 72 needs a filter that passes it (LAAS).
 OF_THE_GAP = 0.2
 # Largest share of the time in motion during which noise hides the direction: friction is lost at each reversal.

@@ -65,9 +65,7 @@ def best_view(view: InverseView, model: AxisModel, goal: float) -> InverseView:
         if np.mean((speed < slowest) & (speed > rules.SLOW * scene.speed)) > rules.BLIND_SHARE:
             continue
         floor = rules.DRIVE_NOISE * noise * other.fit(model).inertia * float(np.linalg.norm(g2))
-        if floor <= max(
-            goal * scene.torque, min(rules.OF_THE_GAP * other.rms(other.gap(model)), rules.LARGEST_FLOOR * scene.torque)
-        ):
+        if floor <= max(goal * scene.torque, rules.OF_THE_GAP * other.rms(other.gap(model))):
             break
     return other
 
