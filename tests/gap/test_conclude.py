@@ -39,8 +39,13 @@ def verdict(
 
 @pytest.mark.parametrize(
     ("after", "run", "expected"),
-    [(0.02, 0.99, "named"), (0.8, 0.9, "partial"), (0.02, 0.3, "partial")],
-    ids=["all", "a third of the gap's power", "the run hardly closes"],
+    [(0.02, 0.99, "named"), (0.8, 0.9, "partial"), (0.6, 0.9, "partial"), (0.02, 0.3, "partial")],
+    ids=[
+        "all",
+        "a third of the gap's power",
+        "two thirds of the power, but not half of the gap",
+        "the run hardly closes",
+    ],
 )
 def test_a_name_for_sure_explains_most_of_the_gap_and_closes_most_of_the_run(after, run, expected):
     assert verdict(after, run) == expected
@@ -51,6 +56,10 @@ def test_a_name_for_sure_explains_most_of_the_gap_and_closes_most_of_the_run(aft
 def test_a_name_explains_a_quarter_of_what_follows_the_motion_whatever_noise_is_beside_it(rest, expected, name):
     other = SimpleNamespace(name=name, p_value=1e-6, size=rest, signal="")
     assert verdict(0.9, 0.9, remainder=[other] if rest else []) == expected  # it explains 0.19
+
+
+def test_an_effect_that_noise_nearly_hides_is_certain_where_all_of_it_is_closed():
+    assert verdict(1.0, 0.99, gap=1.002, floor=1.0) == "named"
 
 
 def test_what_a_free_swing_shows_along_the_run_has_a_name_but_not_for_sure():
