@@ -49,6 +49,15 @@ def test_a_wave_over_position_comes_round_within_the_travel(record):
     assert low * 2.0 * record.reach >= 2.0 * np.pi * (1.0 - 1e-12)
 
 
+@given(scales)
+def test_friction_that_varies_over_the_travel_may_vary_more_slowly_than_a_wave(record):
+    """No slower effect takes its place, as gravity takes that of a slow cogging."""
+    slow, fast = (get_effect(name).quantities["order"] for name in ("position_friction", "cogging"))
+    assert slow.open_below
+    assert not fast.open_below
+    assert slow.bounds(record)[0] <= fast.bounds(record)[0]
+
+
 # --- The scales of a record, by unit and by name --------------------------------------------------------------------
 def test_units_name_their_scale():
     s = Scales(torque=2.0, speed=3.0, reach=0.5, centre=1.0, duration=30.0)

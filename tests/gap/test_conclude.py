@@ -165,9 +165,8 @@ def closing(monkeypatch):
 
     def run(plant, model="ab", certainty="9" * 9, fitted=(), taken=None):
         monkeypatch.setattr(conclude, "prove", rows)
-        monkeypatch.setattr(
-            conclude, "_certainty", lambda fit, effect, index: float(dict(zip(model, certainty, strict=False))[effect])
-        )
+        absent = {letter: 10.0 ** -float(digit) for letter, digit in zip(model, certainty, strict=False)}
+        monkeypatch.setattr(conclude, "p_of_zero", lambda fit, index: absent.get(fit.terms[index], 0.0))
         steps = [SimpleNamespace(looks=[], fitted=list(fitted))]
         taken = [Letter(x) for x in model] if taken is None else list(taken)
         found = SimpleNamespace(base=Terms(), model=Terms(model), taken=taken, remainder=[], steps=steps)
@@ -205,11 +204,12 @@ def test_an_effect_beside_others_that_ends_at_a_limit_goes_and_one_alone_stays(c
     assert closing(Runs(lambda m: (0.9, 0.9), objected="a"), "a")[1].taken == ["a"]
 
 
-def test_the_least_certain_effect_beside_others_goes_where_its_size_may_be_zero(closing):
+def test_the_least_certain_effect_goes_where_its_size_may_be_zero(closing):
     closes = Runs(lambda m: (0.9, 0.9))
-    assert closing(closes, "abc", certainty="921")[1].taken == ["a"]
+    assert closing(closes, "abc", certainty="911")[1].taken == ["a"]
     assert closing(closes, "abc", certainty="333")[1].taken == ["a", "b", "c"]
-    assert closing(closes, "a", certainty="1")[1].taken == ["a"]
+    assert closing(closes, "a", certainty="1")[1].taken == []
+    assert closing(closes, "a", certainty="3")[1].taken == ["a"]
 
 
 def test_a_run_that_is_useless_at_one_horizon_is_told_at_a_shorter_one(closing):

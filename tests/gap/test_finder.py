@@ -9,6 +9,7 @@ import pytest
 
 from benchmarks.blind_logs.servo import COLUMNS, make_case
 from whsklearn.datasets import make_servo_log
+from whsklearn.effects import PositionFriction
 from whsklearn.gap import VERDICTS, GapFinder
 from whsklearn.gap.plant import Linearised
 from whsklearn.gap.plants.servo import ServoPlant
@@ -35,6 +36,16 @@ def test_hidden_effect_gets_its_name(name):
     finder = GapFinder("servo").fit(case.frame, **COLUMNS)
     assert (finder.verdict_, [e.name for e in finder.effects_]) == ("named", [name])
     assert finder.diagnosis_.after["rmse"] < finder.diagnosis_.before["rmse"]
+
+
+@pytest.mark.parametrize("order", [1.0, 2.0])
+def test_friction_that_varies_along_a_short_travel_gets_its_name(order):
+    """Less than a period of it is passed, so its order may stay unknown, but no other effect is like it."""
+    log = make_servo_log([PositionFriction(0.1, order, phase=0.4)], amplitude=0.7, duration=14.0, random_state=0)
+    assert order * np.ptp(log["position_rad"]) < 2.0 * np.pi
+    finder = GapFinder("servo").fit(log)
+    assert [e.name for e in finder.effects_] == ["position_friction"]
+    assert finder.diagnosis_.closure > 0.95
 
 
 @pytest.mark.parametrize("name", ["backlash", "encoder_eccentricity", "sensor_rectification"])

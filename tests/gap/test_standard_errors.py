@@ -6,11 +6,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from whsklearn.effects import Cogging
 from whsklearn.gap import Diagnosis, NamedEffect
 from whsklearn.gap.plant import Linearised
-from whsklearn.gap.standard_errors import covariance, errors_of, labelled_errors, with_drive_error
+from whsklearn.gap.standard_errors import covariance, errors_of, labelled_errors, p_of_zero, with_drive_error
 
 RNG = np.random.default_rng(0)
 J = RNG.normal(size=(500, 2)) * [1.0, 100.0]
@@ -29,6 +30,28 @@ def test_the_covariance_is_that_of_least_squares():
 
 def test_a_number_that_moves_nothing_has_no_variance():
     assert covariance(fit(None, jac=J * [1.0, 0.0]))[1, 1] == 0.0
+
+
+def one_term(linear):
+    return lambda x: SimpleNamespace(terms=[SimpleNamespace(q=tuple(x), kind=SimpleNamespace(linear=linear))])
+
+
+def test_one_number_is_absent_by_the_normal_distribution():
+    error = np.sqrt(covariance(fit(None))[0, 0])
+    for size in (0.0, 1.0, 2.5):
+        p = p_of_zero(fit(one_term(1), (size * error, 0.7)), 0)
+        assert p == pytest.approx(2.0 * norm.sf(size), rel=1e-9)
+
+
+def test_two_weights_are_absent_only_together_whatever_the_phase_counts_from():
+    """One of them is well determined, the other is not, as beside a term of the base law that looks like it."""
+    weights = np.array([0.001, 0.1])
+    assert p_of_zero(fit(one_term(1), weights, J), 0) > 0.9
+    assert p_of_zero(fit(one_term(2), weights, J), 0) < 1e-9
+    turn = np.array([[np.cos(0.7), -np.sin(0.7)], [np.sin(0.7), np.cos(0.7)]])
+    few = 1e-4 * np.array([1.0, 1.0])
+    turned = p_of_zero(fit(one_term(2), turn @ few, J @ turn.T), 0)
+    assert turned == pytest.approx(p_of_zero(fit(one_term(2), few, J), 0), rel=1e-6)
 
 
 def test_a_limit_that_the_fit_has_left_does_not_hold_its_errors():

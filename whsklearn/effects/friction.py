@@ -275,7 +275,7 @@ class PositionFriction(StaticEffect):
     """
 
     torque: float = number(0.1, "Nm", 1e-4, 1e3, log=True)
-    order: float = number(1.0, "1", 0.8, 256.0, scan="position")
+    order: float = number(1.0, "1", 0.8, 256.0, scan="position", open_below=True)
     phase: float = number(0.0, "rad", -math.pi, math.pi)
 
     name = "position_friction"

@@ -99,6 +99,7 @@ class Scales:
 
 
 ONE_PERIOD = math.pi  # rad of a wave over half the travel; a shorter piece is a line and a parabola
+A_QUARTER = 0.25 * ONE_PERIOD  # a slower wave is a line over position: its order and its size are one number
 N_STARTS = 5  # of a number without a setting of its own; a decade of a logarithmic range is about two of them
 
 
@@ -127,6 +128,9 @@ class Quantity:
     scan : str
         How a fine grid finds it if starting points are too coarse: ``position`` (the order of a wave over position),
         ``time`` (a frequency), ``step`` (an instant); empty if the starting points suffice.
+    open_below : bool
+        Whether the effect is still itself below its range, where a record shows that it is there but not how large
+        this number is. Otherwise it has become another effect there, as a slow wave becomes an offset.
 
     References
     ----------
@@ -150,6 +154,7 @@ class Quantity:
     starts: tuple[float, ...] = ()
     scale: str = ""
     scan: str = ""
+    open_below: bool = False
 
     def labelled(self, name: str) -> str:
         """The name with the unit appended, as in a column name: ``torque_nm``.
@@ -184,8 +189,9 @@ class Quantity:
         >>> round(low, 3), round(high, 3)
         (0.01, 0.6)
         """
-        if self.scan == "position":  # at least a period within the travel; orders grow as the travel shrinks
-            least = max(self.low, ONE_PERIOD / scales.reach)
+        if self.scan == "position":  # orders grow as the travel shrinks
+            # a wave that is itself below its range needs less than a period to be told from the rest of the law
+            least = max(self.low, (A_QUARTER if self.open_below else ONE_PERIOD) / scales.reach)
             return least, max(self.high, self.high / scales.reach, 10.0 * least)
         unit, origin = scales.of(self.unit, self.scale)
         if unit is None:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
 from whsklearn.gap.calibration import N_DRAWS
 from whsklearn.gap.diagnosis import Diagnosis
@@ -50,9 +51,7 @@ def errors_of(fit: Linearised, read: Callable[[Any], Mapping[str, float | str]])
     spread = vectors * np.sqrt(np.maximum(values, 0.0))
     rng = np.random.default_rng(0)
     draws: dict[str, list[float]] = {k: [] for k in centre}
-    # a limit that the fit has left is none: free runs find an inertia that the regression behind it is blind to
-    low, high = np.where(fit.x < fit.low, -np.inf, fit.low), np.where(fit.x > fit.high, np.inf, fit.high)
-    for z in np.clip(fit.x + rng.standard_normal((N_DRAWS, fit.x.size)) @ spread.T, low, high):
+    for z in np.clip(fit.x + rng.standard_normal((N_DRAWS, fit.x.size)) @ spread.T, *_limits(fit)):
         try:
             labels = read(fit.rebuild(z))
         except (ValueError, OverflowError):
@@ -64,6 +63,37 @@ def errors_of(fit: Linearised, read: Callable[[Any], Mapping[str, float | str]])
             seen.append((gap + np.pi) % (2 * np.pi) - np.pi if k.startswith("phase") else gap)
     errors = {k: float(np.std(v)) for k, v in draws.items() if v}
     return {k: v for k, v in errors.items() if np.isfinite(v) and v > 0.0}
+
+
+def p_of_zero(fit: Linearised, index: int) -> float:
+    """P-value of one term being absent: of all its linear numbers being zero, or its size if none is linear.
+
+    The two weights of a wave are tested together, because one of them may look like a term of the base law: friction
+    that varies along a short travel, beside Coulomb friction.
+
+    References
+    ----------
+    Wald 1943, Trans. AMS 54(3), 426-482.
+    """
+
+    def linear(x: Array) -> Array:
+        term = fit.rebuild(np.clip(x, *_limits(fit))).terms[index]
+        return np.array(term.q[: max(term.kind.linear, 1)])
+
+    values, vectors = np.linalg.eigh(covariance(fit))
+    spread = (vectors * np.sqrt(np.maximum(values, 0.0))).T
+    half = np.array([0.5 * (linear(fit.x + s) - linear(fit.x - s)) for s in spread])
+    numbers = linear(fit.x)
+    wald = float(numbers @ np.linalg.pinv(half.T @ half, rcond=1e-10, hermitian=True) @ numbers)
+    return float(chi2.sf(wald, numbers.size)) if np.any(half) else 0.0
+
+
+def _limits(fit: Linearised) -> tuple[Array, Array]:
+    """Limits of the numbers; one that the fit has left is none.
+
+    Free runs find an inertia that the regression behind it is blind to.
+    """
+    return np.where(fit.x < fit.low, -np.inf, fit.low), np.where(fit.x > fit.high, np.inf, fit.high)
 
 
 _OF_DRIVE = re.compile(r"_(nm|kg)(?=_|$)")  # in the labels of an effect's numbers

@@ -252,7 +252,8 @@ class ArmPlant(Plant):
                 return said
             n = 2 if t.kind.cls is ContactStop else 1  # the first is a place or width; a stop's second, its softness
             for field, value, (low, high) in list(zip(fields, t.shape, ranges, strict=True))[:n]:
-                if (low and value <= low + 1e-3 * abs(low)) or value >= high - 1e-3 * abs(high):
+                closed = not t.kind.catalogued.cls.quantities[field].open_below
+                if (low and closed and value <= low + 1e-3 * abs(low)) or value >= high - 1e-3 * abs(high):
                     return f"its {field} reaches the limit of the plausible range"
         for c in at_a_joint() if t.kind.catalogued is not None and not t.effect.elementary else ():
             if c.cls.elementary and c.n_slots == 1:

@@ -79,7 +79,8 @@ class AxisModel:
         asked = (*kind.fields[kind.linear : kind.linear + 1], *kind.cls.essential)
         for value, a, b, (i, j, _) in zip(self.vector()[2:], low[2:], high[2:], self.free(), strict=True):
             if i == index and kind.fields[j] in asked:
-                if value <= a + 1e-6 * abs(a) or value >= b - 1e-6 * abs(b):
+                below = value <= a + 1e-6 * abs(a) and not kind.cls.quantities[kind.fields[j]].open_below
+                if below or value >= b - 1e-6 * abs(b):
                     return f"its {kind.fields[j]} reaches the limit of the plausible range"
         return ""
 
