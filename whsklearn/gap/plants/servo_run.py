@@ -340,11 +340,14 @@ def free_run(view: Any, model: AxisModel, horizon: float) -> Array:
     )[0]  # fmt: skip
 
 
-def held_out(view: Any) -> NDArray[np.bool_]:
-    """Held-out samples of the log, shape (n,), without the edges."""
+def held_out(view: Any, *, fitted: bool = False) -> NDArray[np.bool_]:
+    """Held-out samples of the log, shape (n,), or with ``fitted`` all others, without the edges.
+
+    The state at an edge is poorly known: neither the smoother nor the memory of a drive's lag reaches beyond it.
+    """
     n = len(view.record)
     number, _ = held_out_blocks(n)
-    mask = number >= 0
+    mask = (number < 0) == fitted
     edge = int(0.5 / view.scene.dt)
     mask[:edge] = False
     mask[n - view.filter.half_width :] = False
@@ -362,6 +365,6 @@ def train_error(view: Any, model: AxisModel, horizon: float) -> float:
 
     A run that leaves the path farther than a constant would says nothing about its model.
     """
-    y = view.record.position[fitted := ~held_out(view)]
+    y = view.record.position[fitted := held_out(view, fitted=True)]
     e = y - free_run(view, model, horizon)[fitted]
     return min(rms(e), float(np.std(y))) if np.all(np.isfinite(e)) else float("inf")
