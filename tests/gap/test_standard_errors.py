@@ -39,19 +39,31 @@ def one_term(linear):
 def test_one_number_is_absent_by_the_normal_distribution():
     error = np.sqrt(covariance(fit(None))[0, 0])
     for size in (0.0, 1.0, 2.5):
-        p = p_of_zero(fit(one_term(1), (size * error, 0.7)), 0)
+        p = p_of_zero(fit(lambda x: one_term(1)(x[:1]), (size * error, 0.7)), 0)
         assert p == pytest.approx(2.0 * norm.sf(size), rel=1e-9)
 
 
 def test_two_weights_are_absent_only_together_whatever_the_phase_counts_from():
     """One of them is well determined, the other is not, as beside a term of the base law that looks like it."""
     weights = np.array([0.001, 0.1])
-    assert p_of_zero(fit(one_term(1), weights, J), 0) > 0.9
+    assert p_of_zero(fit(lambda x: one_term(1)(x[:1]), weights, J), 0) > 0.9
     assert p_of_zero(fit(one_term(2), weights, J), 0) < 1e-9
     turn = np.array([[np.cos(0.7), -np.sin(0.7)], [np.sin(0.7), np.cos(0.7)]])
     few = 1e-4 * np.array([1.0, 1.0])
     turned = p_of_zero(fit(one_term(2), turn @ few, J @ turn.T), 0)
     assert turned == pytest.approx(p_of_zero(fit(one_term(2), few, J), 0), rel=1e-6)
+
+
+def test_a_shape_that_is_hardly_determined_does_not_make_an_effect_absent():
+    """The sizes of two columns that look alike are uncertain; that of one with the other as its held shape is not."""
+    alike = np.column_stack([J[:, 0], J[:, 0] + 1e-3 * J[:, 1]])
+    both = fit(lambda x: one_term(1)(x[:1]), jac=alike)
+    held = fit(
+        lambda x: SimpleNamespace(terms=[SimpleNamespace(q=tuple(x), kind=SimpleNamespace(linear=1))]), jac=alike
+    )
+    error = 1.0 / np.linalg.norm(alike[:, 0]) * np.sqrt(R @ R / 498)
+    assert p_of_zero(held, 0) == pytest.approx(2.0 * norm.sf(0.3 / error), rel=1e-6)
+    assert p_of_zero(both, 0) > p_of_zero(held, 0)
 
 
 def test_a_limit_that_the_fit_has_left_does_not_hold_its_errors():

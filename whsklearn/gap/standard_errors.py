@@ -68,24 +68,36 @@ def errors_of(fit: Linearised, read: Callable[[Any], Mapping[str, float | str]])
 def p_of_zero(fit: Linearised, index: int) -> float:
     """P-value of one term being absent: of all its linear numbers being zero, or its size if none is linear.
 
-    The two weights of a wave are tested together, because one of them may look like a term of the base law: friction
-    that varies along a short travel, beside Coulomb friction.
+    Its shape is held: without the effect a shape has no meaning (Davies 1987, Biometrika 74(1), 33-43), and one that is
+    hardly determined, such as the order of friction that varies along a short travel, makes the size uncertain though
+    the effect is not.  The two weights of a wave are tested together, because one of them may look like a term of the
+    base law.
 
     References
     ----------
     Wald 1943, Trans. AMS 54(3), 426-482.
     """
+    low, high = _limits(fit)
 
-    def linear(x: Array) -> Array:
-        term = fit.rebuild(np.clip(x, *_limits(fit))).terms[index]
-        return np.array(term.q[: max(term.kind.linear, 1)])
+    def numbers(x: Array) -> tuple[Array, Array]:
+        """(linear numbers, shape)."""
+        term = fit.rebuild(np.clip(x, low, high)).terms[index]
+        n = max(term.kind.linear, 1)
+        return np.array(term.q[:n]), np.array(term.q[n:])
 
-    values, vectors = np.linalg.eigh(covariance(fit))
-    spread = (vectors * np.sqrt(np.maximum(values, 0.0))).T
-    half = np.array([0.5 * (linear(fit.x + s) - linear(fit.x - s)) for s in spread])
-    numbers = linear(fit.x)
-    wald = float(numbers @ np.linalg.pinv(half.T @ half, rcond=1e-10, hermitian=True) @ numbers)
-    return float(chi2.sf(wald, numbers.size)) if np.any(half) else 0.0
+    spread = covariance(fit)
+    steps = np.diag(np.sqrt(np.diag(spread)))
+    centre, form = numbers(fit.x)
+    shape = [bool(np.any(numbers(fit.x + sign * step)[1] != form)) for step in steps for sign in (-1, 1)]
+    held = np.reshape(shape, (-1, 2)).any(axis=1)
+    if held.any():
+        across = spread[:, held]
+        spread = spread - across @ np.linalg.pinv(across[held], hermitian=True) @ across.T
+    values, vectors = np.linalg.eigh(spread)
+    roots = (vectors * np.sqrt(np.maximum(values, 0.0))).T
+    half = np.array([0.5 * (numbers(fit.x + r)[0] - numbers(fit.x - r)[0]) for r in roots])
+    wald = float(centre @ np.linalg.pinv(half.T @ half, rcond=1e-10, hermitian=True) @ centre)
+    return float(chi2.sf(wald, centre.size)) if np.any(half) else 0.0
 
 
 def _limits(fit: Linearised) -> tuple[Array, Array]:
