@@ -58,9 +58,7 @@ def test_a_shape_that_is_hardly_determined_does_not_make_an_effect_absent():
     """The sizes of two columns that look alike are uncertain; that of one with the other as its held shape is not."""
     alike = np.column_stack([J[:, 0], J[:, 0] + 1e-3 * J[:, 1]])
     both = fit(lambda x: one_term(1)(x[:1]), jac=alike)
-    held = fit(
-        lambda x: SimpleNamespace(terms=[SimpleNamespace(q=tuple(x), kind=SimpleNamespace(linear=1))]), jac=alike
-    )
+    held = fit(one_term(1), jac=alike)
     error = 1.0 / np.linalg.norm(alike[:, 0]) * np.sqrt(R @ R / 498)
     assert p_of_zero(held, 0) == pytest.approx(2.0 * norm.sf(0.3 / error), rel=1e-6)
     assert p_of_zero(both, 0) > p_of_zero(held, 0)
