@@ -3,8 +3,9 @@
     python -m benchmarks.calibration --count 300 --out calibration.csv --figure calibration.png
     python -m benchmarks.calibration --count 60 --kinds chain,simulator --alpha 0.05,0.01
 
-Six makers take turns: `make_servo_log` of the library, the equations of `blind_logs`, MuJoCo, chains, a simulator of
-one's own, and servo logs with a remainder: coloured torque noise and a foreign effect that follows the motion, each of
+Seven makers take turns: `make_servo_log` of the library, the equations of `blind_logs`, the same as rough logs (slow,
+with a coarse encoder and a path that shakes the axis), MuJoCo, chains, a simulator of one's own, and servo logs with a
+remainder: coloured torque noise and a foreign effect that follows the motion, each of
 0.05 to 0.25 % of the rms drive, so that both together are below the tolerance of 0.4 %. Any name is false, whatever
 the verdict; at the level alpha those with a p-value up to alpha. Bounds are exact (Clopper and Pearson 1934,
 Biometrika 26(4)), 95 % two-sided. A record's smallest p-value is that over all effects and candidates, corrected for
@@ -78,6 +79,17 @@ def remainder(seed: int) -> tuple[dict[str, Any], Any, dict[str, str]]:
     return {"model": "servo"}, case.frame, servo.COLUMNS
 
 
+def rough(seed: int) -> tuple[dict[str, Any], Any, dict[str, str]]:
+    """A slow logger, an encoder of 12 to 16 bits, and a path or a feedforward that shakes the axis."""
+    rng = np.random.default_rng([seed, 23])
+    case = servo.make_case(
+        "none", seed, noise=servo.NOISES[0], seconds=float(rng.uniform(15.0, 40.0)),
+        excitation=str(rng.choice(["rich", "small", "random"])), rate=float(rng.choice([200.0, 250.0, 500.0, 1000.0])),
+        counts=2 ** int(rng.integers(12, 17)),
+    )  # fmt: skip
+    return {"model": "servo"}, case.frame, servo.COLUMNS
+
+
 MAKERS = {
     "library": library,
     "equations": equations,
@@ -85,6 +97,7 @@ MAKERS = {
     "chain": chain,
     "simulator": own_simulator,
     "remainder": remainder,
+    "rough": rough,
 }
 
 

@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.signal import lfilter
 
 
 def reference(kind: str, t: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Position, velocity and acceleration asked for, shape (n,) each.
 
     rich: eight tones of 0.1 to 2.9 Hz on a triangle of 5 rad; small: the tones at 3 %;
-    sine: 2 rad at 0.5 Hz; one_way: a ramp.
+    sine: 2 rad at 0.5 Hz; one_way: a ramp; random: a random walk of 1.5 rad, whose acceleration is white.
     """
     r, v, a = np.zeros_like(t), np.zeros_like(t), np.zeros_like(t)
+    if kind == "random":
+        dt = t[1] - t[0]
+        pole = np.exp(-2 * np.pi * 0.5 * dt)
+        r = lfilter([(1 - pole) ** 2], [1, -2 * pole, pole**2], rng.standard_normal(t.size))
+        r *= 1.5 / r.std()
+        return r, (v := np.gradient(r, dt)), np.gradient(v, dt)
     if kind == "sine":
         w = 2 * np.pi * 0.5
         return 2 * np.sin(w * t), 2 * w * np.cos(w * t), -2 * w * w * np.sin(w * t)

@@ -320,14 +320,16 @@ def make_case(
     seconds: float = 40.0,
     excitation: str = "rich",
     rate: float | None = None,
+    counts: int = 65_536,
 ) -> Case:
-    """One record drawn by its seed.
+    """One record drawn by its seed; the encoder has ``counts`` a turn.
 
     kind: ``named`` (one effect, drawn unless ``effects`` gives it), ``pair``, ``none``,
     ``coloured`` (torque noise of 0.5 to 100 ms, no effect unless given), ``foreign`` (outside the catalogue).
     """
     rng = np.random.default_rng([seed, 4711])
     rig = _rig(rng, seconds, noise, excitation, rate)
+    rig.p[SLOT["quantum"]] = 2 * np.pi / counts
     if effects is None:
         count = {"named": 1, "pair": 2}.get(kind, 0)
         pool = [e for e in EFFECTS if kind != "pair" or e not in ("quantization", "sensor_rectification")]

@@ -33,10 +33,15 @@ def test_equal_units_make_no_following_error_of_a_drive(units, made, told):
     assert record.is_following_error == told
 
 
-@pytest.mark.parametrize(("stated", "named"), [(0.0, True), (0.01, False), (0.005, True)])
-def test_a_grid_that_the_log_states_is_no_effect(stated, named):
+@pytest.mark.parametrize(
+    ("step", "stated", "unit", "named"),
+    [(0.01, 0.0, "rad", True), (0.01, 0.01, "rad", False), (0.01, 0.005, "rad", True),
+     (2 * np.pi / 4000, 0.0, "rad", False), (2 * np.pi / 4000, 0.0, "m", True), (2 * np.pi / 4000, 1e-4, "rad", True)],
+)  # fmt: skip
+def test_a_grid_that_the_log_states_or_that_is_usual_is_no_effect(step, stated, unit, named):
+    record = SimpleNamespace(resolution=stated, units=("Nm", unit))
     view = SimpleNamespace(
-        quantum=0.01, noise=0.003, scene=SimpleNamespace(reach=1.0), record=SimpleNamespace(resolution=stated),
+        quantum=step, noise=0.3 * step, scene=SimpleNamespace(reach=1.0), record=record,
         gap=lambda m: m, rms=lambda g: 1.0, floor=lambda: 1.0,
     )  # fmt: skip
     assert bool(coarse_encoder(view, None)) == named

@@ -133,6 +133,9 @@ def _closing(plant: Any, found: Found, rng: np.random.Generator, given: Any, alp
     in the place of one that fails.
     """
     refused: set[str] = set()
+    if found.taken:
+        # as fair as the repaired model: what other numbers of the base alone close in simulation, no effect has closed
+        found.base = plant.to_simulate(found.base)
     while found.taken:
         fitted = found.model
         proofs = []

@@ -61,6 +61,12 @@ class ResidualFilter:
         return self.taps.size // 2
 
 
+def observer_gains(tracking: float, dt: float) -> tuple[float, float]:
+    """Corrections of position and velocity by one innovation, critically damped at the bandwidth ``tracking`` (Hz)."""
+    w = 2 * np.pi * tracking
+    return 2 * w * dt, w * w * dt
+
+
 def residual_filter(
     dt: float, inertia: float, noise: float, torque: float, *, tracking: float, goal: float = 0.004
 ) -> ResidualFilter:
@@ -73,8 +79,7 @@ def residual_filter(
     tracking : float
         Bandwidth of the observer, Hz.
     """
-    w = 2 * np.pi * tracking
-    gains = (2 * w * dt, w * w * dt)
+    gains = observer_gains(tracking, dt)
     best = None
     highest = min(30.0, HIGHEST_CUTOFF / dt)
     for cutoff in np.geomspace(highest, min(3.0, 0.5 * highest), 16):

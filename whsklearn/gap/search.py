@@ -163,7 +163,8 @@ class Search:
             while self._one_more(found):
                 pass
             self._review(found)
-            self._sized(found)
+            while self._sized(found) and self._lost(found):
+                pass
         except KeyboardInterrupt:
             found.interrupted, found.remainder = True, []
         return found
@@ -409,12 +410,29 @@ class Search:
             shown = g >= least_lead(self.alpha)
         return bool(shown) and size >= self.plant.tolerance * self.plant.scale
 
-    def _sized(self, found: Found) -> None:
-        """Size each of several effects by what it explains beside those that explain more, at the present numbers."""
+    def _lost(self, found: Found) -> bool:
+        """Drop the effect that explains least if that is no longer worth naming; False if all of them are.
+
+        Fitted together, two effects may take over from a third, or cancel: a lag of 240 ms and a drive that is as much
+        too early, beside the gravity of a pendulum.
+        """
+        i = min(range(len(found.taken)), key=lambda i: found.taken[i].size)
+        if found.taken[i].size >= self.plant.tolerance:
+            return False
+        found.model = self.plant.settled(found.model.without(found.model.n_base + i))
+        del found.taken[i]
+        found.remainder = self.plant.looks(found.model, self.rng)
+        return True
+
+    def _sized(self, found: Found) -> bool:
+        """Size each of several effects by what it explains beside those that explain more; False if there is but one.
+
+        The numbers are the present ones.
+        """
         base, terms = found.model.terms[: found.model.n_base], found.model.terms[found.model.n_base :]
         names = [t.name for t in found.taken]
         if len(set(names)) < 2:
-            return
+            return False
         said: list[str] = []
 
         def explained(name: str) -> float:
@@ -432,3 +450,4 @@ class Search:
             i = names.index(best)
             found.taken[i] = replace(found.taken[i], size=sizes[best])
             said.append(best)
+        return True

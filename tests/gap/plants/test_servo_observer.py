@@ -26,7 +26,7 @@ def opened(rate, time_constant):
     keep = slice(None, None, round(500.0 / rate))
     record = ServoRecord(r.time[keep], r.drive[keep], r.position[keep])
     inverse, base = start_of(record, ("viscous",), 0.004)
-    return observer_view(record, base.scene, inverse.start), base
+    return observer_view(inverse, base.scene), base
 
 
 @pytest.mark.parametrize(("rate", "longer"), [(50.0, 4.0), (500.0, 1.0)], ids=["50 Hz", "500 Hz"])

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from tests.gap.plants.example_servo import INERTIA, RATE, TIME, opened, record_of
+from tests.gap.plants.example_servo import INERTIA, RATE, TIME, opened, record_of, shaken
 from whsklearn.datasets import make_servo_log
 from whsklearn.effects import InputDelay
 from whsklearn.gap.plants.servo_start import (
@@ -18,7 +18,7 @@ from whsklearn.gap.plants.servo_start import (
     start_of,
     with_earlier_drive,
 )
-from whsklearn.gap.record import ServoRecord
+from whsklearn.gap.record import ServoRecord, noise_level
 
 
 @pytest.fixture(scope="module")
@@ -53,6 +53,12 @@ def test_what_is_fitted_and_what_is_held_out_keep_their_distance(views):
     assert len(set(observer.held[observer.held >= 0])) == 5
     room = ~(observer.train | (observer.held >= 0))
     assert np.all(room[both] | room[both + 1])  # no fitted sample stands beside a held-out one
+
+
+def test_motion_at_the_sampling_rate_is_not_taken_for_noise():
+    record = shaken(noise=2e-5)
+    view, _ = start_of(record, ("viscous", "coulomb"), 0.004)
+    assert 2e-5 < view.noise < 0.5 * noise_level(record.position)
 
 
 def test_a_noisier_encoder_asks_for_a_lower_cut_off(views):

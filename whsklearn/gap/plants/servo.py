@@ -33,7 +33,7 @@ from whsklearn.gap.plants.servo_candidates import TWO_MASS, aliases, candidate
 from whsklearn.gap.plants.servo_families import highest_order, next_order, polished, widened
 from whsklearn.gap.plants.servo_families import settled as looking_settled
 from whsklearn.gap.plants.servo_inverse import InverseView
-from whsklearn.gap.plants.servo_model import AxisModel
+from whsklearn.gap.plants.servo_model import HOLD, AxisModel
 from whsklearn.gap.plants.servo_run import ObserverView
 from whsklearn.gap.plants.servo_start import (
     best_view,
@@ -49,7 +49,6 @@ from whsklearn.gap.search import HALF
 from whsklearn.logs.units import inertia_unit
 
 Array = NDArray[Any]
-HOLD = 0.5  # samples of age that a drive held over a sample has on average
 OVER_LITTLE_TRAVEL = {"input_offset": ("gravity_imbalance",), "asymmetric_coulomb": ("gravity_imbalance",),
                       "cable_spring": ("gravity_imbalance",), "gravity_imbalance": ("cable_spring",)}  # fmt: skip
 
@@ -104,7 +103,7 @@ class ServoPlant(Plant):
         """Set up both views of a record; return its base model."""
         self.record = record
         self.inverse, base = start_of(record, self.law, self.tolerance)
-        self.observer = observer_view(record, base.scene, self.inverse.start, tolerance=self.tolerance).coarsened(base)
+        self.observer = observer_view(self.inverse, base.scene, tolerance=self.tolerance).coarsened(base)
         return base
 
     def made(self, model: AxisModel, rng: np.random.Generator) -> ServoPlant:
@@ -123,7 +122,10 @@ class ServoPlant(Plant):
         self.headline, self.horizons = self._horizons(model)
         if stop.holds(model):  # an observer does not see where a contact begins
             return model
-        tried = [model, self.observer.fit(model), *(self._from_load(model) if model.has_play else [])]
+        tried = [model, *(self._from_load(model) if model.has_play else [])]
+        # a body that friction alone holds stays near any path; it asks for more drive than there is
+        if rms(self.inverse.left(refitted := self.observer.fit(model))) < self.scale:
+            tried.append(refitted)
         if [t.name for t in self.corrected.terms] == [t.name for t in model.terms]:
             tried.append(self.corrected)
         # a fit that ends with no inertia, or with far too much, has failed

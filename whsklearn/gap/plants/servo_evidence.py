@@ -68,9 +68,11 @@ STOP_EDGE = 0.03
 
 # --- effects read directly from the record ("blind" with quantization and sensor_rectification) ---
 
-# Step of the grid as a share of half the travel; every encoder has a finer one.
+# Step of the grid as a share of half the travel, where a coarse encoder is not told by its counts: linear axes.
 COARSE_GRID = 2.5e-4
-# Multiple of the encoder's stated step: one lost bit doubles it.
+# Counts a turn of the coarsest encoders that servos are sold with: 12 bits (AS5600, Dynamixel XL330), 1024 lines.
+USUAL_COUNTS = 4096
+# Multiple of the encoder's stated or usual step: one lost bit doubles it.
 COARSER_THAN_STATED = 1.5
 # Largest misfit of an unfolded reading as a share of that before: half of a folded record is on the wrong side.
 UNFOLDED = 0.1

@@ -27,7 +27,7 @@ from whsklearn.gap.plants import servo_stop as stop
 from whsklearn.gap.plants import servo_two_mass as two_mass
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, ColumnSignals
 from whsklearn.gap.plants.servo_model import AxisModel, Term
-from whsklearn.gap.record import ServoRecord, noise_level, rms
+from whsklearn.gap.record import ServoRecord, rms
 from whsklearn.logs.lattice import lattice
 
 Array = NDArray[Any]
@@ -61,13 +61,14 @@ class InverseView:
         Cut-off of the Gaussian, Hz.
     start : tuple of ndarray
         Smoothed position and velocity from which a surrogate starts.
+    noise : float
+        Standard deviation of the position's noise.
     """
 
-    def __init__(self, record: ServoRecord, scene: Scales, cutoff: float, start: tuple[Array, Array]):
-        self.record, self.scene, self.cutoff, self.start = record, scene, cutoff, start
+    def __init__(self, record: ServoRecord, scene: Scales, cutoff: float, start: tuple[Array, Array], noise: float):
+        self.record, self.scene, self.cutoff, self.start, self.noise = record, scene, cutoff, start, noise
         dt, y, u = scene.dt, record.position, record.drive
         self.quantum = lattice(y)
-        self.noise = max(noise_level(y), rules.GRID_AS_NOISE * self.quantum)
         sigma = CUTOFF_SIGMA / (2 * np.pi * cutoff)
         self.g, _, g2 = gaussian_derivatives(sigma, dt)
         self.every = decimation(cutoff, dt)
@@ -122,7 +123,7 @@ class InverseView:
 
     def beside(self, record: ServoRecord) -> InverseView:
         """The same view of another record of the same experiment, judged at the same samples."""
-        other = InverseView(record, self.scene, self.cutoff, self.start)
+        other = InverseView(record, self.scene, self.cutoff, self.start, self.noise)
         other.usable, other.at, other.n_effective = self.usable, self.at, self.n_effective
         other.slowest, other.motion = self.slowest, other.motion._replace(kappa=self.motion.kappa)
         return other
@@ -197,8 +198,11 @@ class InverseView:
         sizes, free = self._sizes(open_x, target, positive, away)
         rate = ols.slope(open_x @ sizes, self.step)
         sizes, free = self._sizes(np.column_stack([open_x, rate]), target, np.append(positive, False), away)
-        latest = rules.OLDEST if any_age else rules.LATEST * self.scene.dt
-        timing = float(np.clip(sizes[-1], -rules.OLDEST, latest))
+        # beside a delay or a lag an age is bookkeeping: one logged late would have been moved, and the two would cancel
+        least = rules.LATEST * self.scene.dt
+        latest = rules.OLDEST if any_age else least
+        earliest = least if any(t.kind.delays for t in model.terms) else rules.OLDEST
+        timing = float(np.clip(sizes[-1], -earliest, latest))
         # u(t - T) = m means u = m + T m' + T^2 m'' / 2; without the second order a lag looks like a delay
         target = target - 0.5 * timing**2 * ols.slope(rate, self.step)
         if timing == sizes[-1]:
@@ -299,6 +303,13 @@ class InverseView:
         left = target - stop.without_pushes(model, x) @ sizes
         return stop.outside(left[self.at], stop.away(self, model))
 
+    def left(self, model: AxisModel, torque: Array | None = None) -> Array:
+        """Drive that the model leaves unexplained at its own numbers, which are not solved for."""
+        x, _ = self.columns(model, self.torque(model) if torque is None else torque)
+        predicted = x @ self.sizes(model)
+        rate = ols.slope(predicted, self.step)
+        return (self.target(model)[0] - predicted - model.timing * self.scene.dt * rate)[self.at]
+
     def with_pushes(self, model: AxisModel) -> Array:
         """The same residual, with only the spring and damper part of a stop's push subtracted."""
         _, x, target, sizes, _ = self.solved(model)
@@ -331,14 +342,11 @@ class InverseView:
         factor = np.sqrt(self.n_effective / self.at.size)
 
         def residual(x: Array) -> Array:
-            m = model.with_vector(x)
-            columns, _ = self.columns(m, torque)
-            left = self.target(m)[0] - columns @ self.sizes(m) - m.timing * self.scene.dt * rate
-            return factor * (left[self.at] - (0.0 if self.artefact is None else self.artefact))
+            return factor * (self.left(model.with_vector(x), torque) - artefact)
 
+        artefact = 0.0 if self.artefact is None else self.artefact
         torque = self.torque(model)
         columns = self.columns(model, torque)[0]
-        rate = ols.slope(columns @ self.sizes(model), self.step)
         x, (low, high) = model.vector(), model.bounds()
         r = residual(x)
         sizes, first = np.zeros(x.size, dtype=np.intp), 1 + np.cumsum([0, *(t.kind.linear for t in model.terms)])

@@ -33,6 +33,8 @@ LARGEST = 10.0  # largest effect in multiples of the rms drive; larger ones only
 LONGEST_STEP = 1.001e-3  # s of a fine step; the extra thousandth allows for the rounding of 1 / 1000
 FASTEST_COUPLING = 90.0  # Hz of the fastest coupling searched for; `Effect.finest` of a transmission is made for it
 TIMING_LIMIT = 1.0  # samples; less than one is bookkeeping, not physics
+# Samples of age that a drive held over a sample has on average: inverse dynamics counts it, a simulation holds anyway.
+HOLD = 0.5
 INSIDE = 1e-3  # of a share: how far inside its range a fit along the run starts where inverse dynamics left it
 
 

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from whsklearn.gap.calibration import N_DRAWS, coloured, n_effective, null_rows, smoothed_power
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants.servo_candidates import ColumnSignals as Motion
-from whsklearn.gap.plants.servo_model import AxisModel
+from whsklearn.gap.plants.servo_model import HOLD, AxisModel
+from whsklearn.identification.drive_lead import earlier
 from whsklearn.systems._servo_kernel import DRIVE, MEASURED, N_SIGNALS, How, PassInputs, run
 from whsklearn.systems._servo_torques import DELAY, RESOLUTION
 from whsklearn.systems.servo import FEWEST_STEPS
@@ -73,8 +74,10 @@ def own_record(view: Any, model: AxisModel, rng: np.random.Generator, feed: Arra
     quiet = view.quantum / np.sqrt(12)
     sigma = np.sqrt(max(view.noise**2 - quiet**2, (0.3 * view.noise) ** 2))
     plant = model.plant()
+    # a drive that was logged late acts before it is written: the loop runs ahead of the log
     late = int(np.ceil(max(-delay, 0.0) / dt))
     plant.parts[DELAY] = delay + late * dt
+    feed = record.by_piece(lambda u: earlier(u, late), feed)
     plant.parts[RESOLUTION] = view.quantum
     path, speed = view.motion.position, view.motion.velocity
     noise = sigma * rng.standard_normal(len(record))
@@ -116,7 +119,7 @@ def own(view: Any, model: AxisModel, rng: np.random.Generator) -> tuple[Own, Axi
     left, true = bare.gap(model, any_age=True), model.vector()
     timing = min(bare.age(model), rules.LATEST * view.scene.dt)  # beyond that it is a delay, which this model lacks
     # from the logged drive: the first residual contains the artefacts of the filters, which the first own record shows
-    corrected, delay, feed = model, timing - view.scene.dt, view.record.drive
+    corrected, delay, feed = model, timing - HOLD * view.scene.dt, view.record.drive
     for _ in range(2):  # with more passes they diverge if the drive has a limit, above which more drive changes nothing
         made = bare.beside(own_record(view, corrected, rng, feed, delay))
         fitted = made.fit(model)

@@ -12,12 +12,12 @@ from scipy.signal import fftconvolve
 from whsklearn.effects import Scales, get_effect
 from whsklearn.filtering.gaussian import CUTOFF_SIGMA, HIGHEST_CUTOFF, gaussian_derivatives
 from whsklearn.gap.diagnosis import NamedEffect
-from whsklearn.gap.filters import residual_filter
+from whsklearn.gap.filters import observer_gains, residual_filter
 from whsklearn.gap.plant import DEFAULT_TOLERANCE, QUIET
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants.servo_candidates import candidate
 from whsklearn.gap.plants.servo_inverse import InverseView
-from whsklearn.gap.plants.servo_model import FASTEST_COUPLING, AxisModel, Term
+from whsklearn.gap.plants.servo_model import FASTEST_COUPLING, HOLD, AxisModel, Term
 from whsklearn.gap.plants.servo_run import ObserverView
 from whsklearn.gap.record import ServoRecord, held_out_blocks, noise_level, rms
 from whsklearn.gap.search import HALF
@@ -61,7 +61,7 @@ def best_view(view: InverseView, model: AxisModel, goal: float) -> InverseView:
         *_, g2 = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * cutoff), dt)
         _, g1, _ = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * min(2 * cutoff, 0.1 / dt)), dt)
         slowest = rules.NOISY * noise * float(np.linalg.norm(g1))
-        other = InverseView(view.record, scene, float(cutoff), view.start)
+        other = InverseView(view.record, scene, float(cutoff), view.start, noise)
         if np.mean((speed < slowest) & (speed > rules.SLOW * scene.speed)) > rules.BLIND_SHARE:
             continue
         floor = rules.DRIVE_NOISE * noise * other.fit(model).inertia * float(np.linalg.norm(g2))
@@ -90,12 +90,37 @@ def start_of(record: ServoRecord, law: tuple[str, ...], goal: float) -> tuple[In
         peak=float(np.abs(record.drive).max()),
         resonance=min(FASTEST_COUPLING, 0.2 / dt),
     )
-    view = InverseView(record, scene, first, (q, v))
+    view = InverseView(record, scene, first, (q, v), position_noise(record, y))
     model = view.fit(base_model(law, scene))
+    view.noise = position_noise(record, unpredicted(record, model, view.start))
     scene = dataclasses.replace(scene, inertia=model.inertia)
     model = dataclasses.replace(model, scene=scene)
     view = best_view(view, model, goal)
     return view, view.fit(model)
+
+
+def position_noise(record: ServoRecord, signal: Array) -> float:
+    """Standard deviation of the position's noise, from the sixth differences of a signal that holds it."""
+    return max(noise_level(signal), rules.GRID_AS_NOISE * lattice(record.position))
+
+
+def unpredicted(record: ServoRecord, model: AxisModel, start: tuple[Array, Array]) -> Array:
+    """What a slow observer does not predict of the position; the position itself if that is the quieter.
+
+    The sixth differences of a path that the drive shakes at the sampling rate are not noise, and a model predicts them.
+    """
+    ready, gains = (
+        dataclasses.replace(model, timing=model.timing - HOLD),
+        observer_gains(tracking(record.dt), record.dt),
+    )
+    y_hat = ready.follow(record.drive, record.position, gains, start=start, pieces=record.pieces)[0]
+    left = record.position - y_hat
+    return min(record.position, left, key=noise_level) if np.all(np.isfinite(left)) else record.position
+
+
+def tracking(dt: float) -> float:
+    """Bandwidth (Hz) of the observer that holds a model near a record."""
+    return float(np.clip(0.02 / dt, 0.2, 2.0))
 
 
 def logged_late(view: InverseView, model: AxisModel) -> int:
@@ -120,26 +145,21 @@ def with_earlier_drive(record: ServoRecord, samples: int) -> ServoRecord:
     return dataclasses.replace(record, drive=record.by_piece(lambda u: earlier(u, samples), record.drive))
 
 
-def observer_view(
-    record: ServoRecord, scene: Scales, start: tuple[Array, Array], *, tolerance: float = DEFAULT_TOLERANCE
-) -> ObserverView:
-    """The observer view of a record.
+def observer_view(view: InverseView, scene: Scales, *, tolerance: float = DEFAULT_TOLERANCE) -> ObserverView:
+    """The observer view of the record of an inverse view.
 
     Parameters
     ----------
-    record : ServoRecord
+    view : InverseView
     scene : Scales
         Scales with the inertia of the first fit.
-    start : tuple of ndarray
-        Smoothed position and velocity.
     tolerance : float
         Smallest rms torque worth naming, as a share of the rms drive.
     """
+    record = view.record
     dt, n = record.dt, len(record)
-    quantum = lattice(record.position)
-    noise = max(noise_level(record.position), rules.GRID_AS_NOISE * quantum)
-    tracking = float(np.clip(0.02 / dt, 0.2, 2.0))
-    chosen = residual_filter(dt, scene.inertia, noise, scene.torque, tracking=tracking, goal=tolerance)
+    slow = tracking(dt)
+    chosen = residual_filter(dt, scene.inertia, view.noise, scene.torque, tracking=slow, goal=tolerance)
     number, train = held_out_blocks(n)
     guard = chosen.half_width
     edge = np.zeros(n, dtype=bool)
@@ -148,25 +168,29 @@ def observer_view(
     for c in change:
         edge[max(0, c - between) : c + between] = True
     usable = np.ones(n, dtype=bool)
-    settle = int(max(1.0, 3 / (2 * np.pi * tracking)) / dt) + guard
+    settle = int(max(1.0, 3 / (2 * np.pi * slow)) / dt) + guard
     usable[:settle] = False
     usable[n - guard :] = False
     usable &= ~record.near_a_hole(guard, settle)
     return ObserverView(
-        record, chosen, scene, noise, start,
-        chosen.pick(train & ~edge), chosen.pick(np.where(edge, -1, number)), chosen.pick(usable), tolerance, quantum,
+        record, chosen, scene, view.noise, view.start,
+        chosen.pick(train & ~edge), chosen.pick(np.where(edge, -1, number)), chosen.pick(usable), tolerance,
+        view.quantum,
     )  # fmt: skip
 
 
 def coarse_encoder(view: Any, base: Any) -> list[Any]:
     """The quantization, if all positions are on a grid that is the main noise and nothing else is missing.
 
-    A log in counts states its grid; only a coarser one is an effect.
+    A log in counts states its grid; only a coarser one is an effect.  An axis whose log does not state it is taken to
+    have at least an encoder of the usual kind.
     """
-    step = view.quantum
+    step, stated = view.quantum, view.record.resolution
+    if not stated and view.record.units[1] == "rad":
+        stated = 2 * np.pi / rules.USUAL_COUNTS
     if step < rules.COARSE_GRID * view.scene.reach or step**2 / 12.0 < HALF * view.noise**2:
         return []
-    if step < rules.COARSER_THAN_STATED * view.record.resolution:
+    if step < rules.COARSER_THAN_STATED * stated:
         return []
     effect = get_effect("quantization")(step=step)  # type: ignore[call-arg]
     if view.rms(view.gap(base)) > QUIET * view.floor():
