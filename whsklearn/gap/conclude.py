@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -138,40 +138,50 @@ def _closing(plant: Any, found: Found, rng: np.random.Generator, given: Any, alp
         found.base = plant.to_simulate(found.base)
     while found.taken:
         fitted = found.model
-        proofs = []
         # numbers refitted along the run may suit the samples that they were fitted to, and no others
         refitted = plant.to_simulate(fitted)
-        for model in (refitted, fitted) if refitted is not fitted else (fitted,):
-            proofs.append((model, prove(plant, found.base, model, rng, given)))
-            closes = _headline(plant, proofs[-1][1])["closure"] >= 0.0
-            if closes or plant.contributes(found.base, model):
-                found.model, rows = proofs[-1]
-                if (i := _unsound(plant, found, alpha)) is None:
-                    return rows
-                found.model = plant.settled(fitted.without(found.model.n_base + i))
-                del found.taken[i]
-                found.remainder = plant.looks(found.model, rng)
-                break
-        else:
-            # restarts may make a run useless at one horizon that still shows the torque at a shorter one
-            for model, rows in proofs:
-                shorter = [r["horizon"] for r in rows if r["horizon"] < plant.headline and r["closure"] > 0.0]
-                if shorter:
-                    found.model, plant.headline = model, max(shorter)
-                    return rows
-            step = found.steps[min(len(found.taken) - 1, len(found.steps) - 1)]
-            found.model, found.remainder = plant.settled(fitted.without(len(fitted.terms) - 1)), step.looks
-            last = found.taken.pop()
-            refused.add(last.name)
-            alike = (f for f in step.fitted if f.effect.name in last.effect.aliases and meet(f.look, last.look))
-            other = next((f for f in alike if not f.reason and f.name not in refused), None)
-            if other is not None:
-                found.model = plant.settled(found.model.with_terms((*found.model.terms, other.model.terms[-1])))
-                rivals = [last.name, *(name for name in last.rivals if name != other.name)]
-                found.taken.append(replace(other, rivals=rivals))
-                found.remainder = plant.looks(found.model, rng)
+        models = (refitted, fitted) if refitted is not fitted else (fitted,)
+        standing = _standing(plant, found.base, models, rng, given)
+        if standing is not None:
+            found.model, rows = standing
+            if (i := _unsound(plant, found, alpha)) is None:
+                return rows
+            found.model = plant.settled(fitted.without(found.model.n_base + i))
+            del found.taken[i]
+            found.remainder = plant.looks(found.model, rng)
+            continue
+        step = found.steps[min(len(found.taken) - 1, len(found.steps) - 1)]
+        found.model, found.remainder = plant.settled(fitted.without(len(fitted.terms) - 1)), step.looks
+        last = found.taken.pop()
+        refused.add(last.name)
+        alike = (f for f in step.fitted if f.effect.name in last.effect.aliases and meet(f.look, last.look))
+        other = next((f for f in alike if not f.reason and f.name not in refused), None)
+        if other is not None:
+            found.model = plant.settled(found.model.with_terms((*found.model.terms, other.model.terms[-1])))
+            rivals = [last.name, *(name for name in last.rivals if name != other.name)]
+            found.taken.append(replace(other, rivals=rivals))
+            found.remainder = plant.looks(found.model, rng)
     found.model = found.base
     return prove(plant, found.base, found.base, rng, given)
+
+
+def _standing(
+    plant: Any, base: Any, models: Iterable[Any], rng: np.random.Generator, given: Any
+) -> tuple[Any, list[dict[str, Any]]] | None:
+    """The first of the models that closes the gap in simulation, with its proof; None if none does."""
+    proofs = []
+    for model in models:
+        rows = prove(plant, base, model, rng, given)
+        if _headline(plant, rows)["closure"] >= 0.0 or plant.contributes(base, model):
+            return model, rows
+        proofs.append((model, rows))
+    # restarts may make a run useless at one horizon that still shows the torque at a shorter one
+    for model, rows in proofs:
+        shorter = [r["horizon"] for r in rows if r["horizon"] < plant.headline and r["closure"] >= LEAST_SHARE]
+        if shorter:
+            plant.headline = max(shorter)
+            return model, rows
+    return None
 
 
 def _unsound(plant: Any, found: Found, alpha: float) -> int | None:
@@ -190,7 +200,7 @@ def _unsound(plant: Any, found: Found, alpha: float) -> int | None:
     for i in reversed(range(len(found.taken))):
         terms = model.terms
         grown = model.with_terms((*terms[: n + i], *terms[n + i + 1 :], terms[n + i]))
-        if len(found.taken) > 1 and plant.objection(model.without(n + i), grown):
+        if plant.objection(model.without(n + i), grown):
             return i
         absent.append((p_of_zero(fit, n + i), i))
     p, i = max(absent)

@@ -91,17 +91,22 @@ def test_the_unit_of_the_drive_scales_the_numbers_and_no_more(units):
     assert [e.name for e in d.effects][:1] == ["gravity_imbalance"]
 
 
-def test_numbers_for_simulation_are_compared_at_the_horizon_that_is_proved(monkeypatch):
+@pytest.mark.parametrize(
+    ("horizon", "asked", "chosen"), [(0.07, 0.1, "found"), (0.5, 0.1, "refitted"), (0.5, 1.5, "found")]
+)
+def test_numbers_for_simulation_are_compared_at_the_horizon_that_is_proved(monkeypatch, horizon, asked, chosen):
+    """A model that asks for more drive than was logged stays near the path by its friction alone."""
     errors = {("found", 0.07): 1.0, ("found", 0.5): 9.0, ("refitted", 0.07): 5.0, ("refitted", 0.5): 4.0}
     monkeypatch.setattr(servo_run, "train_error", lambda view, m, horizon: errors[m.name, horizon])
     plant = object.__new__(ServoPlant)
-    monkeypatch.setattr(ServoPlant, "_horizons", lambda self, m: (0.07, (0.014, 0.07, 0.28)))
+    monkeypatch.setattr(ServoPlant, "_horizons", lambda self, m: (horizon, (horizon / 5, horizon, 4 * horizon)))
     monkeypatch.setattr(servo_stop, "holds", lambda m: False)
     kept = {"terms": (), "has_play": False, "has_inertia": lambda fitted: True}
     found, refitted = (SimpleNamespace(name=n, **kept) for n in ("found", "refitted"))
     plant.observer, plant.corrected = SimpleNamespace(fit=lambda m: refitted), found
-    assert plant.to_simulate(found) is found
-    assert plant.headline == 0.07
+    plant.inverse, plant.scale = SimpleNamespace(left=lambda m: np.full(3, asked)), 1.0
+    assert plant.to_simulate(found).name == chosen
+    assert plant.headline == horizon
 
 
 @pytest.mark.parametrize("load_side", [False, True])
