@@ -200,7 +200,7 @@ def _unsound(plant: Any, found: Found, alpha: float) -> int | None:
     for i in reversed(range(len(found.taken))):
         terms = model.terms
         grown = model.with_terms((*terms[: n + i], *terms[n + i + 1 :], terms[n + i]))
-        if plant.objection(model.without(n + i), grown):
+        if len(found.taken) > 1 and plant.objection(model.without(n + i), grown):
             return i
         absent.append((p_of_zero(fit, n + i), i))
     p, i = max(absent)
@@ -305,7 +305,7 @@ def candidates(found: Found, diagnosis: Diagnosis, plant: Any, alpha: float) -> 
             if not look.name or look.name in lines:
                 continue
             status, reason = "ruled_out", _reason(look, fitted.get(look.name), plant, alpha)
-            if look.name in unseen:
+            if look.name in unseen and look.p_value > alpha:
                 status = "not_testable"
                 reason = f"{100 * SHOWN:.0f} % of the rms {plant.whole} would not show in this record"
             price = look.n_numbers * np.log(step.n_effective)

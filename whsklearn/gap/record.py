@@ -130,12 +130,10 @@ class ServoRecord(Segmented):
         if not any(self.logged):
             object.__setattr__(self, "logged", self.units)
         (by, drive), (turn, motion) = map(factor_of, self.units)
-        if (by, turn) != (1.0, 1.0):  # numbers that need no conversion stay bit for bit the same
-            object.__setattr__(self, "drive", np.asarray(self.drive, dtype=float) * by)
-            for name in ("position", "reference"):
-                if getattr(self, name) is not None:
-                    object.__setattr__(self, name, np.asarray(getattr(self, name), dtype=float) * turn)
-            object.__setattr__(self, "resolution", self.resolution * turn)
+        for name, factor in (("time", 1.0), ("drive", by), ("position", turn), ("reference", turn)):
+            if (given := getattr(self, name)) is not None:  # a factor of one changes no bit
+                object.__setattr__(self, name, np.asarray(given, dtype=float) * factor)
+        object.__setattr__(self, "resolution", self.resolution * turn)
         object.__setattr__(self, "units", (drive, motion))
 
     @property

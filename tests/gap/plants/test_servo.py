@@ -114,7 +114,7 @@ def test_missing_drive_behind_a_coupling_is_told_by_the_observer(load_side):
     plant = object.__new__(ServoPlant)
     for name, gaps in (("inverse", (3.0, 2.9, 0.1)), ("observer", (1.0, 0.2, 0.05))):
         view = SimpleNamespace(gap=lambda m, g=gaps: g[m.at], rms=float, floor=lambda m, g=gaps: g[2], fit=lambda m: m)
-        view.artefact = 0.0  # a look has been at what is left
+        view.own = object()  # a look has been at what is left
         setattr(plant, name, view)
     plant.own = SimpleNamespace(floor=0.1)
     base, model = SimpleNamespace(at=0, load_side=False), SimpleNamespace(at=1, load_side=load_side, has_play=False)

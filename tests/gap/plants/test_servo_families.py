@@ -19,7 +19,7 @@ def looks_at(effects):
     record = ServoRecord.from_frame(make_servo_log(effects, duration=12.0, random_state=0))
     view, model = start_of(record, ("viscous", "coulomb"), 0.004)
     own, _ = servo_own.own(view, model, np.random.default_rng(0))
-    view.artefact = own.mean
+    view.own = own
     return view, servo_families.looks(view, view.fit(model), own, 0.0)
 
 

@@ -31,9 +31,9 @@ def empty():
 def test_artefacts_of_the_filters_are_those_of_the_record(empty):
     view, model, own, _ = empty
     raw = view.gap(model)
-    view.artefact = own.mean
+    view.own = own
     left = view.rms(view.gap(model))
-    view.artefact = None
+    view.own = None
     assert left < 0.25 * view.rms(raw)
     assert left < 2.5 * own.floor
 
@@ -69,9 +69,9 @@ def test_a_shaken_axis_logged_late_makes_the_same_record():
 
 def test_null_rows_are_as_large_as_what_is_left(empty):
     view, model, own, _ = empty
-    view.artefact = own.mean
+    view.own = own
     left = view.rms(view.gap(model))
-    view.artefact = None
+    view.own = None
     assert np.sqrt(np.mean(own.null**2)) == pytest.approx(left, rel=0.25)
 
 

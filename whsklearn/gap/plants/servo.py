@@ -222,7 +222,7 @@ class ServoPlant(Plant):
         If ``beside`` is given, the model is ``beside`` without one of its effects.
         """
         self.own, self.corrected = servo_own.own(self.inverse, model, rng)
-        self.inverse.artefact = self.own.mean
+        self.inverse.own = self.own
         self.n_effective = self.own.n_effective
         return servo_families.looks(
             self.inverse, self.inverse.fit(model), self.own, self.tolerance * self.scale, beside
@@ -278,14 +278,13 @@ class ServoPlant(Plant):
         if late:
             self.lead += late * self.record.dt
             self._open(with_earlier_drive(self.record, late))
-        self.inverse.artefact = None
+        self.inverse.own = None
         other = best_view(self.inverse, model, self.tolerance)
         if not 1.0 / rules.WIDER < other.cutoff / self.inverse.cutoff < rules.WIDER:
             self.inverse = other
         model = self.inverse.fit(model)
         if model.added:  # with the artefacts of the previous model, the fit of a Stribeck curve is too wide
-            own, _ = servo_own.own(self.inverse, model, np.random.default_rng(0))
-            self.inverse.artefact = own.mean
+            own = self.inverse.own = servo_own.own(self.inverse, model, np.random.default_rng(0))[0]
             model = looking_settled(self.inverse, self.inverse.fit(model))
             if self.rms(self.errors(model)) > QUIET * own.floor and not (stop.holds(model) or model.has_play):
                 model = self._along_the_run(model)
@@ -300,11 +299,11 @@ class ServoPlant(Plant):
         view, before = self.inverse, self.rms(self.errors(model))
         other = self.observer.fit(model)
         found, _ = servo_own.own(view, other, np.random.default_rng(0))
-        view.artefact, kept = found.mean, view.artefact
+        view.own, kept = found, view.own
         other = looking_settled(view, view.fit(other))
         if self.rms(self.errors(other)) < before:
             return other
-        view.artefact = kept
+        view.own = kept
         return model
 
     def errors(self, model: AxisModel) -> Array:
@@ -313,10 +312,10 @@ class ServoPlant(Plant):
 
     def alone(self, model: AxisModel) -> Array:
         """The model's residual, polished with the artefacts of its own records instead of those of its base."""
-        view, kept = self.inverse, self.inverse.artefact
-        view.artefact = servo_own.own(view, model, np.random.default_rng(0))[0].mean
+        view, kept = self.inverse, self.inverse.own
+        view.own = servo_own.own(view, model, np.random.default_rng(0))[0]
         left = view.gap(looking_settled(view, view.fit(model)))
-        view.artefact = kept
+        view.own = kept
         return left
 
     def objection(self, model: AxisModel, grown: AxisModel) -> str:
@@ -349,9 +348,9 @@ class ServoPlant(Plant):
             seen = self.observer
             return Figures(seen.rms(seen.gap(base)), seen.rms(seen.gap(model)), seen.floor(model))
         view = self.inverse
-        if view.artefact is None:  # the last effect was taken back, and no look has been taken at the residual
+        if view.own is None:  # the last effect was taken back, and no look has been taken at the residual
             self.own, _ = servo_own.own(view, model, np.random.default_rng(0))
-            view.artefact = self.own.mean
+            view.own = self.own
         before, after = (view.rms(view.gap(view.fit(m))) for m in (base, model))
         return Figures(before, after, self.own.floor, nameless)
 

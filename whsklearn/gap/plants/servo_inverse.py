@@ -89,7 +89,7 @@ class InverseView:
         self.at = np.flatnonzero(self.usable)
         self.step = self.every * dt
         self.n_effective = self.at.size * min(1.0, 2 * cutoff * self.step)
-        self.artefact: Array | None = None  # residual of a model's own record in this view, at the judged samples
+        self.own: Any = None  # what a model's own records show of this view (`servo_own.Own`)
         self._columns: dict[Any, Array] = {}
 
     def _moving(self, sigma: float) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
@@ -109,16 +109,21 @@ class InverseView:
         keep &= ~(holes := self.record.near_a_hole(2 * half, 2 * half))
         return keep[:: self.every], ~holes[:: self.every]
 
+    @property
+    def artefact(self) -> Array | None:
+        """Residual of a model's own records in this view, at the judged samples; None if they are not known."""
+        return None if self.own is None else self.own.mean
+
     def rms(self, gap: Array) -> float:
         """Rms over the judged samples."""
         return rms(gap)
 
     def bare(self) -> InverseView:
         """The view without subtracting the artefacts."""
-        if self.artefact is None:
+        if self.own is None:
             return self
         other = copy(self)
-        other.artefact, other._columns = None, {}
+        other.own, other._columns = None, {}
         return other
 
     def beside(self, record: ServoRecord) -> InverseView:
@@ -200,7 +205,7 @@ class InverseView:
         sizes, free = self._sizes(np.column_stack([open_x, rate]), target, np.append(positive, False), away)
         # beside a delay or a lag an age is bookkeeping: one logged late would have been moved, and the two would cancel
         least = rules.LATEST * self.scene.dt
-        latest = rules.OLDEST if any_age else least
+        latest = rules.OLDEST if any_age else least + (0.0 if self.own is None else self.own.late)
         earliest = least if any(t.kind.delays for t in model.terms) else rules.OLDEST
         timing = float(np.clip(sizes[-1], -earliest, latest))
         # u(t - T) = m means u = m + T m' + T^2 m'' / 2; without the second order a lag looks like a delay
