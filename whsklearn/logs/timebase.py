@@ -192,6 +192,7 @@ def in_order(time: Array, same_rows: NDArray[np.bool_], rows: NDArray[np.intp]) 
         If fewer than three stamps increase.
     """
     found: list[Finding] = []
+    logged = time
     turned = np.mean(np.diff(time) < 0) > TURNED
     if turned:
         time, rows, same_rows = time[::-1], rows[::-1], same_rows[::-1]
@@ -223,7 +224,11 @@ def in_order(time: Array, same_rows: NDArray[np.bool_], rows: NDArray[np.intp]) 
         found.append(finding("LOG003", "warning", lost, text, float(lost.size)))
     time, rows, starts = time[later], rows[later], starts[later]
     if time.size < 3:
-        raise LogError(f"only {time.size} stamps increase; check the time column.")
+        low, high = (f"{x:.12g}" for x in (logged.min(), logged.max()))
+        raise LogError(
+            f"of {logged.size} time stamps from {low} to {high} s only {time.size} increase, and a log needs three: the "
+            "clock stood still, or its last digits were lost. Export more digits, or give --rate HZ in place of --time."
+        )
     breaks = np.diff(time) >= LONG_GAP * _period(time)
     segment = np.r_[0, np.cumsum(breaks | starts[1:])].astype(np.int64)
     return Stamps(rows, time, segment, tuple(found))
