@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 from scipy.signal import lfilter
 
-from whsklearn.cli.identify import log_of, main
+from whsklearn.cli.identify import main
 from whsklearn.models import load_model
 
 
@@ -30,11 +30,6 @@ def test_a_linear_log_gives_a_linear_model_its_numbers_and_a_page(tmp_path):
     model = load_model(tmp_path / "out" / "model.json")
     assert np.std(model.simulate(u) - y) < 0.02
     assert "b1" in done.output
-
-
-def test_columns_must_be_named():
-    with pytest.raises(ValueError, match="Give --input and --output"):
-        log_of("log.csv", {"columns": None, "input_column": "u", "output_column": None})
 
 
 def test_a_log_with_a_hole_is_used_on_both_sides_of_it(tmp_path):

@@ -51,6 +51,14 @@ def test_an_axis_with_gravity_starts_where_the_log_does(files):
     assert float(run(files).output.split("RMSE ")[1].split()[0]) < 1e-6
 
 
+def test_a_log_without_names_is_simulated_by_the_numbers_of_its_columns(files):
+    text = (files / "log.csv").read_text()
+    (files / "log.csv").write_text(text.partition("\n")[2])
+    done = run(files, "--columns", "0,1,2")  # was refused for want of a name
+    assert done.exit_code == 0, done.output
+    assert "NMSE" in done.output
+
+
 def test_a_log_at_another_rate_is_refused(files):
     log = pd.read_csv(files / "log.csv")
     log["time_s"] *= 2.0

@@ -8,16 +8,14 @@ from typing import Any
 import click
 
 from whsklearn.cli.job import job, worse_than_mean, wrapped, writable_file
-from whsklearn.cli.options import joint_options, reading_options
-from whsklearn.cli.records import note, read, roles_of
+from whsklearn.cli.options import joint_options, reading_options, system_options
+from whsklearn.cli.records import note, read_system
 
 
 @job
 @click.argument("model", metavar="MODEL.json", type=click.Path(exists=True, dir_okay=False))
 @click.argument("log_file", metavar="LOG", type=click.Path(exists=True))
-@click.option("--time", "time_column", help="Time column; found by its name if omitted.")
-@click.option("--input", "input_column", help="Drive column; found by its name if omitted.")
-@click.option("--output", "output_column", help="Column of the measured output, to compare with.")
+@system_options
 @reading_options
 @joint_options
 @click.option("--skip", type=click.IntRange(min=0), default=0, help="Samples at the start to ignore.")
@@ -30,9 +28,7 @@ def main(**options: Any) -> None:
     import numpy as np
     import pandas as pd
 
-    from whsklearn.logs import open_source
     from whsklearn.logs.files import atomic_write
-    from whsklearn.logs.roles import guess
     from whsklearn.logs.units import UNKNOWN, UNSTATED
     from whsklearn.metrics import nmse, rmse
     from whsklearn.models import load_model
@@ -44,12 +40,7 @@ def main(**options: Any) -> None:
 
         arm.simulate(options, model)
         return
-    given = {"time": options["time_column"], "drive": options["input_column"], "position": options["output_column"]}
-    source = open_source(options["log_file"])
-    if given["time"] is None and not options["rate"] and not source.clocked:
-        given["time"] = guess(source, "time")
-    roles = roles_of(source, given, ("drive", "position"), {}, options)
-    log = read(options["log_file"], options, **roles)
+    log = read_system(options["log_file"], options)
     timed = log.units["time"] == model.units.get("time", "s" if model.dt != 1.0 else "samples") == "s"
     if timed and abs(1.0 / log.sample_rate / model.dt - 1.0) > 0.01:
         raise ValueError(
