@@ -226,8 +226,8 @@ def in_order(time: Array, same_rows: NDArray[np.bool_], rows: NDArray[np.intp]) 
     if time.size < 3:
         low, high = (f"{x:.12g}" for x in (logged.min(), logged.max()))
         raise LogError(
-            f"of {logged.size} time stamps from {low} to {high} s only {time.size} increase, and a log needs three: the "
-            "clock stood still, or its last digits were lost. Export more digits, or give --rate HZ in place of --time."
+            f"of {logged.size} time stamps from {low} to {high} s only {time.size} increase, where three are needed: "
+            "the clock stood still, or its last digits were lost. Export more digits, or give --rate HZ, not --time."
         )
     breaks = np.diff(time) >= LONG_GAP * _period(time)
     segment = np.r_[0, np.cumsum(breaks | starts[1:])].astype(np.int64)
