@@ -224,9 +224,8 @@ def in_order(time: Array, same_rows: NDArray[np.bool_], rows: NDArray[np.intp]) 
         found.append(finding("LOG003", "warning", lost, text, float(lost.size)))
     time, rows, starts = time[later], rows[later], starts[later]
     if time.size < 3:
-        low, high = (f"{x:.12g}" for x in (logged.min(), logged.max()))
         raise LogError(
-            f"of {logged.size} time stamps from {low} to {high} s only {time.size} increase, where three are needed: "
+            f"of {logged.size} time stamps over {np.ptp(logged):.6g} s only {time.size} increase, where three are needed: "
             "the clock stood still, or its last digits were lost. Export more digits, or give --rate HZ, not --time."
         )
     breaks = np.diff(time) >= LONG_GAP * _period(time)
