@@ -225,7 +225,7 @@ def in_order(time: Array, same_rows: NDArray[np.bool_], rows: NDArray[np.intp]) 
     time, rows, starts = time[later], rows[later], starts[later]
     if time.size < 3:
         raise LogError(
-            f"of {logged.size} time stamps over {np.ptp(logged):.6g} s only {time.size} increase, where three are needed: "
+            f"of {logged.size} time stamps over {np.ptp(logged):.6g} s only {time.size} increase, a log needs three: "
             "the clock stood still, or its last digits were lost. Export more digits, or give --rate HZ, not --time."
         )
     breaks = np.diff(time) >= LONG_GAP * _period(time)
