@@ -24,6 +24,7 @@ from whsklearn.cli.job import (
 from whsklearn.cli.options import given, logged_option, reading_options, robot_options, system_options
 from whsklearn.cli.records import (
     TWICE,
+    liveliest,
     names_of,
     note,
     note_assumed,
@@ -79,9 +80,9 @@ def main(**options: Any) -> None:
     from whsklearn.identification.report import write
 
     paths = (options["train"], *options["more"])
-    logs = [read_system(path, options) for path in paths]
+    logs = [liveliest(read_system(path, options)) for path in paths]
     train = together(logs)
-    test = read_system(options["test"], options) if options["test"] else None
+    test = liveliest(read_system(options["test"], options)) if options["test"] else None
     note_assumed(train)
     if test is not None:
         refuse_shared(train, test)
