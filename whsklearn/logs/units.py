@@ -93,7 +93,8 @@ def unit_of(column: str, default: str = UNKNOWN) -> str:
             return default  # a unit of another quantity, such as Nm/rad
         text = text.rpartition(written)[0]
     words = _words(text)
-    whole = ["", *words] if len("".join(words)) > 1 else [""]
+    alone = len("".join(w for w in words if w not in _WHICH)) > 1  # one letter is a quantity's: M_ist
+    whole = ["", *words] if alone else []
     return (symbol_of(text) if "/" in text else None) or _at_end(words) or _at_end(whole) or default
 
 
