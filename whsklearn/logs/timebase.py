@@ -144,9 +144,11 @@ def _dates(values: NDArray[Any], column: str) -> tuple[Array, tuple[Finding, ...
     sample = text.dropna().iloc[0] if text.notna().any() else ""
     if sample.count(":") >= 1 and "-" not in sample and "/" not in sample and sample.count(".") <= 1:
         attempts = ()
+        minutes = sample.count(":") == 1 and "." in sample  # mm:ss.0, as spreadsheets show a time
+        whole = 3600.0 if minutes else 86400.0
         try:
-            since = pd.to_timedelta(text).dt.total_seconds().to_numpy(dtype=float)
-            since = since + 86400.0 * np.r_[0.0, np.cumsum(np.diff(since) < -43200.0)]  # over midnight
+            since = pd.to_timedelta("00:" + text if minutes else text).dt.total_seconds().to_numpy(dtype=float)
+            since = since + whole * np.r_[0.0, np.cumsum(np.diff(since) < -0.5 * whole)]  # over the hour, over midnight
             return since - since[np.isfinite(since)][0], (_read_as_dates(column),)
         except (ValueError, TypeError):
             pass
