@@ -31,6 +31,7 @@ def run(folder, *options):
 def test_it_writes_drive_output_and_measurement_and_judges_what_was_asked_for(files):
     done = run(files)
     assert done.exit_code == 0, done.output
+    assert done.output.rstrip().endswith("out.csv: drive in Nm, simulated and measured in rad")
     table = pd.read_csv(files / "out.csv")
     assert list(table.columns) == ["time", "drive", "simulated", "measured"]
     np.testing.assert_allclose(table.simulated, table.measured, atol=1e-9)
