@@ -39,7 +39,7 @@ from whsklearn.gap.plants.servo_candidates import aliases as of_axis
 from whsklearn.gap.plants.servo_candidates import candidate
 from whsklearn.gap.plants.servo_evidence import OWN_MOTION
 from whsklearn.gap.plants.servo_inverse import negative_damping, never_free, too_large
-from whsklearn.gap.plants.servo_model import Term
+from whsklearn.gap.plants.servo_model import ServoTerm
 from whsklearn.gap.record import SPLIT, held_out_blocks, rms
 from whsklearn.gap.search import STILL
 from whsklearn.gap.tangent import Family, Look, Tangent
@@ -256,8 +256,8 @@ class ArmPlant(Plant):
             return f"its size would be {total:.3g}, but a physical one is positive"
         if t.kind.catalogued is not None:
             fields, ranges = t.kind.catalogued.fields[t.kind.linear :], t.kind.catalogued.ranged(view.scene(t.kind))
-            beside = [Term(candidate(n), (base.get(f"{t.joint}.{n}", 0.0),)) for n in ("viscous",)]
-            here = SimpleNamespace(terms=[Term(t.kind.catalogued, t.q), *beside])
+            beside = [ServoTerm(candidate(n), (base.get(f"{t.joint}.{n}", 0.0),)) for n in ("viscous",)]
+            here = SimpleNamespace(terms=[ServoTerm(t.kind.catalogued, t.q), *beside])
             said = too_large(here, 0) or negative_damping(here, 0)  # type: ignore[arg-type]
             if said := said or never_free(t.effect, view.signals(t.kind).position):
                 return said
