@@ -59,6 +59,7 @@ def test_a_log_of_a_speed_loop_has_a_velocity():
     s = source("time", "vel_rad_s", "current_A")
     assert guess(s, "position") is None
     assert guess(s, "velocity") == "vel_rad_s"
+    assert guess(source("time", "x_counts_per_s", "current_A"), "velocity") == "x_counts_per_s"
 
 
 def test_columns_by_number_want_two_to_four():

@@ -70,12 +70,10 @@ def main(**options: Any) -> None:
     drive, unit = (
         model.units.get(column, "") if u in UNSTATED else u for column, u in (("input", drive), ("output", unit))
     )
-    known = [
-        f"{names} in {u}" for names, u in (("drive", drive), ("simulated and measured", unit)) if u not in UNSTATED
-    ]
+    told = [f"{names} in {u}" for names, u in (("drive", drive), ("simulated and measured", unit)) if u not in UNSTATED]
     unit = f" {unit}" if unit else ""
     index = nmse(log.y[kept], y[kept])
     click.echo(f"Free run: NMSE {index:.3g}, RMSE {rmse(log.y[kept], y[kept]):.4g}{unit}.")
     if bad := worse_than_mean({Path(options["model"]).name: index}):
         click.echo(wrapped(bad))
-    click.echo(f"Written: {Path(out)}{': ' if known else ''}{', '.join(known)}")
+    click.echo(f"Written: {Path(out)}{': ' if told else ''}{', '.join(told)}")

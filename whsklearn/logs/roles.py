@@ -33,7 +33,7 @@ _TICKS = {"ticks", "tick"}  # of a clock, or of an encoder
 _ROLE_OF_UNIT = {
     **dict.fromkeys(("Nm", "N", "V", "A"), "drive"),
     **dict.fromkeys(("rad", "m", "counts"), "position"),
-    **dict.fromkeys(("rad/s", "m/s"), "velocity"),
+    **dict.fromkeys(("rad/s", "m/s", "counts/s"), "velocity"),
     "s": "time",
 }
 
