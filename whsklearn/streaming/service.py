@@ -8,6 +8,7 @@ import signal
 import sys
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -74,7 +75,10 @@ class Files(NamedTuple):
 Say = Callable[[str], None]
 MOVED_SECONDS = 30.0  # for a comparison that runs when its source ends; one takes 1 to 5
 FEWEST_COMPARED = 1000  # rows after an alarm for a sentence at the end; fewer say little
-SAID, SAID_AFTER = 10, frozenset(10**k for k in range(2, 19))  # bad rows: each of the first, then fewer and fewer
+SAID, SAID_AFTER = (
+    10,
+    frozenset(10**k for k in range(2, 19)),
+)  # of a kind on the terminal: the first, then fewer and fewer
 GRACE_SECONDS = 1.0  # for the current rows after a stop request, so that a stop takes no longer than 2 s
 
 
@@ -313,17 +317,19 @@ def _parser(source: str, place: dict[str, Any], timed: bool) -> Callable[[bytes]
 
 def _to(writer: Out, run: BesideRun, say: Say) -> Callable[[Record], None]:
     """Send all records to the output, bad rows and alarms to the terminal, and estimates and alarms to MLflow."""
-    bad = 0
+    seen: Counter[str] = Counter()
+
+    def sometimes(what: str, text: str) -> None:
+        seen[what] += 1
+        n = seen[what]
+        if n <= SAID or n in SAID_AFTER:
+            say(text + (f" This is the {n}th {what}; the records hold all of them." if n > SAID else ""))
 
     def emit(record: Record) -> None:
-        nonlocal bad
         writer(record)
         metrics = {}
         if record["kind"] == "bad_row":
-            bad += 1
-            if bad <= SAID or bad in SAID_AFTER:
-                more = f" These are {bad} bad rows; the records hold all of them." if bad > SAID else ""
-                say(f"line {record['line']}: {record['reason']}; skipped.{more}")
+            sometimes("bad row", f"line {record['line']}: {record['reason']}; skipped.")
         elif record["kind"] == "estimate":
             metrics = {f"path/{k}": v for k, v in record["parameters"].items()}
             rmse = record["innovation_rmse"]
@@ -337,7 +343,9 @@ def _to(writer: Out, run: BesideRun, say: Say) -> Callable[[Record], None]:
         elif record["kind"] == "alarm":
             metrics = {"alarm" if record["cause"] == "change" else record["cause"]: 1.0}
             if record["cause"] != "change":
-                say(f"line {record['line']}: alarm {record['cause']}: {record['reason']}.")
+                sometimes(
+                    f"{record['cause']} alarm", f"line {record['line']}: alarm {record['cause']}: {record['reason']}."
+                )
         if metrics:
             run.log_metrics(metrics, step=record["row"])
 
