@@ -15,7 +15,7 @@ from whsklearn.effects import reduced_law
 from whsklearn.gap.plant import DEFAULT_TOLERANCE
 from whsklearn.gap.plants.chain import ChainPlant
 from whsklearn.gap.plants.chain_fit import base_starts, coloured, cost, minima, polished, sharpened
-from whsklearn.gap.plants.chain_model import HARD, ChainModel, Record, Term, catalogue, free_run
+from whsklearn.gap.plants.chain_model import HARD, ChainHypothesis, ChainTerm, Record, catalogue, chain_free_run
 
 PLACES = {"position": 20, "time": 2000, "step": 40}  # independent places that a scan looks at
 
@@ -28,7 +28,7 @@ class Evidence:
     errors: np.ndarray
 
 
-def term_of(name: str, numbers: dict[str, float]) -> Term | None:
+def term_of(name: str, numbers: dict[str, float]) -> ChainTerm | None:
     """A hidden effect as the finder's catalogue writes it; None for rounding, which is no term."""
     size, shape, phase = (numbers[k] for k in ("size", "shape", "phase"))
     kinds = [c for c in catalogue(reduced_law()) if c.name == name]
@@ -40,8 +40,8 @@ def term_of(name: str, numbers: dict[str, float]) -> Term | None:
     kind = kinds[0]
     if kind.linear == 2:
         wave = (size * np.cos(phase), -size * np.sin(phase))
-        return Term(kind, (*wave, shape)[: len(kind.fields)])
-    return Term(kind, (size, *((0.0,) if kind.fields[-1] == "centre" else (shape, 2.0)))[: len(kind.fields)])
+        return ChainTerm(kind, (*wave, shape)[: len(kind.fields)])
+    return ChainTerm(kind, (size, *((0.0,) if kind.fields[-1] == "centre" else (shape, 2.0)))[: len(kind.fields)])
 
 
 def record_of(case: Case) -> Record:
@@ -61,7 +61,7 @@ def evidence(case: Case) -> Evidence:
     s, system = record_of(case), case.system
     theta = np.array([*system["a"][1:], *system["b"], *system["law"], *system["c"][1:], *system["d"]])
     terms = [term_of(n, p) for n, p in zip(case.truth, case.parameters, strict=True)]
-    truth = coloured(s, ChainModel(theta, tuple(t for t in terms if t is not None)))
+    truth = coloured(s, ChainHypothesis(theta, tuple(t for t in terms if t is not None)))
     whole = polished(s, truth)
     value, n = cost(s, whole), int(s.fit.sum())
     bases = minima(s, base_starts(s, np.random.default_rng(0)))
@@ -72,4 +72,4 @@ def evidence(case: Case) -> Evidence:
         least = min(cost(s, polished(s, sharpened(s, m, (10.0, 30.0, *HARD)))) for m in without)
         price = term.kind.n_numbers * np.log(n) + 2.0 * np.log(PLACES.get(term.kind.scanned, 1))
         found[term.kind.name] = n * np.log(least / value) - price
-    return Evidence(found, s.y - free_run(s, whole))
+    return Evidence(found, s.y - chain_free_run(s, whole))

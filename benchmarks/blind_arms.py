@@ -35,7 +35,9 @@ STEP = 2 * np.pi / 2**17  # of the encoders, on the joint's side
 NAMES = {
     "payload": {"payload"}, "limit": {"end_stop"}, "coulomb": {"coulomb"}, "damping": {"viscous"},
     "delay": {"input_delay"}, "armature": {"joint_inertia"}, "spring": {"cable_spring"}, "play": {"backlash"},
+    "lag": {"actuator_lag"},
 }  # fmt: skip
+TURNS = tuple(NAMES)[:-1]  # taken in turn; a lag only if asked for by --kinds
 ASKED = ("payload", "limit", "coulomb", "damping", "delay", "armature")  # of which 85 % are wanted
 
 
@@ -101,12 +103,16 @@ def hide(root: ET.Element, kind: str, joint: int, rng: np.random.Generator, scal
         j.set("stiffness", f"{rng.uniform(0.1, 0.4) * torque / reach:.5g}")
     elif kind == "delay":
         return {"delay": (joint, int(rng.integers(4, 8)))}
+    elif kind == "lag":
+        return {"lag": (joint, rng.uniform(4.0, 8.0) / RATE)}
     elif kind == "play":
         return {"play": (joint, rng.uniform(0.02, 0.06) * reach)}
     return {}
 
 
-def record(root: ET.Element, path: np.ndarray, gains: np.ndarray, delay: Any = None, play: Any = None) -> Any:
+def record(
+    root: ET.Element, path: np.ndarray, gains: np.ndarray, delay: Any = None, play: Any = None, lag: Any = None
+) -> Any:
     """Positions as the encoders read them and drives, (n, n_joints) each.
 
     Play lies between the motor, where the encoder sits, and the link: the rotor is the joint's armature, the contact
@@ -119,7 +125,7 @@ def record(root: ET.Element, path: np.ndarray, gains: np.ndarray, delay: Any = N
     q, u = np.zeros_like(path), np.zeros_like(path)
     total, last = np.zeros(n), path[0]
     kp, ki, kd = gains
-    rotor, inertia = np.zeros(2), 1.0
+    rotor, inertia, arrived = np.zeros(2), 1.0, 0.0
     if play:
         rotor[0], inertia = path[0][play[0]], float(model.dof_armature[play[0]])
         model.dof_armature[play[0]] *= 0.05
@@ -137,6 +143,9 @@ def record(root: ET.Element, path: np.ndarray, gains: np.ndarray, delay: Any = N
             data.ctrl[:] = u[t]
             if delay:
                 data.ctrl[delay[0]] = u[max(t - delay[1], 0), delay[0]]
+            if lag:
+                arrived += (u[t, lag[0]] - arrived) * -np.expm1(-1.0 / (lag[1] * RATE * FINE))
+                data.ctrl[lag[0]] = arrived
             if play:
                 j, gap = play
                 stiff, damp = inertia * (2 * np.pi * 60.0) ** 2, 0.3 * inertia * 2 * np.pi * 60.0
@@ -245,7 +254,7 @@ def main(cases: int, empties: int, seed: int, joints: str | None, kinds: str, pa
         far = ", ".join(f"{100 * np.mean(np.abs(z) > k):.1f} % beyond {k}" for k in (2, 3, 5))
         print(f"{z.size} numbers of {empties} arms: rms {np.sqrt(np.mean(z**2)):.2f} standard errors, {far}")
         return
-    every = kinds.split(",") if kinds else list(NAMES)
+    every = kinds.split(",") if kinds else list(TURNS)
     asked = [every[i % len(every)] for i in range(cases)] + [""] * empties
     outcomes: dict[str, Counter[str]] = {}
     for i, kind in enumerate(asked):

@@ -23,7 +23,7 @@ from whsklearn.datasets import make_servo_log
 from whsklearn.filtering.between_samples import fine_drive
 from whsklearn.identification import Identification, identify
 from whsklearn.logs import LogWarning, load_log
-from whsklearn.recursion.batch.axis_free_run import AxisLog, free_run
+from whsklearn.recursion.batch.axis_free_run import AxisLog, axis_motion
 
 LAWS = {
     "linear": lambda x: x,
@@ -48,9 +48,9 @@ def drawn_axis(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, float,
     theta = np.array([inertia, viscous, coulomb, 0.05 * rng.standard_normal()])
     log = AxisLog(fine_drive(u, 4), u, u == u, np.array([0, n]), np.zeros(1), np.zeros(1), dt)
     if rng.random() < 0.5:
-        q = free_run(theta, log._replace(of_position=True))
+        q = axis_motion(theta, log._replace(of_position=True))
         return u, q + 2e-5 * np.std(q) * rng.standard_normal(n), dt, "axis"
-    v = free_run(theta, log)
+    v = axis_motion(theta, log)
     return u, v + 0.01 * np.std(v) * rng.standard_normal(n), dt, "axis"
 
 

@@ -205,9 +205,9 @@ def public_classes() -> Iterator[tuple[str, str]]:
 
 
 INTERNAL = (  # of the same name as a public class of another package
-    "gap/plants/servo_model.py:AxisModel gap/plant.py:View gap/plant.py:Plant "
-    "gap/plants/chain_model.py:ChainModel gap/plants/servo_learned.py:CurveProblem "
-    "gap/plants/simulator_look.py:Motion recursion/rows/pseudolinear.py:Published "
+    "gap/plants/servo_model.py:ServoHypothesis gap/plant.py:View gap/plant.py:Plant "
+    "gap/plants/chain_model.py:ChainHypothesis gap/plants/servo_learned.py:CurveProblem "
+    "gap/plants/simulator_look.py:FollowedMotion recursion/rows/pseudolinear.py:Published "
     "recursion/memory/settings.py:Settings recursion/memory/sign_posterior.py:SignProblem "
     "systems/_servo_kernel.py:How systems/_servo_torques.py:Plant"
 ).split()

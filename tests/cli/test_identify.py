@@ -10,7 +10,8 @@ import pytest
 from click.testing import CliRunner
 from scipy.signal import lfilter
 
-from whsklearn.cli.identify import log_of, main
+from whsklearn.cli import records
+from whsklearn.cli.identify import main
 from whsklearn.models import load_model
 
 
@@ -32,11 +33,6 @@ def test_a_linear_log_gives_a_linear_model_its_numbers_and_a_page(tmp_path):
     assert "b1" in done.output
 
 
-def test_columns_must_be_named():
-    with pytest.raises(ValueError, match="Give --input and --output"):
-        log_of("log.csv", {"columns": None, "input_column": "u", "output_column": None})
-
-
 def test_a_log_with_a_hole_is_used_on_both_sides_of_it(tmp_path):
     rng = np.random.default_rng(0)
     u = rng.normal(size=240)
@@ -50,6 +46,18 @@ def test_a_log_with_a_hole_is_used_on_both_sides_of_it(tmp_path):
     assert found["rows"] == {"used": 225, "given": 225, "segments": 2}
     page = (tmp_path / "out" / "identify.html").read_text()
     assert page.index("225 of 225 in 2 segments") < page.index("<table>")
+
+
+def test_of_a_very_long_log_the_part_with_the_most_travel_is_fitted(tmp_path, monkeypatch):
+    monkeypatch.setattr(records, "MOST_ROWS", 200)  # the fits take a millisecond a sample
+    u = np.random.default_rng(0).normal(size=500) * np.where(np.arange(500) < 250, 0.0, 1.0)
+    y = lfilter([0.0, 0.5, 0.2], [1.0, -1.2, 0.5], u) + 0.01 * np.random.default_rng(1).normal(size=500)
+    pd.DataFrame({"u": u, "y": y}).drop(index=range(240, 245)).to_csv(tmp_path / "log.csv", index=False)
+    arguments = [tmp_path / "log.csv", "--rate", "10", "--no-track", "--out", tmp_path / "out"]
+    done = CliRunner().invoke(main, [str(a) for a in arguments])
+    assert done.exit_code == 0, done.output
+    assert "200 of 495 samples are used" in done.stderr
+    assert json.loads((tmp_path / "out" / "identify.json").read_text())["rows"]["used"] == 200
 
 
 def test_all_segments_of_a_test_log_are_judged(tmp_path):

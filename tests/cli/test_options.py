@@ -6,8 +6,7 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from whsklearn.cli.options import ORDERS, build_model, columns_of, given, model_options, units_of
-from whsklearn.logs import ColumnError
+from whsklearn.cli.options import ORDERS, build_model, given, model_options, units_of
 
 
 @click.command()
@@ -38,14 +37,6 @@ def test_wrong_orders_are_a_wrong_option(text):
 
 def test_orders_that_are_numbers_already_stay():
     assert ORDERS.convert((1, 2, 3, 4), None, None) == (1, 2, 3, 4)
-
-
-def test_columns_by_number_outweigh_names_and_none_is_one_sentence():
-    named = {"input_column": "u", "output_column": "y", "time_column": None}
-    assert columns_of({"columns": None, **named}) == {"drive": "u", "position": "y", "time": None}
-    assert columns_of({"columns": "0,1,2", **named}) == {"time": "0", "drive": "1", "position": "2"}
-    with pytest.raises(ColumnError, match="--input and --output"):
-        columns_of({"columns": None, **named, "output_column": None})
 
 
 def test_units_need_a_role_and_a_record_leaves_out_what_was_not_given():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 import pytest
 from sklearn.utils import Bunch
 
@@ -63,3 +64,35 @@ def test_what_was_fitted_is_no_test_in_any_unit():
     records.refuse_shared(first, other)
     with pytest.raises(LogError, match=r"b from 0 to 7\.99 s is a from 0 to 7.99 s, sample by sample"):
         records.refuse_shared(first, copy)
+
+
+NAMELESS = {"columns": None, "input_column": None, "output_column": None, "time_column": None, "rate": None}
+
+
+def a_table(folder, names):
+    t = np.arange(300) / 100.0
+    columns = [t, np.sin(3.0 * t), np.cos(3.0 * t) - 1.0]
+    pd.DataFrame(dict(zip(names, columns, strict=True))).to_csv(folder / "a.csv", index=False)
+    return folder / "a.csv"
+
+
+def test_a_system_is_found_by_the_names_of_its_columns_as_an_axis_is(tmp_path, capsys):
+    read = records.read_system(a_table(tmp_path, ["time_s", "torque_mNm", "speed_rpm"]), NAMELESS)
+    assert read.columns == {"time": "time_s", "drive": "torque_mNm", "position": "speed_rpm"}
+    assert read.units == {"time": "s", "drive": "mNm", "position": "rpm"}
+    assert read.sample_rate == pytest.approx(100.0)
+    assert "'time_s' is taken for the time" in capsys.readouterr().err
+
+
+def test_what_is_named_by_number_or_by_name_outweighs_what_is_found(tmp_path):
+    file = a_table(tmp_path, ["time_s", "torque_nm", "position_rad"])
+    named = {**NAMELESS, "input_column": "position_rad", "output_column": "torque_nm"}
+    assert records.read_system(file, named).columns["drive"] == "position_rad"
+    numbered = records.read_system(file, {**named, "columns": "1,2", "rate": 50.0})
+    assert numbered.columns == {"drive": "torque_nm", "position": "position_rad"}
+    assert numbered.sample_rate == pytest.approx(50.0)
+
+
+def test_a_column_that_no_name_tells_is_asked_for_by_an_option_that_there_is(tmp_path):
+    with pytest.raises(LogError, match=r"it has: time_s, a, b\. Name it with --drive, or by number with --columns"):
+        records.read_system(a_table(tmp_path, ["time_s", "a", "b"]), NAMELESS)

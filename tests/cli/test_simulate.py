@@ -31,6 +31,7 @@ def run(folder, *options):
 def test_it_writes_drive_output_and_measurement_and_judges_what_was_asked_for(files):
     done = run(files)
     assert done.exit_code == 0, done.output
+    assert done.output.rstrip().endswith("out.csv: drive in Nm, simulated and measured in rad")
     table = pd.read_csv(files / "out.csv")
     assert list(table.columns) == ["time", "drive", "simulated", "measured"]
     np.testing.assert_allclose(table.simulated, table.measured, atol=1e-9)
@@ -49,6 +50,14 @@ def test_an_axis_with_gravity_starts_where_the_log_does(files):
     log["position_rad"] = model.simulate(log.torque_nm, start=0.7)
     log.to_csv(files / "log.csv", index=False)
     assert float(run(files).output.split("RMSE ")[1].split()[0]) < 1e-6
+
+
+def test_a_log_without_names_is_simulated_by_the_numbers_of_its_columns(files):
+    text = (files / "log.csv").read_text()
+    (files / "log.csv").write_text(text.partition("\n")[2])
+    done = run(files, "--columns", "0,1,2")  # was refused for want of a name
+    assert done.exit_code == 0, done.output
+    assert "NMSE" in done.output
 
 
 def test_a_log_at_another_rate_is_refused(files):

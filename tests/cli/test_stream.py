@@ -56,16 +56,34 @@ def test_the_run_is_recorded(mlflow_root, rows):
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "said", "status"),
     [
-        (["--input", "torque"], "The header has no column 'torque'"),
-        (["--law", "nonsense"], "Unknown effect 'nonsense'"),
-        (["--p", "0"], "p is 0"),
+        (["--input", "torque"], "The header has no column 'torque'", 2),
+        (["--law", "nonsense"], "Unknown effect 'nonsense'", 1),
+        (["--p", "0"], "p is 0", 1),
     ],
 )
-def test_impossible_requests_are_one_sentence(tmp_path, rows, change, said):
+def test_impossible_requests_are_one_sentence(tmp_path, rows, change, said, status):
     log = write(tmp_path / "log.csv", rows[:50])
     done = stream(log, "--no-track", *change)
-    assert done.exit_code == 1
+    assert done.exit_code == status
     assert said in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_a_log_none_of_whose_lines_is_a_row_cannot_be_used_and_says_so_in_few_lines(tmp_path):
+    log = write(tmp_path / "log.csv", [f"{0.01 * i},off,{i}\n" for i in range(1200)])
+    done = stream(log, "--no-track", "--out", tmp_path / "out.jsonl")
+    assert done.exit_code == 3, done.output
+    assert "None of the 1200 lines" in done.stderr
+    assert done.stderr.count("skipped") == 12  # the first ten, the hundredth, the thousandth
+    assert "the 1000th bad row" in done.stderr
+    assert len(records(tmp_path / "out.jsonl", "bad_row")) == 1200
+
+
+def test_rows_sent_again_and_again_are_said_a_few_times(tmp_path, rows):
+    log = write(tmp_path / "log.csv", [row for row in rows[:150] for _ in range(2)])
+    done = stream(log, "--no-track", "--time", "t", "--out", tmp_path / "out.jsonl")
+    assert done.exit_code == 0, done.output
+    assert done.stderr.count("was sent before") == 11
+    assert sum(r["cause"] == "repeated_rows" for r in records(tmp_path / "out.jsonl", "alarm")) == 150

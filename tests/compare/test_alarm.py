@@ -60,6 +60,26 @@ def test_a_velocity_in_other_units_and_a_pause_are_the_same_axis():
     assert told["changes"][0]["unit"] == "mNm"
 
 
+@pytest.mark.parametrize("restart", [0.0, -SECONDS])
+def test_a_clock_that_restarts_or_goes_on_is_the_same_axis(position, restart):
+    rows = side()[1]
+    half = len(rows) // 2
+    rows = rows + np.outer(np.arange(len(rows)) >= half, [restart, 0.0, 0.0])
+    told = position(((np.arange(len(rows)) >= half).astype(float), rows), side(0.3, seed=1))
+    assert [c["name"] for c in told["changes"]] == ["coulomb"], told["sentence"]
+
+
+def test_a_velocity_in_rpm_is_compared(position):
+    def in_rpm(s):
+        experiments, rows = s
+        return experiments, np.column_stack([rows[:, :2], np.gradient(rows[:, 2], rows[:, 0]) * 30.0 / np.pi])
+
+    told = at_an_alarm(["time_s", "torque_nm", "speed_rpm"])(in_rpm(side()), in_rpm(side(0.3, seed=1)))
+    as_position = position(side(), side(0.3, seed=1))["changes"][0]
+    assert told["changes"][0]["name"] == "coulomb"
+    assert told["changes"][0]["interval"] == pytest.approx(as_position["interval"], rel=0.1)
+
+
 @pytest.mark.parametrize("columns", [["t", "u", "y"], ["time_s", "voltage_v", "temperature"], ["time_s", "torque_nm"]])
 def test_columns_of_no_axis_are_not_compared(columns):
     assert at_an_alarm(columns) is None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import re
 import shlex
+import tomllib
 from pathlib import Path
 
 import click
@@ -134,3 +135,10 @@ def test_links_to_other_sites_have_the_shape_of_links() -> None:
     ]
     assert wrong == []
     assert [(p, d) for p, d in dois if not re.fullmatch(r"10\.\d{4,9}/[\w.()/-]+", d)] == []
+
+
+def test_the_table_of_extras_is_that_of_the_package():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    table = (DOCS / "first_hour.md").read_text(encoding="utf-8").split("| extra |")[1].split("\n\n")[0]
+    listed = re.findall(r"^\| `(\w+)` \|", table, re.MULTILINE)
+    assert sorted(listed) == sorted(set(project["optional-dependencies"]) - {"bench", "dev", "docs"})

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from whsklearn import ServoAxis, WienerHammersteinSystem
-from whsklearn.effects import Cogging, DisturbanceTone, GravityImbalance, InputDelay, Stribeck
+from whsklearn.effects import Cogging, DisturbanceTone, GravityImbalance, InputDelay, Stribeck, as_law
 from whsklearn.export import export_model
+from whsklearn.models import AxisModel, save_model
 
 FLAGS = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-shared", "-fPIC"]
 
@@ -73,3 +74,16 @@ def test_the_function_block_acts_on_what_it_holds(tmp_path):
         assert re.search(r"held : BOOL", text)
         assert not re.search(r"\bdrive\b", body), "a drive that was not checked gets in"
         assert re.search(r"\bacting\b", body)
+
+
+def test_a_compensator_of_a_velocity_in_rpm_takes_a_position_in_turns(compiler, tmp_path):
+    effects = [Cogging(0.1, 12.0, 0.4)]
+    model = AxisModel(0.05, as_law("viscous"), effects, units={"input": "mNm", "output": "rpm"}, logged="velocity")
+    save_model(model, tmp_path / "model.json")
+    export_model(tmp_path / "model.json", to="c", out=tmp_path / "comp.c", what="compensator")
+    assert "position in turns, velocity in rpm; torque: drive in mNm" in (tmp_path / "comp.h").read_text()
+    subprocess.run([compiler, *FLAGS, "comp.c", "-o", "comp.so", "-lm"], cwd=tmp_path, check=True)
+    torque = ctypes.CDLL(str(tmp_path / "comp.so")).comp_torque
+    torque.argtypes, torque.restype = [ctypes.c_double] * 2, ctypes.c_double
+    steady = ServoAxis(law=model.law).law(0.0, 30.0 * np.pi / 30.0) + 0.1 * np.cos(12 * 0.1 * 2.0 * np.pi + 0.4)
+    assert torque(0.1, 30.0) == pytest.approx(1e3 * float(steady))

@@ -39,3 +39,13 @@ def test_a_file_is_what_was_saved_and_a_position_is_integrated(tmp_path):
 @pytest.mark.parametrize(("unit", "linear"), [("rad", False), ("m", True), ("mm/s", True), ("", False)])
 def test_a_line_is_told_by_the_unit_of_its_position(unit, linear):
     assert Exported(units={"output": unit} if unit else {}).linear is linear
+
+
+@pytest.mark.parametrize(("unit", "linear"), [("cm", True), ("inch", True), ("mm/s", True), ("rpm", False)])
+def test_an_axis_is_linear_in_whatever_length_it_was_logged(unit, linear):
+    assert Exported(units={"input": "N", "output": unit}).linear is linear
+
+
+def test_a_unit_that_the_format_lacks_is_told_of_the_signal_that_has_it():
+    (loss,) = Exported(units={"input": "Nm", "output": "counts"}).foreign()
+    assert "right for a position in counts alone" in loss.reason

@@ -15,7 +15,7 @@ from whsklearn.gap import VERDICTS, GapFinder
 from whsklearn.gap.plant import Linearised
 from whsklearn.gap.plants.servo import ServoPlant
 from whsklearn.gap.plants.servo_candidates import candidate
-from whsklearn.gap.plants.servo_model import Term
+from whsklearn.gap.plants.servo_model import ServoTerm
 from whsklearn.gap.plants.servo_start import start_of
 from whsklearn.gap.record import ServoRecord
 from whsklearn.gap.standard_errors import labelled_errors
@@ -69,7 +69,7 @@ def test_a_number_that_moves_no_fitted_sample_has_no_standard_error():
     record = ServoRecord.from_frame(case.frame, **COLUMNS)
     _, model = start_of(record, ("viscous", "coulomb"), 0.004)
     kind = candidate("parameter_change")
-    model = model.with_term(Term(kind, (0.01, 6.0)))
+    model = model.with_term(ServoTerm(kind, (0.01, 6.0)))
     jac = np.random.default_rng(0).standard_normal((200, model.vector().size))
     jac[:, -1] = 0.0  # its time lies between two fitted segments
     x, (low, high) = model.vector(), model.bounds()

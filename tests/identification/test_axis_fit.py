@@ -37,11 +37,11 @@ from whsklearn.identification.axis_numbers import position_effects, position_wei
 from whsklearn.identification.view import view
 from whsklearn.identification.windows import residual
 from whsklearn.models import AxisModel
-from whsklearn.recursion.batch.axis_free_run import AxisForm, dissipates, free_run, rising_at_last
+from whsklearn.recursion.batch.axis_free_run import AxisForm, axis_motion, dissipates, rising_at_last
 from whsklearn.systems.servo_parts import PIDController
 
 U = slow_drive(3000, 1)
-VELOCITY = free_run(TRUTH, axis_log(U))
+VELOCITY = axis_motion(TRUTH, axis_log(U))
 
 
 def test_a_free_law_is_refused_where_friction_is_straight():
@@ -86,7 +86,7 @@ def test_a_pendulum_is_found_with_intervals_that_hold_it():
     truth = np.array([0.05, 0.1, 0.2, 0.02, 1.5, 0.4])
     u = 2.0 * slow_drive(6000, 3)
     log = axis_log(u, hangs=True)._replace(of_position=True)
-    y = free_run(truth, log) + 1e-4 * np.random.default_rng(0).standard_normal(u.size)
+    y = axis_motion(truth, log) + 1e-4 * np.random.default_rng(0).standard_normal(u.size)
     model = fit_hanging_axis(view(u, y, 0.005, "output"))
     gravity = model.effects[1]
     assert model.logged == "position"
@@ -171,7 +171,9 @@ def test_standard_errors_of_the_wave_are_those_of_its_draws():
 
 def test_gravity_that_is_next_to_nothing_is_refused():
     u = slow_drive(4000, 3)
-    y = free_run(TRUTH, axis_log(u)._replace(of_position=True)) + 1e-5 * np.random.default_rng(0).standard_normal(4000)
+    y = axis_motion(TRUTH, axis_log(u)._replace(of_position=True)) + 1e-5 * np.random.default_rng(0).standard_normal(
+        4000
+    )
     with pytest.raises(ValueError, match="% of the drive, so the axis without it is equivalent"):
         fit_hanging_axis(view(u, y, 0.005, "position"))
 

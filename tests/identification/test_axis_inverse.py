@@ -8,11 +8,11 @@ import pytest
 from tests.recursion.axis_log import TRUTH, axis_log, slow_drive
 from whsklearn.identification.axis_inverse import balance, inverse_starts, solved
 from whsklearn.identification.view import view
-from whsklearn.recursion.batch.axis_free_run import AxisForm, free_run
+from whsklearn.recursion.batch.axis_free_run import AxisForm, axis_motion
 
 U = slow_drive(3000, 1)
 LOG = axis_log(U)
-VELOCITY = free_run(TRUTH, LOG)
+VELOCITY = axis_motion(TRUTH, LOG)
 RIGID = AxisForm()
 
 
@@ -26,7 +26,7 @@ def test_starts_are_near_the_truth():
 def test_a_fit_that_has_lost_its_inertia_is_no_axis():
     """Under a slow drive the torque balance hardly misses it, and the fine steps of such a model are without end."""
     slow = 4.0 * np.sin(0.0004 * np.arange(3000))
-    velocity = free_run(TRUTH, axis_log(slow))
+    velocity = axis_motion(TRUTH, axis_log(slow))
     for start in inverse_starts(view(slow, velocity, 0.005, "velocity"), RIGID):
         assert not start.holds(np.r_[1e-9 * start.theta[0], start.theta[1:]])
 
@@ -50,7 +50,7 @@ def test_the_direction_is_judged_with_gravity_in():
 
 @pytest.mark.parametrize("width", [1.5, 10.0])
 def test_segments_do_not_reach_into_each_other(width):
-    position = free_run(TRUTH, LOG._replace(of_position=True))
+    position = axis_motion(TRUTH, LOG._replace(of_position=True))
     y, u = np.r_[position[:1400], position[1600:] + 5.0], np.r_[U[:1400], U[1600:]]
     cut = view(u, y, 0.005, "position", np.r_[np.zeros(1400), np.ones(1400)])
     theta = solved(*balance(cut, width, RIGID))

@@ -11,7 +11,7 @@ from whsklearn.identification import Compared, identify
 from whsklearn.identification.compare import _better, recommend
 from whsklearn.identification.view import view
 from whsklearn.models import AxisModel, LinearModel
-from whsklearn.recursion.batch.axis_free_run import free_run
+from whsklearn.recursion.batch.axis_free_run import axis_motion
 
 RNG = np.random.default_rng(0)
 
@@ -20,7 +20,7 @@ RNG = np.random.default_rng(0)
 def axis_record():
     u = slow_drive(4000, 1)
     log = axis_log(u)
-    return u, free_run(TRUTH, log), free_run(TRUTH, log._replace(of_position=True))
+    return u, axis_motion(TRUTH, log), axis_motion(TRUTH, log._replace(of_position=True))
 
 
 @pytest.mark.parametrize("logged", ["velocity", "position"])
@@ -40,7 +40,7 @@ def test_an_axis_is_recommended_for_an_axis(axis_record, logged):
 
 def test_gravity_is_recommended_for_a_pendulum_and_only_where_the_output_is_an_angle():
     u, theta = 2.0 * slow_drive(4000, 1), np.array([0.05, 0.1, 0.2, 0.02, 1.5, 0.4])
-    y = free_run(theta, axis_log(u, hangs=True)._replace(of_position=True)) + 1e-4 * RNG.standard_normal(4000)
+    y = axis_motion(theta, axis_log(u, hangs=True)._replace(of_position=True)) + 1e-4 * RNG.standard_normal(4000)
     found = identify(u, y, dt=0.005)
     assert found.recommended.name == "axis with gravity", found.reason
     assert found.model.parameters["gravity_imbalance"] == pytest.approx(np.hypot(1.5, 0.4), rel=0.03)
@@ -64,7 +64,7 @@ def test_an_output_that_does_not_follow_is_told():
 def test_a_steady_rotation_follows_its_drive():
     """What constant velocity predicts as well says nothing against the structures."""
     u = 1.0 + 0.02 * np.sin(np.arange(290) / 9.0)
-    y = free_run(TRUTH, axis_log(u)._replace(of_position=True, v0=np.array([6.7])))
+    y = axis_motion(TRUTH, axis_log(u)._replace(of_position=True, v0=np.array([6.7])))
     found = identify(u, y + 5e-3 * np.random.default_rng(0).standard_normal(290), dt=0.005, logged="position")
     assert found.recommended.test["nmse"] < 1e-3
     assert "does not follow" not in found.reason

@@ -7,6 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from whsklearn.identification.view import derivative, held_out_from, noise_floor, view
+from whsklearn.logs import LogError
 
 RNG = np.random.default_rng(0)
 U = RNG.standard_normal(2000)
@@ -70,3 +71,11 @@ def test_a_unit_says_what_the_output_is():
     assert view(drive, hung, 0.01, "auto", si=(angle, angle)).logged == "output"  # a commanded position
     assert view(drive, turning, 0.01, "auto").logged == "position"
     assert view(drive, turning, 0.01, "auto", si=(torque, rate)).logged == "output"
+    assert view(drive, turning, 0.01, "auto", si=(torque, (1.0, "counts/s"))).logged == "output"
+
+
+def test_too_short_a_record_is_not_said_to_have_holes():
+    with pytest.raises(LogError, match="The record has 10 samples, where 30 are needed"):
+        view(np.arange(10.0), np.arange(10.0) ** 2, 0.01, "auto", groups=np.zeros(10, dtype=int))
+    with pytest.raises(LogError, match="Holes cut the record into 2 segments"):
+        view(np.arange(20.0), np.arange(20.0) ** 2, 0.01, "auto", groups=np.repeat([0, 1], 10))

@@ -12,7 +12,7 @@ from whsklearn.identification.axis_numbers import position_effects
 from whsklearn.identification.view import view
 from whsklearn.identification.windows import horizons, lead, window_errors
 from whsklearn.models import AxisModel, LinearModel
-from whsklearn.recursion.batch.axis_free_run import AxisForm, free_run
+from whsklearn.recursion.batch.axis_free_run import AxisForm, axis_motion
 
 RNG = np.random.default_rng(0)
 U = RNG.standard_normal(1000)
@@ -42,7 +42,7 @@ def test_a_true_linear_model_errs_nowhere_though_the_record_began_elsewhere(logg
 
 def test_a_true_axis_errs_nowhere():
     u = slow_drive(2000, 1)
-    log = view(u, free_run(TRUTH, axis_log(u)), 0.005, "velocity")
+    log = view(u, axis_motion(TRUTH, axis_log(u)), 0.005, "velocity")
     law = FrictionLaw([Viscous(TRUTH[1]), Coulomb(TRUTH[2])])
     model = AxisModel(TRUTH[0], law, (InputOffset(TRUTH[3]),), dt=0.005, logged="velocity")
     errors = window_errors(model, log, 100, 60)
@@ -51,7 +51,7 @@ def test_a_true_axis_errs_nowhere():
 
 def test_a_true_pendulum_errs_nowhere_whatever_the_log_is_taken_for():
     u, theta = 2.0 * slow_drive(2000, 1), np.array([0.05, 0.1, 0.2, 0.02, 1.5, 0.4])
-    y = free_run(theta, axis_log(u, hangs=True)._replace(of_position=True))
+    y = axis_motion(theta, axis_log(u, hangs=True)._replace(of_position=True))
     law = FrictionLaw([Viscous(0.1), Coulomb(0.2)])
 
     def gravity(*weights):

@@ -36,7 +36,7 @@ def test_every_layout_gives_the_same_numbers(tmp_path, layout):
     assert np.allclose(log.y, TABLE["position_rad"], rtol=0, atol=1e-8)
 
 
-@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "cp1252"])
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-32", "cp1252"])
 def test_encodings_and_units_in_brackets(tmp_path, encoding):
     (tmp_path / "axis.csv").write_bytes(text(";", head=["Zeit [s]", "Größe [A]", "Winkel (deg)"]).encode(encoding))
     log = load_log(tmp_path / "axis.csv", time="Zeit [s]", drive="Größe [A]", position=2)
@@ -56,3 +56,8 @@ def test_a_comma_beats_a_decimal_comma_only_where_it_parts_numbers():
     assert dialect_of(["a,b", "1,2", "3,4"]).separator == ","
     assert dialect_of(["a;b", "1,5;2,5", "3,5;4,5"])[:2] == (";", ",")
     assert dialect_of(["a\tb", "1,5\t2", "3,5\t4"])[:2] == ("\t", ",")
+
+
+def test_names_with_blanks_stand_two_blanks_apart():
+    found = dialect_of(["Time (s)   Motor torque (Nm)  Angle", "  0.00    1.5   2.5", "  0.01    1.6   2.6"])
+    assert found.names == ["Time (s)", "Motor torque (Nm)", "Angle"]

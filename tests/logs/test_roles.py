@@ -44,10 +44,22 @@ def test_a_unit_tells_where_no_word_does_and_outweighs_one_letter():
         guess(source("t", "ia_A", "ib_A", "phi"), "drive")
 
 
+def test_ticks_of_an_encoder_are_no_time_and_limits_and_set_values_are_not_measured():
+    s = source("current_a", "encoder_ticks")
+    assert [guess(s, r) for r in ("time", "drive", "position")] == [None, *s.names]
+    assert guess(source("ticks", "torque_nm", "position"), "time") == "ticks"
+    twincat = source("Timestamp", "Axis1.ActPos", "Axis1.SetPos", "Axis1.ActTorque", "Axis1.TorqueLimit")
+    assert [guess(twincat, r) for r in ("position", "drive", "reference")] == [
+        "Axis1.ActPos", "Axis1.ActTorque", "Axis1.SetPos"
+    ]  # fmt: skip
+    assert guess(source("Zeit", "M_soll", "M_ist"), "position") is None  # M is not in metres
+
+
 def test_a_log_of_a_speed_loop_has_a_velocity():
     s = source("time", "vel_rad_s", "current_A")
     assert guess(s, "position") is None
     assert guess(s, "velocity") == "vel_rad_s"
+    assert guess(source("time", "x_counts_per_s", "current_A"), "velocity") == "x_counts_per_s"
 
 
 def test_columns_by_number_want_two_to_four():

@@ -9,6 +9,7 @@ import pytest
 from tests.logs.rig import NAMES, RATE, columns
 from tests.logs.rig import columns as table
 from whsklearn.logs import LogWarning, load_log
+from whsklearn.logs.timebase import to_seconds
 
 
 def test_a_hole_cuts_the_log_into_segments(load):
@@ -63,6 +64,11 @@ def test_dates_and_times_of_the_day(load, form):
     stamps = pd.Timestamp("2026-05-21 12:00:00") + pd.to_timedelta(table["time_s"], unit="s")
     table["time_s"] = stamps.strftime(form)
     assert load(table).sample_rate == pytest.approx(RATE, rel=1e-3)
+
+
+def test_minutes_and_seconds_go_on_over_the_hour():
+    stamps = np.array(["59:59.25", "59:59.75", "00:00.25"], dtype=object)
+    assert to_seconds(stamps, "s", "t")[0].tolist() == [0.0, 0.5, 1.0]
 
 
 def test_stamps_may_be_dates(write):

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import pytest
 
 from whsklearn.logs.units import (
+    _KNOWN,
     factor_between,
     factor_of,
     inertia_unit,
+    integral_of,
     readable,
     respelled,
     stated,
@@ -53,6 +56,53 @@ def test_factors_lead_to_si(unit, si, factor):
 def test_units_as_rigs_write_them(column, unit, in_si):
     assert unit_of(column) == unit
     assert factor_of(unit)[0] == pytest.approx(in_si, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("column", "unit"),
+    [
+        ("counts_per_s", "counts/s"),  # read as seconds before
+        ("q_incr", "counts"),
+        ("encoder_ticks", "counts"),
+        ("increments", "counts"),
+        ("torque_nm_filtered", "Nm"),
+        ("position_deg_2", "deg"),
+        ("Torque [Nm, filtered]", "Nm"),
+        ("deg_per_sec", "deg/s"),
+        ("n [min⁻¹]", "rpm"),
+        ("v [mm·s^-1]", "mm/s"),
+        ("m/s", "m/s"),
+        ("Winkel/°", "deg"),
+        ("pos_a_deg", "deg"),  # of axis a
+        ("acc_rad_s2", "as logged"),
+        ("acc_m_s_2", "as logged"),
+        ("acc [m/s²]", "as logged"),
+        ("x [1/s]", "as logged"),
+        ("temp_deg_C", "as logged"),
+        ("samples_per_s", "as logged"),
+        ("torque_nm [Nm/rad]", "as logged"),
+    ],
+)
+def test_a_unit_is_what_the_whole_name_measures(column, unit):
+    assert unit_of(column) == unit
+
+
+@pytest.mark.parametrize("pattern", ["gain_{}_per_{}", "gain [{}/{}]", "gain {}/{}", "gain_{}_{}", "{}_per_{}"])
+def test_a_ratio_of_units_is_never_read_as_one_of_them(pattern):
+    for top, bottom in itertools.product((u for u in _KNOWN if "/" not in u and " " not in u), repeat=2):
+        ratio = symbol_of(f"{top}/{bottom}")
+        if pattern == "gain_{}_{}" and (len(top) == 1 or symbol_of(top + bottom)):
+            continue  # the letter of an axis; or a product, such as N_m
+        assert unit_of(pattern.format(top, bottom)) == (ratio or "as logged"), (top, bottom)
+
+
+def test_every_rate_is_its_motion_per_second():
+    for symbol in _KNOWN:
+        if symbol.endswith("/s"):
+            (by, si), (of, motion) = factor_of(symbol), factor_of(integral_of(symbol)[1])
+            assert (by, si) == (of, f"{motion}/s")
+    by, unit = integral_of("rpm")
+    assert by * factor_of(unit)[0] == pytest.approx(factor_of("rpm")[0])
 
 
 def test_a_position_in_nm_is_in_nanometres():

@@ -7,6 +7,7 @@ import os
 
 import pytest
 
+from whsklearn.logs import LogError
 from whsklearn.streaming.rows import LONGEST, BadRow, CsvParser, FollowedFile, JsonParser, LineSource
 
 
@@ -54,6 +55,23 @@ def test_headers_of_many_kinds(header):
     parse = CsvParser(header, ["t", "u", "y"])
     assert parse(b"1,2.5,-3e2".replace(b",", parse.delimiter.encode())) == [1.0, 2.5, -300.0]
     assert parse(b'"1","2.5","-3e2"\r'.replace(b",", parse.delimiter.encode())) == [1.0, 2.5, -300.0]
+
+
+@pytest.mark.parametrize(("header", "per_second"), [(b"stamp,u", 1.0), (b"stamp_ms,u", 1e3)])
+def test_a_time_may_be_dates_and_no_other_column(header, per_second):
+    parse = CsvParser(header, header.decode().split(","), timed=True)
+    first = parse(b"2026-03-29T01:59:59.75+01:00,1")[0]
+    assert first == parse(b'"2026-03-29 00:59:59.750Z",1')[0] == parse(b"2026-03-29 00:59:59.75,1")[0]
+    # summer time begins between the two: wall clocks are an hour and a half second apart, the samples half a second
+    assert parse(b"2026-03-29T03:00:00.25+02:00,1")[0] - first == 0.5 * per_second
+    with pytest.raises(BadRow, match="u is"):
+        parse(b"1.5,2026-03-29")
+
+
+@pytest.mark.parametrize("header", ["t;u".encode("utf-16"), "t;u".encode("utf-16-le"), b"MATLAB 5.0\0\0"])
+def test_a_file_that_is_no_text_is_refused_with_what_to_do(header):
+    with pytest.raises(LogError, match="export the log as CSV in UTF-8"):
+        CsvParser(header, ["t", "u"])
 
 
 @pytest.mark.parametrize("line", [b"", b"1", b"1,2,3", b"a,1", b"nan,1", b"1,inf", b"1_0,1", b"\xff,1", b"1,,"])

@@ -21,13 +21,14 @@ from whsklearn.cli.job import (
     wrapped,
     writable_folder,
 )
-from whsklearn.cli.options import columns_of, given, logged_option, reading_options, robot_options
+from whsklearn.cli.options import given, logged_option, reading_options, robot_options, system_options
 from whsklearn.cli.records import (
     TWICE,
+    liveliest,
     names_of,
     note,
     note_assumed,
-    read,
+    read_system,
     refuse_shared,
 )
 
@@ -46,9 +47,7 @@ UNEVEN = 0.01  # relative difference allowed between the rates of two logs; a cl
 @job
 @click.argument("train", metavar="TRAIN", type=click.Path(exists=True))
 @click.argument("more", metavar="[TRAIN ...]", nargs=-1, type=click.Path(exists=True))
-@click.option("--input", "input_column", help="Input column.")
-@click.option("--output", "output_column", help="Output column.")
-@click.option("--time", "time_column", help="Column of time stamps; without it (or --rate) a sample is 1 s.")
+@system_options
 @reading_options
 @robot_options
 @click.option(
@@ -81,9 +80,9 @@ def main(**options: Any) -> None:
     from whsklearn.identification.report import write
 
     paths = (options["train"], *options["more"])
-    logs = [log_of(path, options) for path in paths]
+    logs = [liveliest(read_system(path, options)) for path in paths]
     train = together(logs)
-    test = log_of(options["test"], options) if options["test"] else None
+    test = liveliest(read_system(options["test"], options)) if options["test"] else None
     note_assumed(train)
     if test is not None:
         refuse_shared(train, test)
@@ -166,11 +165,6 @@ def track(run: Run, found: Identification, folder: Path, column: str) -> None:
     unit = unit_of(column)
     named = column if unit in (UNKNOWN, found.model.units.get("input")) else "input"  # a current that became a torque
     run.log_file_model(folder / MODEL_FILE, pd.DataFrame({named: found.train.u}))
-
-
-def log_of(path: str, options: dict[str, Any]) -> Bunch:
-    """The columns of a log, in segments where it has holes."""
-    return read(path, options, **columns_of(options))
 
 
 def together(logs: list[Bunch]) -> Bunch:

@@ -72,6 +72,14 @@ axis_options = _together(
     click.option("--velocity", help="Column of the velocity, where no position is logged."),
     click.option("--command", help="Column of a position servo's command, where no drive is logged."),
 )
+# The columns of a system with one input and one output, with the names of those of an axis too.
+system_options = _together(
+    click.option("--time", "time_column", help="Time column; found by its name if omitted."),
+    click.option("--input", "--drive", "input_column", help="Input column (drive); found by its name if omitted."),
+    click.option(
+        "--output", "--position", "output_column", help="Output column (position); found by its name if omitted."
+    ),
+)
 # The columns of each joint of an arm.
 joint_options = _together(
     click.option(
@@ -109,28 +117,6 @@ def units_of(given: tuple[str, ...]) -> dict[str, str]:
             raise ValueError(f"--unit is {text!r}; expected ROLE=UNIT such as position=deg.")
         out[role.strip()] = unit.strip()
     return out
-
-
-def columns_of(options: Mapping[str, Any]) -> dict[str, Any]:
-    """The columns that ``--columns``, or ``--input``, ``--output`` and ``--time`` name, by role.
-
-    Raises
-    ------
-    ColumnError
-        If neither names input and output.
-    """
-    from whsklearn.logs.errors import ColumnError
-    from whsklearn.logs.roles import by_number
-
-    if options["columns"]:
-        return dict(by_number(options["columns"], chain=True))
-    if not (options["input_column"] and options["output_column"]):
-        raise ColumnError("Give --input and --output, the input and output columns.")
-    return {
-        "drive": options["input_column"],
-        "position": options["output_column"],
-        "time": options["time_column"],
-    }
 
 
 def lags_of(orders: tuple[int, ...], law: str | None) -> Any:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from whsklearn.cli.options import columns_of, units_of
+from whsklearn.cli.options import units_of
 
 if TYPE_CHECKING:
     from sklearn.utils import Bunch
@@ -50,8 +50,8 @@ def roles_of(
             role = "velocity"  # the log of a speed loop: the position is the integral of the velocity
         if found is None:
             instead = {
-                "drive": ", or the command of a position servo with --command",
-                "position": ", or the velocity with --velocity",
+                "drive": ", or the command of a position servo with --command" if "command" in options else "",
+                "position": ", or the velocity with --velocity" if "velocity" in options else "",
             }
             raise ColumnError(
                 f"{source.name} has no column that is clearly the {role}; it has: {', '.join(source.names[:30])}. "
@@ -65,6 +65,26 @@ def roles_of(
             note(f"Column {found!r} is taken for the {role}.")
         roles[role] = found
     return roles
+
+
+def read_system(path: str | Path, options: Mapping[str, Any]) -> Bunch:
+    """Read a log by ``--columns`` or `system_options`; columns that are not named are recognised by their names."""
+    from whsklearn.logs import open_source
+    from whsklearn.logs.roles import by_number, guess
+
+    source = open_source(path)
+    named = {"time": "time_column", "drive": "input_column", "position": "output_column"}
+    given: dict[str, str | None] = {role: options[option] for role, option in named.items()}
+    if options["columns"]:
+        given = {**by_number(options["columns"], chain=True)}
+    elif given["time"] is None and not options["rate"] and not source.clocked:
+        given["time"] = guess(source, "time")
+        if given["time"] is not None:
+            note(f"Column {given['time']!r} is taken for the time.")
+    roles = roles_of(source, given, ("drive", "position"), {}, options)
+    if "velocity" in roles:
+        roles["position"] = roles.pop("velocity")  # an output may be any motion
+    return read(path, options, **roles)
 
 
 def read(path: str | Path, options: Mapping[str, Any], quiet: tuple[str, ...] = (), /, **columns: Any) -> Bunch:
@@ -243,15 +263,14 @@ def record_of(options: dict[str, Any]) -> ComparedRecord:
     from whsklearn.identification.view import view
     from whsklearn.logs.errors import LogError
 
-    columns = columns_of(options)
-    log = read(options["log_file"], options, **columns)
+    log = read_system(options["log_file"], options)
     for role, values in (("drive", log.X), ("position", log.y)):
         if np.ptp(values) == 0:
             raise LogError(
                 f"{log.name}: {log.columns[role]} never changes; give a log in which the axis is driven and moves."
             )
-    timed = columns.get("time") or options.get("rate")
-    seen = view(log.X[:, 0], log.y, 1.0 / log.sample_rate if timed else 1.0, options["logged"], log.groups)
+    dt = 1.0 if log.units["time"] == "samples" else 1.0 / log.sample_rate
+    seen = view(log.X[:, 0], log.y, dt, options["logged"], log.groups)
     if seen.y.size < log.y.size:
         note(f"{seen.y.size} of {log.y.size} samples are used: the other segments are too short.")
     if seen.logged == "position":

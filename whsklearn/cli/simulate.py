@@ -8,16 +8,14 @@ from typing import Any
 import click
 
 from whsklearn.cli.job import job, worse_than_mean, wrapped, writable_file
-from whsklearn.cli.options import joint_options, reading_options
-from whsklearn.cli.records import note, read, roles_of
+from whsklearn.cli.options import joint_options, reading_options, system_options
+from whsklearn.cli.records import note, read_system
 
 
 @job
 @click.argument("model", metavar="MODEL.json", type=click.Path(exists=True, dir_okay=False))
 @click.argument("log_file", metavar="LOG", type=click.Path(exists=True))
-@click.option("--time", "time_column", help="Time column; found by its name if omitted.")
-@click.option("--input", "input_column", help="Drive column; found by its name if omitted.")
-@click.option("--output", "output_column", help="Column of the measured output, to compare with.")
+@system_options
 @reading_options
 @joint_options
 @click.option("--skip", type=click.IntRange(min=0), default=0, help="Samples at the start to ignore.")
@@ -30,9 +28,7 @@ def main(**options: Any) -> None:
     import numpy as np
     import pandas as pd
 
-    from whsklearn.logs import open_source
     from whsklearn.logs.files import atomic_write
-    from whsklearn.logs.roles import guess
     from whsklearn.logs.units import UNKNOWN, UNSTATED
     from whsklearn.metrics import nmse, rmse
     from whsklearn.models import load_model
@@ -44,12 +40,7 @@ def main(**options: Any) -> None:
 
         arm.simulate(options, model)
         return
-    given = {"time": options["time_column"], "drive": options["input_column"], "position": options["output_column"]}
-    source = open_source(options["log_file"])
-    if given["time"] is None and not options["rate"] and not source.clocked:
-        given["time"] = guess(source, "time")
-    roles = roles_of(source, given, ("drive", "position"), {}, options)
-    log = read(options["log_file"], options, **roles)
+    log = read_system(options["log_file"], options)
     timed = log.units["time"] == model.units.get("time", "s" if model.dt != 1.0 else "samples") == "s"
     if timed and abs(1.0 / log.sample_rate / model.dt - 1.0) > 0.01:
         raise ValueError(
@@ -76,10 +67,13 @@ def main(**options: Any) -> None:
         table["segment"] = log.groups
         note(f"The log has holes; each of its {log.groups[-1] + 1} segments is simulated from its own start.")
     atomic_write(out, table.to_csv(index=False).encode())
-    unit = model.units.get("output", "") if unit in UNSTATED else unit
+    drive, unit = (
+        model.units.get(column, "") if u in UNSTATED else u for column, u in (("input", drive), ("output", unit))
+    )
+    told = [f"{names} in {u}" for names, u in (("drive", drive), ("simulated and measured", unit)) if u not in UNSTATED]
     unit = f" {unit}" if unit else ""
     index = nmse(log.y[kept], y[kept])
     click.echo(f"Free run: NMSE {index:.3g}, RMSE {rmse(log.y[kept], y[kept]):.4g}{unit}.")
     if bad := worse_than_mean({Path(options["model"]).name: index}):
         click.echo(wrapped(bad))
-    click.echo(f"Written: {Path(out)}")
+    click.echo(f"Written: {Path(out)}{': ' if told else ''}{', '.join(told)}")

@@ -25,14 +25,14 @@ OF_A_CHAIN = ("inputs", "output", "estimator", "orders", "law", "p")  # options 
 
 
 @job
-@click.argument("source")
-@click.option("--input", "inputs", multiple=True, default=["u"], help="Input column; repeat for several.")
-@click.option("--output", default="y", help="Output column.")
+@click.argument("source", type=click.Path(exists=True, dir_okay=False, allow_dash=True))
+@click.option("--input", "--drive", "inputs", multiple=True, default=["u"], help="Input column; repeat for several.")
+@click.option("--output", "--position", "output", default="y", help="Output column.")
 @click.option(
     "--robot", type=click.Path(exists=True, dir_okay=False), help="model.json of an arm, in place of --orders."
 )
 @joint_options
-@click.option("--time", "time_column", default=None, help="Time column; its values must increase.")
+@click.option("--time", "time_column", default=None, help="Time column, numbers or ISO 8601; must increase.")
 @click.option("--max-step", type=float, default=math.inf, help="A longer pause in time begins a new experiment.")
 @click.option("--follow", is_flag=True, help="Wait for rows that are appended to the file.")
 @model_options

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from whsklearn.cli.job import job, progress_bar, say_where, table, tracker_for, wrapped
-from whsklearn.cli.options import ORDERS, given, logged_option, reading_options
+from whsklearn.cli.options import ORDERS, given, logged_option, reading_options, system_options
 from whsklearn.cli.records import note, record_of
 
 if TYPE_CHECKING:
@@ -25,9 +25,7 @@ MEAN = 1.0  # the NMSE of a model that only knows the mean of the output
 
 @job
 @click.option("--log", "log_file", type=click.Path(exists=True), help="A log: CSV, Parquet, MAT, MCAP, ...")
-@click.option("--input", "input_column", help="Input column of the log.")
-@click.option("--output", "output_column", help="Output column of the log.")
-@click.option("--time", "time_column", help="Column of time stamps; if given, the sampling is checked.")
+@system_options
 @logged_option
 @reading_options
 @click.option(

@@ -16,7 +16,7 @@ from whsklearn.compare.arm import ArmLog
 from whsklearn.compare.comparison import Comparison
 from whsklearn.compare.records import compare_arms, compare_records
 from whsklearn.gap.record import KINDS, MOTIONS, ServoRecord
-from whsklearn.logs.units import UNKNOWN, factor_between, factor_of, unit_of
+from whsklearn.logs.units import UNKNOWN, factor_between, factor_of, integral_of, unit_of
 from whsklearn.systems.arm import Arm
 
 Array = NDArray[Any]
@@ -42,7 +42,8 @@ def at_an_alarm(columns: Sequence[str]) -> Callable[[Side, Side], dict[str, Any]
     if len(columns) != 3:
         return None
     clock, drive, motion = (unit_of(c) for c in columns)
-    kind = factor_of(motion.removesuffix("/s"))[1]
+    (per, position), rate = integral_of(motion), factor_of(motion)[1].endswith("/s")
+    kind = factor_of(position)[1]
     if UNKNOWN in (drive, motion) or factor_of(drive)[1] not in KINDS["drive"] or kind not in MOTIONS:
         return None
     by = 1.0 if clock == UNKNOWN else factor_between(clock, "s")
@@ -50,13 +51,13 @@ def at_an_alarm(columns: Sequence[str]) -> Callable[[Side, Side], dict[str, Any]
     def record(side: Side) -> ServoRecord:
         parts, starts, n = [], [], 0
         for t, u, y in evenly(side, by):
-            if motion.endswith("/s"):
-                y = np.concatenate([[0.0], np.cumsum(0.5 * (y[1:] + y[:-1]) * np.diff(t))])
+            if rate:
+                y = per * np.concatenate([[0.0], np.cumsum(0.5 * (y[1:] + y[:-1]) * np.diff(t))])
             parts.append((t, u, y))
             starts.append(n)
             n += t.size
         time, u, y = (np.concatenate(x) for x in zip(*parts, strict=True))
-        return ServoRecord(time, u, y, units=(drive, motion.removesuffix("/s")), starts=tuple(starts[1:]))
+        return ServoRecord(time, u, y, units=(drive, position), starts=tuple(starts[1:]))
 
     return lambda before, after: told(compare_records([record(before), record(after)], LABELS))
 
@@ -97,6 +98,8 @@ def at_an_alarm_of(arm: Arm, dt: float, timed: bool) -> Callable[[Side, Side], d
 def evenly(side: Side, by: float) -> list[list[Array]]:
     """Time (s, ``by`` times as logged) and other columns of every experiment, each on an even grid.
 
+    Where the clock restarted, the time goes on behind that of the experiment before.
+
     Raises
     ------
     ValueError
@@ -104,12 +107,14 @@ def evenly(side: Side, by: float) -> list[list[Array]]:
     """
     experiments, rows = side
     step = float(np.median(np.diff(rows[:, 0])))
-    out = []
+    out: list[list[Array]] = []
     for k in np.unique(experiments):
         part = rows[experiments == k]
         if len(part) >= SHORTEST:
             t = np.arange(part[0, 0], part[-1, 0] + 0.5 * step, step)
-            out.append([by * t, *(np.interp(t, part[:, 0], x) for x in part.T[1:])])
+            signals = [np.interp(t, part[:, 0], x) for x in part.T[1:]]
+            behind = out[-1][0][-1] + by * step if out else -np.inf
+            out.append([by * t + max(0.0, behind - by * t[0]), *signals])
     if not out:
         raise ValueError(f"No {SHORTEST} rows without a pause were logged.")
     return out

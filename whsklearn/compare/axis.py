@@ -18,7 +18,7 @@ from whsklearn.gap.plants import servo_stop as stop
 from whsklearn.gap.plants.servo_candidates import Candidate
 from whsklearn.gap.plants.servo_families import Scene, family, inverse_kinds, resolved
 from whsklearn.gap.plants.servo_inverse import InverseView
-from whsklearn.gap.plants.servo_model import AxisModel, Term
+from whsklearn.gap.plants.servo_model import ServoHypothesis, ServoTerm
 from whsklearn.gap.plants.servo_own import own as own_records
 from whsklearn.gap.plants.servo_start import base_model, start_of
 from whsklearn.gap.record import ServoRecord
@@ -79,7 +79,7 @@ def axis_rows(records: list[ServoRecord], labels: list[str], alpha: float, rng: 
     return rows  # the model makes other records than these, and its own say nothing about them
 
 
-def traces_of(view: InverseView, model: AxisModel, rng: np.random.Generator) -> Array:
+def traces_of(view: InverseView, model: ServoHypothesis, rng: np.random.Generator) -> Array:
     """What filters, quantization and timing alone leave of the drive at the judged samples, by the model's own records.
 
     With the bias of the numbers that a fit behind these filters finds (`whsklearn.gap.plants.servo_own.own`).
@@ -94,7 +94,7 @@ def unexplained(rows: Rows) -> float:
     return float(np.linalg.norm(rows.target - z @ np.linalg.lstsq(z, rows.target, rcond=None)[0]))
 
 
-def bic(views: Sequence[InverseView], fitted: list[AxisModel], rivals: list[list[AxisModel]]) -> float:
+def bic(views: Sequence[InverseView], fitted: list[ServoHypothesis], rivals: list[list[ServoHypothesis]]) -> float:
     """Of one effect beside its rivals, each fitted to all records; the independent samples are the best one's.
 
     A look does not tell a spring from gravity on a short path: what it leaves has the colour of neither, and counts as
@@ -110,7 +110,7 @@ def bic(views: Sequence[InverseView], fitted: list[AxisModel], rivals: list[list
     return total
 
 
-def alike(records: list[ServoRecord]) -> tuple[list[InverseView], list[AxisModel]]:
+def alike(records: list[ServoRecord]) -> tuple[list[InverseView], list[ServoHypothesis]]:
     """All records behind the lowest of their cut-offs, with one softness of the sign, and their base models."""
     began = [start_of(r, LAW, DEFAULT_TOLERANCE)[0] for r in records]
     cutoff, slowest = min(v.cutoff for v in began), max(v.slowest for v in began)
@@ -141,7 +141,7 @@ def direction(speed: Array, slowest: float) -> int:
 
 
 def missing(
-    views: Sequence[InverseView], models: Sequence[AxisModel], rng: np.random.Generator, alpha: float
+    views: Sequence[InverseView], models: Sequence[ServoHypothesis], rng: np.random.Generator, alpha: float
 ) -> list[Look]:
     """The effects whose columns explain more of all records together than chance does.
 
@@ -160,7 +160,7 @@ def missing(
     return out
 
 
-def looks_of(view: InverseView, model: AxisModel, rng: np.random.Generator) -> dict[Candidate, Look]:
+def looks_of(view: InverseView, model: ServoHypothesis, rng: np.random.Generator) -> dict[Candidate, Look]:
     """What the columns of every constant effect explain of one record's residual, and of random rows of its colour."""
     _, x, target, sizes, _ = view.solved(model)
     view = copy(view)
@@ -186,7 +186,7 @@ def constant(kind: Candidate) -> bool:
     return kind.cls.place in PLACES and kind.linear > 0 and not (kind.driven or kind.parent or kind in stop.KINDS)
 
 
-def shown_by_all(views: list[InverseView], models: list[AxisModel], term: Term) -> bool:
+def shown_by_all(views: list[InverseView], models: list[ServoHypothesis], term: ServoTerm) -> bool:
     """Whether the effect's columns are distinct from the model's in every record, and of similar size in all."""
     sizes = []
     for view, model in zip(views, models, strict=True):
@@ -201,7 +201,7 @@ def shown_by_all(views: list[InverseView], models: list[AxisModel], term: Term) 
     return min(sizes) > SHOWN * max(sizes)
 
 
-def by_shape(view: InverseView, model: AxisModel) -> Array:
+def by_shape(view: InverseView, model: ServoHypothesis) -> Array:
     """What a small change of each shape number would add to the drive, where the model's other columns do not.
 
     A wave of unknown order is no wave of known order: what its amplitude is depends on it.
@@ -221,7 +221,7 @@ def by_shape(view: InverseView, model: AxisModel) -> Array:
     return np.column_stack(out)
 
 
-def rows_of(view: InverseView, model: AxisModel, label: str, own: Mapping[str, str]) -> Rows:
+def rows_of(view: InverseView, model: ServoHypothesis, label: str, own: Mapping[str, str]) -> Rows:
     """The judged samples of a view, with numbers in the units given by ``own``; the last is the age of the drive."""
     at = view.at
     x = view.columns(model)[0]
@@ -249,13 +249,13 @@ def rows_of(view: InverseView, model: AxisModel, label: str, own: Mapping[str, s
     )  # fmt: skip
 
 
-def parts_of(term: Term) -> list[str]:
+def parts_of(term: ServoTerm) -> list[str]:
     """What tells the numbers of one effect apart: those of a wave are its cosine and sine.
 
     Examples
     --------
     >>> from whsklearn.gap.plants.servo_candidates import candidate
-    >>> parts_of(Term(candidate("cogging"), (0.1, 0.2, 12.0))), parts_of(Term(candidate("coulomb"), (0.2,)))
+    >>> parts_of(ServoTerm(candidate("cogging"), (0.1, 0.2, 12.0))), parts_of(ServoTerm(candidate("coulomb"), (0.2,)))
     (['cos 12 q', 'sin 12 q'], [''])
     """
     if term.kind.linear != 2:

@@ -181,19 +181,18 @@ def _holds(delay: float, substeps: int) -> tuple[list[int], list[int], list[floa
     return older, newer, share
 
 
-def torque_code(axis: ServoAxis, language: Language, factors: tuple[float, float] = (1.0, 1.0)) -> Part:
+def torque_code(axis: ServoAxis, language: Language, drive: float = 1.0, rate: float = 1.0, far: float = 1.0) -> Part:
     """The torque of friction and of position-dependent effects, as a function of ``position`` and ``velocity``.
 
-    ``factors`` convert drive and motion to SI.
+    ``drive``, ``rate`` and ``far`` convert drive, velocity and position to SI.
     """
     plant = pack(axis)
     keep = [i for i, code in enumerate(plant.codes) if compensated(int(code))]
     law = _arranged(plant.codes[keep], plant.p[keep], axis)
     work = Specialiser(language)
     kappa = 1.0 / axis.smoothing if axis.friction == "tanh" else math.inf
-    by, far = factors
-    motion = (work.binary("Mult", far, Symbol(name)) for name in ("position", "velocity"))
-    result = work.binary("Mult", work.call(_static_torque, law, *motion, kappa), 1.0 / by)
+    motion = (work.binary("Mult", by, Symbol(name)) for by, name in ((far, "position"), (rate, "velocity")))
+    result = work.binary("Mult", work.call(_static_torque, law, *motion, kappa), 1.0 / drive)
     return Part(*work.finish(result), work.text(result))
 
 

@@ -77,7 +77,7 @@ def c_files(model: Exported, name: str, what: str = "model", real: str = "double
     names |= {"one": lang.number(1.0), "wave": WAVE, "largest": LARGEST_DRIVE[real]}
     names |= _units(model, lang, what)
     if what == "compensator":
-        names["torque"] = torque_code(model.need_axis("A compensator"), lang, model.factors)
+        names["torque"] = torque_code(model.need_axis("A compensator"), lang, *model.steady_factors)
     elif model.axis is not None:
         velocity = model.logged == "velocity"
         code = axis_code(model.axis, lang, state, velocity=velocity, remember=True, out=model.factors[1])
@@ -103,7 +103,7 @@ def st_file(model: Exported, name: str, what: str = "model") -> str:
     names |= {"title": _title(model, what), "losses": code_losses(model, what), "largest": LARGEST_DRIVE["double"]}
     names |= _units(model, lang, what)
     if what == "compensator":
-        names["torque"] = torque_code(model.need_axis("A compensator"), lang, model.factors)
+        names["torque"] = torque_code(model.need_axis("A compensator"), lang, *model.steady_factors)
     elif model.axis is not None:
         velocity = model.logged == "velocity"
         names["code"] = axis_code(model.axis, lang, state, velocity=velocity, out=model.factors[1])
@@ -130,7 +130,7 @@ def _units(model: Exported, lang: Language, what: str) -> dict[str, str]:
     drive = f"drive in {into}" if into else "drive not stated, Nm assumed"
     if what == "compensator":
         per = out if model.logged == "velocity" else f"{out}/s"
-        far = out.removesuffix("/s")
+        far = model.position_unit
         motion = f"position in {far}, velocity in {per}" if out else "position and velocity not stated, rad assumed"
         return {"units": f"Units: {motion}; torque: {drive}.", "si_drive": "drive"}
     answer = f"{model.logged} in {out}" if out else f"{model.logged} not stated, SI assumed"

@@ -12,7 +12,7 @@ import numpy as np
 from whsklearn.effects import Effect
 from whsklearn.export.chain_code import CodedChain
 from whsklearn.export.losses import Loss
-from whsklearn.logs.units import UNKNOWN, UNSTATED, factor_of, respelled
+from whsklearn.logs.units import UNKNOWN, UNSTATED, factor_of, integral_of, respelled
 from whsklearn.systems.servo import ServoAxis
 from whsklearn.systems.wiener_hammerstein import WienerHammersteinSystem
 
@@ -48,6 +48,16 @@ class Exported:
         drive, motion = (factor_of(self.units.get(k, ""))[1] for k in ("input", "output"))
         return drive or "Nm", motion.removesuffix("/s") or "rad"
 
+    @property
+    def position_unit(self) -> str:
+        """The unit of a position beside the output: of a velocity in rpm, turns."""
+        return integral_of(self.units.get("output", ""))[1]
+
+    @property
+    def steady_factors(self) -> tuple[float, float, float]:
+        """Factors that convert the drive, a velocity and a position to SI."""
+        return *self.factors, factor_of(self.position_unit)[0]
+
     def told(self, losses: list[Loss]) -> list[Loss]:
         """Losses with their sizes, so far in Nm and rad, in the SI symbols of this model; a phase is always an
         angle.
@@ -73,7 +83,7 @@ class Exported:
                 out.append(
                     Loss(
                         f"unit of the {what}", symbol, f"the format is in {wanted[0]}: numbers that have it are in "
-                        f"{symbol} here, and right for a drive in {symbol} alone; scale them {how}",
+                        f"{symbol} here, and right for a {what} in {symbol} alone; scale them {how}",
                     )
                 )  # fmt: skip
         return out
@@ -86,7 +96,7 @@ class Exported:
     @property
     def linear(self) -> bool:
         """Whether the axis moves along a line, by the unit of its position."""
-        return self.units.get("output", "rad").split("/")[0] in ("m", "mm", "um")
+        return self.si[1] == "m"
 
     def need_axis(self, what: str) -> ServoAxis:
         """The axis; raises with a reason if there is none."""

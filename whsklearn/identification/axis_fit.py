@@ -23,10 +23,10 @@ from whsklearn.recursion.batch.axis_free_run import (
     AxisFit,
     AxisForm,
     AxisLog,
+    axis_motion,
     coupling_of,
     fit_axis,
     fit_pieces,
-    free_run,
 )
 from whsklearn.recursion.batch.linear_filter import filter_rows
 from whsklearn.systems.servo import fine_steps
@@ -363,7 +363,7 @@ def _best_minimum(log: View, form: AxisForm, start: Start, best: AxisFit, least:
 
 def start_as_fit(start: Start, log: AxisLog) -> AxisFit:
     """The inverse-dynamics estimate, if nothing simulates better; its errors are the difference of two estimators."""
-    error = log.target - free_run(start.theta, log)
+    error = log.target - axis_motion(start.theta, log)
     return AxisFit(start.theta, np.zeros((start.theta.size,) * 2), error, 0.0)
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from whsklearn.effects import CableSpring, FlexibleCoupling, GravityImbalance, HardeningSpring, SpeedHinge
-from whsklearn.recursion.batch.axis_free_run import AxisForm, AxisLog, free_run, settled
+from whsklearn.recursion.batch.axis_free_run import AxisForm, AxisLog, axis_motion, settled
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -57,8 +57,8 @@ def axis_residual(theta: Array, log: View, form: AxisForm) -> Array:
     """Residual of the axis in SI: for a position in pieces, each with its own state; otherwise of one run."""
     if log.logged == "position":
         pieces = settled(theta, shooting_log(log, PIECE, form))
-        return pieces.target - free_run(theta, pieces)
-    return log.target - free_run(theta, axis_log(log, form))
+        return pieces.target - axis_motion(theta, pieces)
+    return log.target - axis_motion(theta, axis_log(log, form))
 
 
 def axis_theta(model: AxisModel) -> tuple[Array, AxisForm]:

@@ -25,7 +25,10 @@ LEAST_MOTION = (
 )
 LEAST_FITTED = 60  # samples
 LEAST_SEGMENT = 30  # samples; a shorter one has less information than its initial state needs
-DRIVES, RATES = ("Nm", "N", "A", "V", "%"), ("rad/s", "m/s")  # SI units of what moves an axis, and of its velocity
+DRIVES, RATES = (
+    ("Nm", "N", "A", "V", "%"),
+    ("rad/s", "m/s", "counts/s"),
+)  # SI units of what moves an axis; of a velocity
 SMOOTHING = 0.03  # s, width of the parabola for the velocity of a logged position
 INTEGRATES = 0.1  # a time constant above this share of the record cannot be distinguished from an integrator
 
@@ -178,7 +181,9 @@ def _segments(u: Array, y: Array, groups: NDArray[Any]) -> tuple[Array, Array, t
     bounds = np.r_[0, np.flatnonzero(groups[1:] != groups[:-1]) + 1, y.size]
     kept = [(a, b) for a, b in itertools.pairwise(bounds.tolist()) if b - a >= LEAST_SEGMENT]
     if not kept:
-        raise ValueError(
+        if bounds.size == 2:
+            raise LogError(f"The record has {y.size} samples, where {LEAST_SEGMENT} are needed; log longer.")
+        raise LogError(
             f"Holes cut the record into {bounds.size - 1} segments, none of {LEAST_SEGMENT} samples; log without them."
         )
     starts = np.cumsum([b - a for a, b in kept])[:-1]

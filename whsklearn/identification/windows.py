@@ -12,7 +12,7 @@ import numpy as np
 from whsklearn.identification.axis_numbers import axis_residual, axis_theta
 from whsklearn.identification.view import smooth
 from whsklearn.models import AxisModel, ChainModel, LinearModel
-from whsklearn.recursion.batch.axis_free_run import AxisForm, AxisLog, fit_state, free_run
+from whsklearn.recursion.batch.axis_free_run import AxisForm, AxisLog, axis_motion, fit_state
 from whsklearn.recursion.batch.simulation_search import SKIP
 
 if TYPE_CHECKING:
@@ -100,7 +100,7 @@ def _theta_errors(
             log.dt, form, of_position=position,
         )  # fmt: skip
 
-    run = free_run(theta, pieces(whole_at).starting(fit_state(theta, pieces(lead_at))))
+    run = axis_motion(theta, pieces(whole_at).starting(fit_state(theta, pieces(lead_at))))
     return (log.y[whole_at] - run.reshape(whole_at.shape))[:, before:]
 
 

@@ -64,6 +64,12 @@ def split(line: str, separator: str) -> list[str]:
     return [plain(c) for c in cells]
 
 
+def _names_apart(line: str, width: int) -> list[str] | None:
+    """The cells of a header of blank-separated rows whose names hold blanks and stand two blanks apart."""
+    cells = re.split(r"\s{2,}|\t", line.strip())
+    return [plain(c) for c in cells] if len(cells) == width else None
+
+
 def _says(line: str) -> bool:
     """Whether a line contains anything but blanks or the rule below the header of a table."""
     return re.fullmatch(r"[\s|+=-]*", line) is None
@@ -94,7 +100,11 @@ def _read_as(
     fits = sum(len(c) == width and _is_data(c, decimal) for c in body) / len(body)
     numeric = sum(is_number(x, decimal) and x != "" for c in body for x in c) / len(body)
     first, cells = rows[start]
-    above = [c for k, (_, c) in enumerate(rows[:start]) if not _is_data(c, decimal) or _label(rows, k, decimal)]
+    above = [
+        _names_apart(lines[i], width) or c if separator == r"\s+" and len(c) > width else c
+        for k, (i, c) in enumerate(rows[:start])
+        if not _is_data(c, decimal) or _label(rows, k, decimal)
+    ]
     if all(not c[-1] for c in body):  # every row ends in a separator, which the header may lack
         above = [[*c, ""] if len(c) == width - 1 else c for c in above]
     else:  # or only the header does, as in the Silverbox files

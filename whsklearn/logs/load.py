@@ -19,7 +19,7 @@ from whsklearn.logs.formats import open_source
 from whsklearn.logs.grid import even
 from whsklearn.logs.source import Column, Source
 from whsklearn.logs.timebase import in_order, to_seconds
-from whsklearn.logs.units import UNKNOWN, stated, symbol_of, time_unit_of, unit_for, unit_of, written_unit
+from whsklearn.logs.units import UNKNOWN, integral_of, stated, symbol_of, time_unit_of, unit_for, unit_of, written_unit
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -374,7 +374,8 @@ def _mended(name: str, table: _Table) -> Bunch:
     if "velocity" in signals and "position" not in signals:
         signals["position"], more_one = _summed(clock, signals["velocity"], segment)
         found.append(more_one)
-        table.units["position"] = table.units["velocity"].removesuffix("/s")
+        by, table.units["position"] = integral_of(table.units["velocity"])
+        signals["position"] *= by
     if "drive" in signals and "position" in signals:
         out, cut = mend.held(clock, signals["drive"], signals["position"])
         if cut is not None:

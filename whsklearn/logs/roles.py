@@ -20,16 +20,20 @@ WORDS: dict[str, tuple[str, ...]] = {
         "voltage", "u", "input",
     ),
     "position": ("position", "pos", "angle", "theta", "q", "lage", "winkel", "encoder", "enc", "y", "output"),
-    "reference": ("reference", "ref", "setpoint", "desired", "target", "goal", "soll"),
+    "reference": ("reference", "ref", "setpoint", "desired", "target", "goal", "soll", "sollwert", "set", "demand"),
     "velocity": ("velocity", "vel", "speed", "omega", "geschwindigkeit", "drehzahl"),
 }  # fmt: skip
-_NOT_MEASURED = {*WORDS["reference"], "command", "cmd", "error", *WORDS["velocity"], "acceleration", "acc"}
+_NOT_MEASURED = {
+    *WORDS["reference"], *WORDS["velocity"], "command", "commanded", "cmd", "error", "acceleration", "acc", "limit",
+    "lim",
+}  # fmt: skip
+_TICKS = {"ticks", "tick"}  # of a clock, or of an encoder
 
 # Roles by unit, if no word decides. A unit also outweighs a word of one letter: "i_q [A]" is not a position.
 _ROLE_OF_UNIT = {
     **dict.fromkeys(("Nm", "N", "V", "A"), "drive"),
     **dict.fromkeys(("rad", "m", "counts"), "position"),
-    **dict.fromkeys(("rad/s", "m/s"), "velocity"),
+    **dict.fromkeys(("rad/s", "m/s", "counts/s"), "velocity"),
     "s": "time",
 }
 
@@ -78,7 +82,10 @@ def _role_of_unit(source: Source, column: str) -> str | None:
 
 def _other(role: str, column: str) -> bool:
     """Whether a word in the name excludes the role: a set position is not the measured one."""
-    return role in ("position", "drive") and bool(_NOT_MEASURED & set(words_of(column)))
+    words = set(words_of(column))
+    if role == "time":
+        return bool(words & _TICKS) and bool(words & {*WORDS["position"], *WORDS["velocity"]})
+    return role in ("position", "drive") and bool(_NOT_MEASURED & words)
 
 
 def by_number(numbers: str, chain: bool = False) -> dict[str, str]:

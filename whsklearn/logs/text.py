@@ -164,6 +164,8 @@ def _logical(lines: list[str]) -> list[str]:
 
 def _encoding(head: bytes, name: str) -> str:
     """The encoding of a text; a binary file is refused."""
+    if head.startswith((b"\xff\xfe\0\0", b"\0\0\xfe\xff")):
+        return "utf-32"
     if head.startswith((b"\xff\xfe", b"\xfe\xff")):
         return "utf-16"
     even, odd = head[:4096:2].count(0), head[1:4096:2].count(0)
@@ -231,7 +233,7 @@ def _whole_rows(path: Path, encoding: str, layout: Dialect) -> tuple[int | None,
     """The number of rows to read (None for all; fewer above a tail of zero bytes that a power loss left), and a last
     line without a line end.
     """
-    if encoding.startswith("utf-16"):
+    if encoding.startswith(("utf-16", "utf-32")):
         return None, b"", []
     lines, first, tail = 0, None, b""
     with opened(path) as file:

@@ -144,9 +144,11 @@ def _dates(values: NDArray[Any], column: str) -> tuple[Array, tuple[Finding, ...
     sample = text.dropna().iloc[0] if text.notna().any() else ""
     if sample.count(":") >= 1 and "-" not in sample and "/" not in sample and sample.count(".") <= 1:
         attempts = ()
+        minutes = sample.count(":") == 1 and "." in sample  # mm:ss.0, as spreadsheets show a time
+        whole = 3600.0 if minutes else 86400.0
         try:
-            since = pd.to_timedelta(text).dt.total_seconds().to_numpy(dtype=float)
-            since = since + 86400.0 * np.r_[0.0, np.cumsum(np.diff(since) < -43200.0)]  # over midnight
+            since = pd.to_timedelta("00:" + text if minutes else text).dt.total_seconds().to_numpy(dtype=float)
+            since = since + whole * np.r_[0.0, np.cumsum(np.diff(since) < -0.5 * whole)]  # over the hour, over midnight
             return since - since[np.isfinite(since)][0], (_read_as_dates(column),)
         except (ValueError, TypeError):
             pass
@@ -192,6 +194,7 @@ def in_order(time: Array, same_rows: NDArray[np.bool_], rows: NDArray[np.intp]) 
         If fewer than three stamps increase.
     """
     found: list[Finding] = []
+    logged = time
     turned = np.mean(np.diff(time) < 0) > TURNED
     if turned:
         time, rows, same_rows = time[::-1], rows[::-1], same_rows[::-1]
@@ -223,7 +226,10 @@ def in_order(time: Array, same_rows: NDArray[np.bool_], rows: NDArray[np.intp]) 
         found.append(finding("LOG003", "warning", lost, text, float(lost.size)))
     time, rows, starts = time[later], rows[later], starts[later]
     if time.size < 3:
-        raise LogError(f"only {time.size} stamps increase; check the time column.")
+        raise LogError(
+            f"of {logged.size} time stamps over {np.ptp(logged):.6g} s only {time.size} increase, a log needs three: "
+            "the clock stood still, or its last digits were lost. Export more digits, or give --rate HZ, not --time."
+        )
     breaks = np.diff(time) >= LONG_GAP * _period(time)
     segment = np.r_[0, np.cumsum(breaks | starts[1:])].astype(np.int64)
     return Stamps(rows, time, segment, tuple(found))

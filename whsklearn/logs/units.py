@@ -27,7 +27,10 @@ _KNOWN: dict[str, tuple[float, str, tuple[str, ...]]] = {
     "turns": (2 * math.pi, "rad", ("turn", "rev", "revs", "revolution", "revolutions")),
     "m": (1.0, "m", ()), "cm": (1e-2, "m", ()), "mm": (1e-3, "m", ()), "um": (1e-6, "m", ()),
     "inch": (0.0254, "m", ("inches",)),
-    "counts": (1.0, "counts", ("count", "counts", "ticks", "cnt", "inc", "incs")),
+    "counts": (1.0, "counts", (
+        "count", "cnt", "cts", "tick", "ticks", "inc", "incs", "incr", "increment", "increments", "inkr", "inkrement",
+        "inkremente", "pulse", "pulses", "qc",  # qc: quadrature counts of EPOS drives
+    )),
     "Nm": (1.0, "Nm", ()), "mNm": (1e-3, "Nm", ("nmm",)), "uNm": (1e-6, "Nm", ()), "kNm": (1e3, "Nm", ()),
     "Ncm": (1e-2, "Nm", ()), "kgf cm": (0.0980665, "Nm", ("kgcm",)), "gf cm": (9.80665e-5, "Nm", ("gcm",)),
     "lbf in": (0.1129848290276167, "Nm", ("lbin", "inlb", "inlbf")),
@@ -37,26 +40,30 @@ _KNOWN: dict[str, tuple[float, str, tuple[str, ...]]] = {
     "kgf": (9.80665, "N", ()), "lbf": (4.4482216152605, "N", ()),
     "V": (1.0, "V", ("volt", "volts")), "mV": (1e-3, "V", ()),
     "A": (1.0, "A", ("amp", "amps", "ampere", "amperes")), "mA": (1e-3, "A", ()),
-    "rad/s": (1.0, "rad/s", ("rad/sec",)), "mrad/s": (1e-3, "rad/s", ()),
-    "deg/s": (math.pi / 180, "rad/s", ("deg/sec", "°/s")), "turns/s": (2 * math.pi, "rad/s", ("rev/s", "rps")),
-    "rpm": (math.pi / 30, "rad/s", ("1/min", "u/min", "rev/min", "min1")),
-    "m/s": (1.0, "m/s", ()), "mm/s": (1e-3, "m/s", ()),
+    "rpm": (math.pi / 30, "rad/s", ("turns/min", "1/min", "u/min", "min1")),
     "%": (1.0, "%", ("percent",)),
 }  # fmt: skip
+# Motion per second. A ratio of other units is another quantity: its unit is not known.
+_MOTIONS = ("rad", "m", "counts")
+_KNOWN |= {f"{u}/s": (by, f"{si}/s", ()) for u, (by, si, _) in list(_KNOWN.items()) if si in _MOTIONS}
+_KNOWN["turns/s"] = (*_KNOWN["turns/s"][:2], ("rps",))
+_PER_TURN = re.compile(r"(?:counts|ticks)/(\d+\.?\d*(?:e\+?\d+)?)")
 _NANOMETRE = (1e-9, "m")  # "nm" for a position; for a drive, "nm" in column names means Nm
 _TIMES = {"s", "ms", "us", "ns", "min", "h"}
-_ONLY_MARKED = {
-    "min",
-    "h",
-    "grad",
-    "amp",
-}  # at the end of a name, units only after one of _MARKS: torque_min is a minimum
+# At the end of a name, units only after one of _MARKS: torque_min is a minimum.
+_ONLY_MARKED = {"min", "h", "grad", "amp"}
 _MARKS = {"in", "time", "t", "zeit"}
+
+# Words behind a unit that tell which signal it is, not in what unit: torque_nm_filtered.
+_WHICH = frozenset(
+    "filtered filt raw measured meas actual act ist set setpoint soll ref reference desired des target cmd command "
+    "demand value val".split()
+)
 
 
 def _plain(spelling: str) -> str:
     """A spelling in lower case without separators."""
-    return re.sub(r"[\s·⋅*.^-]", "", spelling.strip().lower().replace("µ", "u").replace("μ", "u"))
+    return re.sub(r"[\s·⋅*.^⁻-]", "", spelling.strip().lower().replace("µ", "u").replace("μ", "u").replace("¹", "1"))
 
 
 _SPELLED = {_plain(s): symbol for symbol, (_, _, others) in _KNOWN.items() for s in (symbol, *others)}
@@ -71,20 +78,57 @@ def unit_of(column: str, default: str = UNKNOWN) -> str:
     ('deg', 'mNm', 'rad/s', 'rad/s')
     >>> unit_of("current"), unit_of("a"), unit_of("torque_min"), unit_of("time [min]")
     ('as logged', 'as logged', 'as logged', 'min')
+    >>> unit_of("torque_nm_filtered"), unit_of("encoder_ticks"), unit_of("counts_per_s"), unit_of("stiffness [Nm/rad]")
+    ('Nm', 'counts', 'counts/s', 'as logged')
     """
     written = written_unit(column)
     if (symbol := symbol_of(written)) is not None:
         return symbol
-    text = str(column).rpartition(written)[0] if written else str(column)
-    words = [w for w in re.split(r"[^a-z0-9%°u]+", text.lower().replace("µ", "u").replace("μ", "u")) if w]
-    for n in (2, 1):
-        if len(words) <= n:
-            continue
-        tail = words[-n:]
-        symbol = _SPELLED.get("/".join(tail)) or _SPELLED.get("".join(tail))
-        if symbol and not (n == 1 and tail[0] in _ONLY_MARKED and words[-2] not in _MARKS):
+    text = str(column)
+    if written:
+        inside = _words(written)
+        if symbol := _at_end(["", *inside]):
             return symbol
-    return default
+        if any(len(w) > 1 and w in _SPELLED for w in inside):
+            return default  # a unit of another quantity, such as Nm/rad
+        text = text.rpartition(written)[0]
+    words = _words(text)
+    alone = len("".join(w for w in words if w not in _WHICH)) > 1  # one letter is a quantity's: M_ist
+    whole = ["", *words] if alone else []
+    return (symbol_of(text) if "/" in text else None) or _at_end(words) or _at_end(whole) or default
+
+
+def _words(text: str) -> list[str]:
+    """Words in lower case, with ``/`` as a word."""
+    return re.findall(r"[a-z0-9%°²³]+|/", re.sub("[µμ]", "u", text.lower()))
+
+
+def _at_end(words: list[str]) -> str | None:
+    """The unit that the last words spell, the longest first; the first word names a quantity (or is empty)."""
+    while len(words) > 2 and (words[-1] in _WHICH or (words[-1].isdigit() and len(words[-2]) > 1)):
+        words = words[:-1]  # a number behind one letter is a power, as in m_s_2
+    for n in (3, 2, 1):
+        before, tail = words[:-n], words[-n:]
+        if not before or tail[0] in ("/", "per"):
+            continue
+        over = tail[::2] if n == 3 and tail[1] in ("/", "per") else tail
+        symbol = (_ratio(*over) if len(over) == 2 else None) or _SPELLED.get("".join(tail))
+        if symbol and not (n == 1 and tail[0] in _ONLY_MARKED and before[-1] not in _MARKS):
+            return None if _measures_more(before) else symbol
+    return None
+
+
+def _measures_more(before: list[str]) -> bool:
+    """Whether the words before a unit make it a part of another one; ``Winkel/rad`` is an angle in rad."""
+    if before[-1] == "/":
+        return not before[0] or (len(before) > 2 and before[-2] in _SPELLED)
+    return before[-1] == "per" or (len(before) > 1 and len(before[-1]) > 1 and before[-1] in _SPELLED)
+
+
+def _ratio(top: str, bottom: str) -> str | None:
+    """The symbol of one unit per another, in any spelling of both, if it is known."""
+    units = _SPELLED.get(_plain(top)), _SPELLED.get(_plain(bottom))
+    return _SPELLED.get(_plain(f"{units[0]}/{units[1]}"))
 
 
 def written_unit(column: str) -> str:
@@ -110,9 +154,12 @@ def symbol_of(text: str) -> str | None:
     ('Nm', 'deg/s', 'counts/4096', 'ozf in', None)
     """
     word = text.strip().lower()
-    if (of := re.fullmatch(r"(?:counts|ticks)/(\d+\.?\d*(?:e\+?\d+)?)", word)) is not None:
+    if (of := _PER_TURN.fullmatch(word)) is not None:
         return word if float(of[1]) > 0 else None
-    return _SPELLED.get(_plain(word))
+    if symbol := _SPELLED.get(_plain(word)):
+        return symbol
+    rate = re.fullmatch(r"(.+?)[\s·⋅*]*(?:(?:/| per )\s*(\w+)|\b(s|sec|min)\s*\^?\s*(?:-1|⁻¹))", word)
+    return _ratio(rate[1], rate[2] or rate[3]) if rate is not None else None
 
 
 def unit_for(role: str, symbol: str) -> str:
@@ -136,7 +183,7 @@ def factor_of(symbol: str) -> tuple[float, str]:
     >>> round(factor_of("counts/4096")[0] * 4096, 6), factor_of("counts/4096")[1]
     (6.283185, 'rad')
     """
-    if symbol.startswith(("counts/", "ticks/")):
+    if _PER_TURN.match(symbol):
         return 2 * math.pi / float(symbol.partition("/")[2]), "rad"
     if symbol == "nm":
         return _NANOMETRE
@@ -217,9 +264,20 @@ def readable(symbol: str, default: str = "") -> str:
     """
     if symbol in UNSTATED:
         return default
-    if symbol.startswith(("counts/", "ticks/")) or symbol == "rpm":
+    if _PER_TURN.match(symbol) or symbol == "rpm":
         return "rad"
     return symbol.removesuffix("/s")
+
+
+def integral_of(symbol: str) -> tuple[float, str]:
+    """Factor and unit of a rate's integral over seconds: that of ``rpm`` is a sixtieth of a turn.
+
+    Examples
+    --------
+    >>> integral_of("deg/s"), integral_of("rpm") == (1 / 60, "turns"), integral_of("as logged")
+    ((1.0, 'deg'), True, (1.0, 'as logged'))
+    """
+    return (1.0 / 60.0, "turns") if symbol == "rpm" else (1.0, symbol.removesuffix("/s"))
 
 
 def own_units(si: tuple[str, str], logged: tuple[str, str]) -> dict[str, str]:

@@ -30,6 +30,11 @@ HEAD = 256  # first rows of a clock that are remembered, to distinguish a restar
 TAIL = 4096  # latest rows that are remembered
 
 
+def _shown(stamp: float) -> str:
+    """The fewest digits that are this stamp and no other."""
+    return repr(float(stamp)).removesuffix(".0")
+
+
 class Verdict(NamedTuple):
     """The class of a row (``row``, ``bad``, ``restart`` or ``repeated``), with its line number and a reason."""
 
@@ -61,7 +66,7 @@ class Clock:
         self.repeating = False
         yield from self._late()
         if any(row == other[1] for other in self.ahead):
-            yield Verdict("repeated", line, row, f"time {now:.17g} was sent before")
+            yield Verdict("repeated", line, row, f"time {_shown(now)} was sent before")
             return
         for other in self.ahead:
             other[2] += now > other[1][0]
@@ -84,8 +89,8 @@ class Clock:
         if row[0] > self.last:
             return self._in_order(line, row)
         if self._was_there(row):
-            return Verdict("repeated", line, row, f"time {row[0]:.17g} was sent before")
-        return Verdict("bad", line, row, f"time {row[0]:.17g} does not come after {self.last:.17g}")
+            return Verdict("repeated", line, row, f"time {_shown(row[0])} was sent before")
+        return Verdict("bad", line, row, f"time {_shown(row[0])} does not come after {_shown(self.last)}")
 
     def get_state(self) -> dict[str, Any]:
         """The complete state, in types that a state file can hold."""
@@ -135,7 +140,7 @@ class Clock:
             if first[1][0] > self.last:
                 yield self._in_order(first[0], first[1])
             else:
-                yield Verdict("bad", first[0], first[1], f"time {first[1][0]:.17g} occurs twice")
+                yield Verdict("bad", first[0], first[1], f"time {_shown(first[1][0])} occurs twice")
 
     def _decide(self) -> Iterator[Verdict]:
         """The row that has waited longest ended a pause if most rows since come after it; else it is an outlier."""
@@ -143,7 +148,7 @@ class Clock:
         if 2 * later <= since:
             self.missing += 1
             yield Verdict(
-                "bad", line, row, f"time {row[0]:.17g} is an outlier of the clock, which is at {self.last:.17g}"
+                "bad", line, row, f"time {_shown(row[0])} is an outlier of the clock, which is at {_shown(self.last)}"
             )
             yield from self._drain()
             return
@@ -160,7 +165,7 @@ class Clock:
         if self._was_there(row):
             self.repeating = True
             yield Verdict(
-                "repeated", line, row, f"time {row[0]:.17g} was sent before, the stream is at {self.last:.17g}"
+                "repeated", line, row, f"time {_shown(row[0])} was sent before, the stream is at {_shown(self.last)}"
             )
             return
         if self.back and row[0] <= self.back[-1][1][0]:
@@ -169,11 +174,11 @@ class Clock:
         if len(self.back) <= WAIT:
             return
         for other in self.ahead:
-            yield Verdict("bad", other[0], other[1], f"time {other[1][0]:.17g} is an outlier of the clock")
+            yield Verdict("bad", other[0], other[1], f"time {_shown(other[1][0])} is an outlier of the clock")
         back = self.back
         self.last, self.ahead, self.back, self.head, self.tail = float("-inf"), [], [], {}, {}
         first = back[0]
-        yield Verdict("restart", first[0], first[1], f"the clock restarted at {first[1][0]:.17g}")
+        yield Verdict("restart", first[0], first[1], f"the clock restarted at {_shown(first[1][0])}")
         for number, other in back:
             yield self._in_order(number, other)
 
@@ -189,5 +194,5 @@ class Clock:
         """Rows that fell back and were not continued."""
         for line, row in self.back:
             self.missing += 1
-            yield Verdict("bad", line, row, f"time {row[0]:.17g} does not come after {self.last:.17g}")
+            yield Verdict("bad", line, row, f"time {_shown(row[0])} does not come after {_shown(self.last)}")
         self.back = []

@@ -12,11 +12,14 @@ import os
 import select
 import time
 from collections.abc import Sequence
+from datetime import UTC, datetime
 from math import isfinite
 from pathlib import Path
 from typing import BinaryIO
 
+from whsklearn.logs.errors import ColumnError, LogError
 from whsklearn.logs.text import legacy_encoding
+from whsklearn.logs.units import seconds_of, unit_of
 
 BLOCK = 1 << 16
 AT_ONCE = 64  # lines returned at once: signals and checkpoints are handled between them, however slow the model is
@@ -161,30 +164,43 @@ class CsvParser:
         The first line of the file.
     columns : sequence of str
         The columns to read, in order.
+    timed : bool, default=False
+        Whether the first of them is a time, which may be dates in ISO 8601: they become the unit that the column's
+        name states, or seconds, since 1970.
 
     Raises
     ------
-    ValueError
-        If a column is missing or its name occurs more than once.
+    LogError
+        If the file is not text in UTF-8 or a code page; a `ColumnError` if a column is missing or its name occurs more
+        than once.
 
     Examples
     --------
     >>> CsvParser("Zeit;Übertemperatur;Strom".encode("cp1252"), ["Zeit", "Strom"])(b"0,5;41;-1,25")
     [0.5, -1.25]
+    >>> CsvParser(b"stamp,u", ["stamp", "u"], timed=True)(b"1970-01-01T02:00:01.5+02:00,3")
+    [1.5, 3.0]
     """
 
-    def __init__(self, header: bytes, columns: Sequence[str]):
+    def __init__(self, header: bytes, columns: Sequence[str], timed: bool = False):
+        if b"\0" in header:
+            raise LogError(
+                f"The first line, {_short(header)!r}, is not text in UTF-8, which a stream reads as it is written; "
+                "export the log as CSV in UTF-8. identify and gap read other encodings and formats."
+            )
         text = text_of(header).lstrip("\ufeff").strip("\r\n")
         self.delimiter = max(",;\t", key=text.count)
         names = [name.strip().strip('"') for name in text.split(self.delimiter)]
         for name in columns:
             if names.count(name) != 1:
                 what = "several columns" if name in names else "no column"
-                raise ValueError(f"The header has {what} {name!r}; it has: {', '.join(names)[:300]}.")
+                raise ColumnError(f"The header has {what} {name!r}; it has: {', '.join(names)[:300]}.")
         self.n_fields = len(names)
         self._at = [(names.index(name), name) for name in columns]
         self._split = self.delimiter.encode()
         self._comma = self.delimiter != ","  # a comma inside a field is a decimal sign
+        self._clock = columns[0] if timed else None
+        self._second = 1.0 / seconds_of(unit_of(columns[0], "s")) if timed else 1.0
 
     def __call__(self, line: bytes) -> list[float]:
         """The values of one line; BadRow if it has none."""
@@ -197,7 +213,8 @@ class CsvParser:
             try:
                 value = float(field)
             except ValueError:
-                value = _number(field, name, self._comma)
+                date = _date(field) if name == self._clock else None
+                value = _number(field, name, self._comma) if date is None else date * self._second
             if not isfinite(value) or b"_" in field:  # Python reads 1_000 as a number, but no logger writes it
                 raise BadRow(f"{name} is {_short(field.strip())!r}, not a finite number")
             row.append(value)
@@ -249,6 +266,15 @@ def _number(field: bytes, name: str, comma: bool) -> float:
         return float(text)
     except ValueError:
         raise BadRow(f"{name} is {_short(text)!r}, not a number") from None
+
+
+def _date(field: bytes) -> float | None:
+    """Seconds since 1970 of a date in ISO 8601, UTC if it has no zone; None if it is none."""
+    try:
+        date = datetime.fromisoformat(field.strip().strip(b'"').decode())
+    except ValueError:
+        return None
+    return (date if date.tzinfo else date.replace(tzinfo=UTC)).timestamp()
 
 
 def _short(text: bytes) -> str:

@@ -8,6 +8,7 @@ import signal
 import sys
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,6 +17,7 @@ from sklearn.base import clone
 
 from whsklearn._interruption import insisted
 from whsklearn.change import ChangeAlarm
+from whsklearn.logs.errors import LogError
 from whsklearn.logs.units import UNSTATED, unit_of
 from whsklearn.state import read_state, write_state
 from whsklearn.streaming.files import alone, check_files, fingerprint
@@ -73,6 +75,10 @@ class Files(NamedTuple):
 Say = Callable[[str], None]
 MOVED_SECONDS = 30.0  # for a comparison that runs when its source ends; one takes 1 to 5
 FEWEST_COMPARED = 1000  # rows after an alarm for a sentence at the end; fewer say little
+SAID, SAID_AFTER = (
+    10,
+    frozenset(10**k for k in range(2, 19)),
+)  # of a kind on the terminal: the first, then fewer and fewer
 GRACE_SECONDS = 1.0  # for the current rows after a stop request, so that a stop takes no longer than 2 s
 
 
@@ -156,6 +162,8 @@ def run_stream(
         stream is using it.
     Refused
         At the first bad row, if ``options.refuse``.
+    LogError
+        If the source ends and none of its lines was a row.
 
     Examples
     --------
@@ -245,6 +253,8 @@ def _run(stream: StreamMonitor, files: Files, place: dict[str, Any], keeper: Kee
         f"({taken} rows now, {taken / spent:.0f} rows/s, {c.bad} bad, {c.repeated} repeated, {c.alarms} alarms); "
         f"{keeper.outlook(c.rows)}"
     )
+    if c.bad and not c.rows and not stopper.by:
+        raise LogError(f"None of the {c.bad} lines of {files.source} is a row; see above what is wrong with them.")
     return bool(stopper.by)
 
 
@@ -252,7 +262,8 @@ def _feed(
     stream: StreamMonitor, files: Files, place: dict[str, Any], lines: LineSource, stopper: Stopper, keeper: Keeper
 ) -> None:
     """Feed blocks of lines to the stream, and write a checkpoint every ``checkpoint_seconds``."""
-    parse = _parser(files.source, place)
+    timed = stream.options.timed
+    parse = _parser(files.source, place, timed)
     due = time.monotonic() + files.checkpoint_seconds
     while not stopper.by and (block := lines.read()) is not None:
         if lines.restarted:
@@ -260,7 +271,7 @@ def _feed(
             keeper.say(f"{files.source} was replaced or truncated; reading it from its new beginning.")
         if parse is None and block:
             place["header"] = text_of(block.pop(0))
-            parse = _parser(files.source, place)
+            parse = _parser(files.source, place, timed)
         if parse is not None and block:
             try:
                 stream.feed(block, parse, lines.number - len(block) + 1)
@@ -297,21 +308,28 @@ def _check_source(source: str, place: dict[str, Any]) -> None:
         raise ValueError(f"{source} is not the file that the checkpoint was written for; give --fresh to start over.")
 
 
-def _parser(source: str, place: dict[str, Any]) -> Callable[[bytes], list[float]] | None:
+def _parser(source: str, place: dict[str, Any], timed: bool) -> Callable[[bytes], list[float]] | None:
     """The parser that converts lines to numbers; None until a CSV file's header is known."""
     if source == "-":
         return JsonParser(place["columns"])
-    return CsvParser(place["header"].encode(), place["columns"]) if place["header"] else None
+    return CsvParser(place["header"].encode(), place["columns"], timed) if place["header"] else None
 
 
 def _to(writer: Out, run: BesideRun, say: Say) -> Callable[[Record], None]:
     """Send all records to the output, bad rows and alarms to the terminal, and estimates and alarms to MLflow."""
+    seen: Counter[str] = Counter()
+
+    def sometimes(what: str, text: str) -> None:
+        seen[what] += 1
+        n = seen[what]
+        if n <= SAID or n in SAID_AFTER:
+            say(text + (f" This is the {n}th {what}; the records hold all of them." if n > SAID else ""))
 
     def emit(record: Record) -> None:
         writer(record)
         metrics = {}
         if record["kind"] == "bad_row":
-            say(f"line {record['line']}: {record['reason']}; skipped.")
+            sometimes("bad row", f"line {record['line']}: {record['reason']}; skipped.")
         elif record["kind"] == "estimate":
             metrics = {f"path/{k}": v for k, v in record["parameters"].items()}
             rmse = record["innovation_rmse"]
@@ -325,7 +343,9 @@ def _to(writer: Out, run: BesideRun, say: Say) -> Callable[[Record], None]:
         elif record["kind"] == "alarm":
             metrics = {"alarm" if record["cause"] == "change" else record["cause"]: 1.0}
             if record["cause"] != "change":
-                say(f"line {record['line']}: alarm {record['cause']}: {record['reason']}.")
+                sometimes(
+                    f"{record['cause']} alarm", f"line {record['line']}: alarm {record['cause']}: {record['reason']}."
+                )
         if metrics:
             run.log_metrics(metrics, step=record["row"])
 

@@ -6,12 +6,12 @@ import numpy as np
 
 from whsklearn import WienerHammersteinSystem
 from whsklearn.effects import as_law
-from whsklearn.gap.plants.chain_model import ChainModel, Record, Term, catalogue, sizes
+from whsklearn.gap.plants.chain_model import ChainHypothesis, ChainTerm, Record, catalogue, sizes
 
 THETA = np.array([2.2, 1.0, 0.5, 0.05, 0.7, 0.2, 0.2, 0.15, 0.4])
 PARTS = {"a": [1.0, 2.2], "b": [1.0, 0.5], "c": [1.0, 0.2], "d": [0.15, 0.4]}
 U = np.random.default_rng(1).normal(size=900)
-TRUE = ChainModel(THETA)
+TRUE = ChainHypothesis(THETA)
 
 
 def kind(name, at=""):
@@ -21,7 +21,7 @@ def kind(name, at=""):
 
 def term(name, *q, at=""):
     """An effect with its numbers."""
-    return Term(kind(name, at), q)
+    return ChainTerm(kind(name, at), q)
 
 
 def record(*effects, noise=0.02, seed=0, u=U):

@@ -212,6 +212,17 @@ def test_the_proof_is_judged_at_the_joint_of_the_name_and_a_delayed_own_record_i
     assert error[judged.ravel()].std() < 0.5 * other[judged.ravel()].std()
 
 
+@pytest.mark.parametrize("name", ["input_delay", "actuator_lag"])
+def test_a_delay_and_a_lag_are_told_apart(name, empty):
+    r, a = record(random_state=5, duration=20.0), np.exp(-0.002 / 0.02)
+    drive = np.array(r.drive)
+    wanted = np.roll(drive, -10, axis=0) if name == "input_delay" else (drive - a * np.roll(drive, 1, axis=0)) / (1 - a)
+    drive[:, 1] = wanted[:, 1]
+    cut = slice(20, -20)
+    found = GapFinder(empty.model).fit((r.time[cut], r.position[cut], drive[cut]))
+    assert (found.verdict_, names(found)) == ("named", [f"{name} at pitch"])
+
+
 def trajectories(*pieces, hole=1.0):
     """Records of one log: time (s), positions and drives of all, with holes between them."""
     ends = np.cumsum([0.0] + [p.time[-1] + hole for p in pieces])

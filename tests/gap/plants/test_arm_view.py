@@ -7,9 +7,10 @@ import pytest
 
 from whsklearn import RigidBodyLags
 from whsklearn.datasets import default_arm, make_arm_log
-from whsklearn.effects import CableSpring
+from whsklearn.effects import CableSpring, codes
 from whsklearn.gap.plants.arm_terms import AtJoint, JointInertia, JointTerm, Load, candidates
-from whsklearn.gap.plants.arm_view import LATEST, ArmRecord, ArmState, ArmView, law_of, point, solved
+from whsklearn.gap.plants.arm_view import LATEST, ArmRecord, ArmState, ArmView, advance, law_of, point, solved
+from whsklearn.gap.plants.servo_inverse import later
 
 pytestmark = pytest.mark.usefixtures("library_effects")
 
@@ -116,3 +117,24 @@ def test_least_squares_weighs_rows_and_shares_among_equal_columns():
 def test_a_body_of_a_kilogram_has_its_moment_at_its_place():
     np.testing.assert_allclose(point((0.1, 0.2, 0.3))[:4], [1.0, 0.1, 0.2, 0.3])
     assert law_of({"yaw": (0, (CableSpring(1.0),))}) == {"yaw": ("cable_spring",)}
+
+
+@pytest.mark.parametrize("code", [codes.INPUT_DELAY, codes.ACTUATOR_LAG])
+def test_a_drive_made_earlier_arrives_as_the_torque(code):
+    dt, age = 0.0005, 0.02
+    t = np.arange(20_000) * dt
+    torque = np.sin(5.0 * t) + 0.3 * np.cos(11.0 * t)
+    arrived = later(code, torque + advance(code, torque, age, dt), age, dt)
+    late = later(code, torque, age, dt)
+    assert np.std((arrived - torque)[2000:-2000]) < 0.02 * np.std((late - torque)[2000:-2000])
+
+
+def test_rows_beside_a_rest_are_left_out_where_a_drive_is_late():
+    view, model = view_of(late=10)
+    before, late = view.keep.copy(), model.timing >= LATEST * view.dt
+    assert late.any()
+    view.leave_rest(model)
+    at_rest = ~before[:, late]
+    assert np.array_equal(view.keep[:, ~late], before[:, ~late])
+    assert not (view.keep[1:, late] & at_rest[:-1]).any()
+    assert not (view.keep[:-1, late] & at_rest[1:]).any()

@@ -15,7 +15,7 @@ from whsklearn.gap import GapFinder
 from whsklearn.gap.data_check import FEWEST_SAMPLES
 from whsklearn.gap.plants import chain as readings
 from whsklearn.gap.plants.chain_fit import coloured
-from whsklearn.gap.plants.chain_model import SKIP, Record, clipped, free_run, left, simulate
+from whsklearn.gap.plants.chain_model import SKIP, Record, chain_free_run, clipped, left, simulate
 
 
 def diagnose(case, **options):
@@ -194,7 +194,7 @@ def test_signals_are_one_sample_late_as_l2_is():
     x = simulate(PLAIN, TRUE)[0]
     np.testing.assert_array_equal(shown["x"][0][1:], x[:-1])
     np.testing.assert_array_equal(shown["input"][0][1:], PLAIN.u[:-1])
-    np.testing.assert_array_equal(shown["output"][0], free_run(PLAIN, TRUE))
+    np.testing.assert_array_equal(shown["output"][0], chain_free_run(PLAIN, TRUE))
     assert [shown[k][1] for k in ("time", "input", "output")] == ["samples", "A", "mm"]  # the example has no clock
 
 

@@ -12,7 +12,7 @@ from whsklearn.gap.plants import chain_anew as anew
 from whsklearn.gap.plants.chain import ChainPlant
 from whsklearn.gap.plants.chain_fit import base_starts, coloured, cost, minima, sharpened
 from whsklearn.gap.plants.chain_looks import gained, look
-from whsklearn.gap.plants.chain_model import Record, free_run
+from whsklearn.gap.plants.chain_model import Record, chain_free_run
 
 RNG = np.random.default_rng
 
@@ -67,7 +67,7 @@ def test_the_pairs_of_poles_that_ring_become_resonances_with_their_numbers():
 def test_an_instant_is_walked_to():
     s = record(ParameterChange(0.3, 503.0, "coulomb"))
     k = next(k for k in anew.kinds(s, TRUE) if k.options.get("parameter") == "coulomb")
-    m = sharpened(s, coloured(s, TRUE).plus(anew.Term(k, (0.3, 450.0))), (1000.0,))
+    m = sharpened(s, coloured(s, TRUE).plus(anew.ChainTerm(k, (0.3, 450.0))), (1000.0,))
     found = anew.walked(s, m).terms[-1].q
     assert found[1] == pytest.approx(503.0, abs=5.0)
     assert found[0] == pytest.approx(0.3, rel=0.1)
@@ -105,13 +105,15 @@ def test_a_spring_that_pulls_on_a_mass_is_fitted_from_every_division_of_a_linear
     plant = ChainPlant(*(log[k].to_numpy() for k in ("u", "y")), ("linear", (2, 2, 2, 2), 1), tolerance=0.004)
     base = plant.base(RNG(0))
     ((_, grown),) = anew.fitted_anew(plant.record, base, [], [kind("hardening_spring", "input")], RNG(0))
-    before, after = (np.std((plant.y - free_run(plant.everything, m))[plant.record.fit]) for m in (base, grown))
+    before, after = (np.std((plant.y - chain_free_run(plant.everything, m))[plant.record.fit]) for m in (base, grown))
     assert after < 0.1 * before
     assert grown.terms[-1].q[0] > 0.0
 
 
 def test_a_rival_starts_from_the_blocks_of_the_best():
-    s = PLAIN.with_output(PLAIN.y + free_run(PLAIN, TRUE.plus(term("input_delay", 0.1))) - free_run(PLAIN, TRUE))
+    s = PLAIN.with_output(
+        PLAIN.y + chain_free_run(PLAIN, TRUE.plus(term("input_delay", 0.1))) - chain_free_run(PLAIN, TRUE)
+    )
     lag = sharpened(s, TRUE.plus(term("actuator_lag", 0.3)))
     rivals = {k.name: m for k, m in anew.beside_the_best(s, [(lag.terms[0].kind, lag)])}
     assert rivals["input_delay"].terms[0].q[0] == pytest.approx(0.1, rel=0.2)

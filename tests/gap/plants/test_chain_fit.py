@@ -19,7 +19,7 @@ from whsklearn.gap import GapFinder
 from whsklearn.gap.plants import chain_fit as cf
 from whsklearn.gap.plants.chain import ChainPlant
 from whsklearn.gap.plants.chain_fit import base_starts, coloured, cost, first_law, minima
-from whsklearn.gap.plants.chain_model import ChainModel, Record, free_run, rms_dx, simulate
+from whsklearn.gap.plants.chain_model import ChainHypothesis, Record, chain_free_run, rms_dx, simulate
 from whsklearn.systems.stability import is_stable
 
 
@@ -29,7 +29,7 @@ def drawn(seed):
     u, y = (case.frame[k].to_numpy().copy() for k in ("u", "y"))
     s = {k: np.array(v) for k, v in case.system.items()}
     theta = np.concatenate([s["a"][1:], s["b"], s["law"], s["c"][1:], s["d"]])
-    return Record.of(u, y, 1.0, np.array([2, 2, 2, 2, 3]), as_law(None)), ChainModel(theta)
+    return Record.of(u, y, 1.0, np.array([2, 2, 2, 2, 3]), as_law(None)), ChainHypothesis(theta)
 
 
 @pytest.mark.parametrize("seed", [8101, 8102, 8103])
@@ -68,7 +68,7 @@ def test_a_pole_and_a_zero_that_the_record_needs_are_not_released():
 def test_a_number_that_no_error_follows_stays_where_it_is():
     law = FrictionLaw([*PLAIN.law.terms, Hinge(0.0, 1e3)])  # a kink where x never is
     s = dataclasses.replace(PLAIN, law=law, dims=PLAIN.dims + np.array([0, 0, 0, 0, 1]))
-    m = cf.moved(s, ChainModel(np.insert(THETA, 6, 0.0)), 1.0, np.random.default_rng(0))
+    m = cf.moved(s, ChainHypothesis(np.insert(THETA, 6, 0.0)), 1.0, np.random.default_rng(0))
     assert m.theta[6] == 0.0
     assert np.all(np.delete(m.theta, 6) != THETA)
     assert np.abs(np.delete(m.theta, 6) - THETA).max() < 1.0
@@ -83,8 +83,8 @@ def test_an_effect_is_fitted_together_with_the_blocks():
 
 def test_weights_come_from_least_squares_beside_effects():
     one = term("output_offset", 0.4)
-    s = PLAIN.with_output(free_run(PLAIN, TRUE.plus(one)))
-    m = ChainModel(cf.weighed(s, THETA[:3], THETA[6:], (one,)), (one,))
+    s = PLAIN.with_output(chain_free_run(PLAIN, TRUE.plus(one)))
+    m = ChainHypothesis(cf.weighed(s, THETA[:3], THETA[6:], (one,)), (one,))
     np.testing.assert_array_equal(np.delete(m.theta, [3, 4, 5]), np.delete(THETA, [3, 4, 5]))
     kappa = 1.0 / rms_dx(s, m)  # the weights are those of the softest sign
 
@@ -165,17 +165,17 @@ def test_a_free_law_leaves_nothing_of_a_bend_that_no_effect_has():
 def test_more_poles_and_zeros_of_size_zero_change_nothing(more):
     s, m = cf.raised(PLAIN, TRUE, more)
     assert m.theta.size == TRUE.theta.size + 4 * more
-    np.testing.assert_allclose(free_run(s, m), free_run(PLAIN, TRUE), atol=1e-12)
+    np.testing.assert_allclose(chain_free_run(s, m), chain_free_run(PLAIN, TRUE), atol=1e-12)
 
 
 def test_a_free_law_of_weight_zero_changes_nothing_and_any_weight_does():
     s, m = cf.freed(PLAIN, TRUE)
-    np.testing.assert_allclose(free_run(s, m), free_run(PLAIN, TRUE), atol=1e-12)
+    np.testing.assert_allclose(chain_free_run(s, m), chain_free_run(PLAIN, TRUE), atol=1e-12)
     for i in range(6, s.blocks[2].stop):
         theta = m.theta.copy()
         theta[i] = 0.5
-        moved = free_run(s, type(m)(theta))
-        assert np.abs(moved - free_run(PLAIN, TRUE)).max() > 1e-3
+        moved = chain_free_run(s, type(m)(theta))
+        assert np.abs(moved - chain_free_run(PLAIN, TRUE)).max() > 1e-3
 
 
 def test_knots_are_placed_by_x_and_a_law_with_them_explains_as_much():

@@ -19,7 +19,7 @@ from whsklearn.gap import GapFinder
 from whsklearn.gap.plants import chain_model as cm
 from whsklearn.gap.plants.chain import ChainPlant
 from whsklearn.gap.plants.chain_fit import coloured, cost
-from whsklearn.gap.plants.chain_model import Term, catalogue, free_run
+from whsklearn.gap.plants.chain_model import ChainTerm, catalogue, chain_free_run
 from whsklearn.gap.report import as_model
 from whsklearn.models import load_model, save_model
 
@@ -118,7 +118,7 @@ def test_made_records_are_read_on_the_grid_of_the_record():
     coarse = cm.Record.of(PLAIN.u, step * np.round(PLAIN.y / step), PLAIN.dt, PLAIN.dims, PLAIN.law)
     made = cm.made(coarse, TRUE, np.random.default_rng(0))
     assert np.allclose(made.y / step, np.round(made.y / step))
-    sizes = [np.std(r.y - cm.free_run(r, TRUE)) for r in (coarse, made)]
+    sizes = [np.std(r.y - cm.chain_free_run(r, TRUE)) for r in (coarse, made)]
     assert sizes[1] == pytest.approx(sizes[0], rel=0.1)  # rounding is not counted twice
     assert cm.made(PLAIN, TRUE, np.random.default_rng(0)).step == 0.0
 
@@ -218,7 +218,7 @@ def filled(k):
     # a spring on the mass of a chain is unstable where it is stiff within a sample, as at 0.01 on this white input
     size = {0: (), 1: (0.002 if k.pulls and k.name == "hardening_spring" else 0.05,), 2: (0.05, -0.03)}[k.linear]
     shapes = k.shapes(SIZES)
-    return Term(k, (*size, *(shapes[len(shapes) // 2] if shapes else (0.1,))))
+    return ChainTerm(k, (*size, *(shapes[len(shapes) // 2] if shapes else (0.1,))))
 
 
 @pytest.mark.parametrize("k", TABLE, ids=lambda k: f"{k.name}{k.options}")
@@ -227,7 +227,7 @@ def test_every_candidate_is_in_the_system_that_is_handed_back_saved_and_loaded(k
     assert one.row()[: len(one.q)] == pytest.approx(one.effect.row)
     assert one.effect.name == k.name
     system = WienerHammersteinSystem(**PARTS, effects=[one.effect])
-    np.testing.assert_allclose(system.simulate(U), free_run(PLAIN, TRUE.plus(one)), atol=1e-9)
+    np.testing.assert_allclose(system.simulate(U), chain_free_run(PLAIN, TRUE.plus(one)), atol=1e-9)
     assert (
         np.abs(system.simulate(U) - WienerHammersteinSystem(**PARTS).simulate(U)).max() > 0.0
         or k.name == "input_offset"

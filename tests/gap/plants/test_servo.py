@@ -15,7 +15,7 @@ from whsklearn.gap import VERDICTS, GapFinder
 from whsklearn.gap.plants import servo_run, servo_stop
 from whsklearn.gap.plants.servo import ServoPlant
 from whsklearn.gap.plants.servo_candidates import candidate
-from whsklearn.gap.plants.servo_model import Term
+from whsklearn.gap.plants.servo_model import ServoTerm
 from whsklearn.gap.record import ServoRecord, rms
 from whsklearn.systems import PIDController, Transmission
 
@@ -161,7 +161,9 @@ def plant_with(*names, frame):
     model = base
     for name in names:
         kind = candidate(name)
-        model = plant.inverse.fit(model.with_term(Term(kind, (*([0.0] * kind.linear), *kind.starts(base.scene)[0]))))
+        model = plant.inverse.fit(
+            model.with_term(ServoTerm(kind, (*([0.0] * kind.linear), *kind.starts(base.scene)[0])))
+        )
     return plant, base, model
 
 

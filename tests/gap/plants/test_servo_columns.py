@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from whsklearn.gap.plants.servo_candidates import ColumnSignals, catalogue
-from whsklearn.gap.plants.servo_model import Term
+from whsklearn.gap.plants.servo_model import ServoTerm
 
 RNG = np.random.default_rng(3)
 TIME = np.arange(400) * 0.01
@@ -27,7 +27,7 @@ def test_columns_times_sizes_are_the_effects_own_torque(kind, size):
     sizes = (size, 0.4)[: kind.linear]
     columns = kind.unit_columns(shape_of(kind), MOTION)
     assert columns.shape == (TIME.size, kind.linear)
-    torque = Term(kind, (*sizes, *shape_of(kind))).effect.contribution(MOTION)
+    torque = ServoTerm(kind, (*sizes, *shape_of(kind))).effect.contribution(MOTION)
     np.testing.assert_allclose(columns @ np.array(sizes), torque, atol=1e-10)
 
 

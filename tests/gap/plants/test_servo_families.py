@@ -9,7 +9,7 @@ from whsklearn.datasets import make_servo_log
 from whsklearn.effects import Cogging, DeadZone, GravityImbalance, InputDelay, InputOffset, Saturation
 from whsklearn.gap.plants import servo_families, servo_own
 from whsklearn.gap.plants.servo_candidates import catalogue
-from whsklearn.gap.plants.servo_model import Term
+from whsklearn.gap.plants.servo_model import ServoTerm
 from whsklearn.gap.plants.servo_start import start_of
 from whsklearn.gap.record import ServoRecord
 from whsklearn.gap.tangent import chance
@@ -70,7 +70,7 @@ def test_the_magnets_of_a_linear_motor_have_their_pitch():
 def test_a_wave_within_a_period_over_the_travel_of_another_is_the_same_wave():
     view, _ = looks_at([])
     (kind,) = [c for c in catalogue() if c.name == "cogging"]
-    model = start_of(view.record, ("viscous", "coulomb"), 0.004)[1].with_term(Term(kind, (0.1, 0.0, 12.0)))
+    model = start_of(view.record, ("viscous", "coulomb"), 0.004)[1].with_term(ServoTerm(kind, (0.1, 0.0, 12.0)))
     apart = np.pi / view.scene.reach
-    assert not servo_families.resolved(view, model, Term(kind, (0.0, 0.0, 12.0 + 0.9 * apart)))
-    assert servo_families.resolved(view, model, Term(kind, (0.0, 0.0, 12.0 + 1.1 * apart)))
+    assert not servo_families.resolved(view, model, ServoTerm(kind, (0.0, 0.0, 12.0 + 0.9 * apart)))
+    assert servo_families.resolved(view, model, ServoTerm(kind, (0.0, 0.0, 12.0 + 1.1 * apart)))

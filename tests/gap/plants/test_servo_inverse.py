@@ -13,7 +13,7 @@ from whsklearn.effects import GravityImbalance, LuGre
 from whsklearn.gap import GapFinder
 from whsklearn.gap.plants.servo_candidates import candidate
 from whsklearn.gap.plants.servo_inverse import too_large
-from whsklearn.gap.plants.servo_model import Term
+from whsklearn.gap.plants.servo_model import ServoTerm
 from whsklearn.gap.plants.servo_start import filtered_motion, start_of
 from whsklearn.gap.proof import closure
 from whsklearn.gap.record import ServoRecord
@@ -61,7 +61,7 @@ def test_friction_never_turns_negative(plain):
 @pytest.mark.parametrize(("share", "refused"), [(0.001, True), (0.5, False)])
 def test_a_limit_at_which_the_drive_always_stands_is_refused(plain, share, refused):
     view, model = start_of(plain, ("viscous",), 0.004)
-    limited = model.with_term(Term(candidate("saturation"), (share * float(np.abs(plain.drive).max()),)))
+    limited = model.with_term(ServoTerm(candidate("saturation"), (share * float(np.abs(plain.drive).max()),)))
     assert ("sign alone" in view.objection(limited, 1)) == refused
 
 
@@ -90,7 +90,7 @@ def test_added_columns_never_worsen_the_fit(plain):
     for name in ("coulomb", "gravity_imbalance", "cable_spring"):
         kind = candidate(name)
         shape = kind.starts(model.scene)[0]
-        grown = view.fit(model.with_term(Term(kind, (*([0.0] * kind.linear), *shape))))
+        grown = view.fit(model.with_term(ServoTerm(kind, (*([0.0] * kind.linear), *shape))))
         assert view.rms(view.gap(grown)) <= before + 1e-4 * model.scene.torque  # the ridge
 
 
@@ -127,4 +127,4 @@ def test_a_drive_that_loses_all_its_effect_is_no_explanation(change, objected):
     r = log_of()
     _, base = start_of(ServoRecord(r.time, r.drive, r.position), ("viscous",), 0.004)
     gain = replace(candidate("parameter_change"), choice=(("parameter", "gain"),))
-    assert bool(too_large(base.with_term(Term(gain, (change, 3.0))), len(base.terms))) is objected
+    assert bool(too_large(base.with_term(ServoTerm(gain, (change, 3.0))), len(base.terms))) is objected

@@ -9,7 +9,7 @@ import pytest
 
 from whsklearn.effects import Scales
 from whsklearn.gap.plants.servo_candidates import candidate, catalogue
-from whsklearn.gap.plants.servo_model import LONGEST_STEP, AxisModel, Term
+from whsklearn.gap.plants.servo_model import LONGEST_STEP, ServoHypothesis, ServoTerm
 
 SCENE = Scales(
     torque=0.5, peak=1.4, speed=2.0, reach=2.5, centre=0.3, duration=4.0, dt=1e-3, inertia=0.05, resonance=90.0
@@ -19,15 +19,15 @@ TIME = np.arange(2000) * SCENE.dt
 
 def started(kind):
     """The candidate at its first start, of a tenth of the usual size."""
-    return Term(kind, (*(0.1 * kind.size_unit(SCENE),) * kind.linear, *kind.starts(SCENE)[0]))
+    return ServoTerm(kind, (*(0.1 * kind.size_unit(SCENE),) * kind.linear, *kind.starts(SCENE)[0]))
 
 
 def model(*terms, inertia=0.05, timing=0.0):
-    return AxisModel(inertia, timing, tuple(terms), SCENE)
+    return ServoHypothesis(inertia, timing, tuple(terms), SCENE)
 
 
 def friction(viscous=0.0, coulomb=0.0):
-    return Term(candidate("viscous"), (viscous,)), Term(candidate("coulomb"), (coulomb,))
+    return ServoTerm(candidate("viscous"), (viscous,)), ServoTerm(candidate("coulomb"), (coulomb,))
 
 
 KINDS = [c for c in catalogue() if not c.scanned]
@@ -69,7 +69,7 @@ def test_a_step_of_one_number_moves_that_number_alone():
 
 
 def test_friction_of_the_base_law_gives_no_energy_and_that_of_an_effect_may():
-    m = replace(model(*friction(0.1, 0.2), Term(candidate("asymmetric_coulomb"), (0.1,))), n_base=2)
+    m = replace(model(*friction(0.1, 0.2), ServoTerm(candidate("asymmetric_coulomb"), (0.1,))), n_base=2)
     low, _ = m.bounds()
     assert low[2:4].tolist() == [0.0, 0.0]
     assert low[4] < 0.0
@@ -78,7 +78,7 @@ def test_friction_of_the_base_law_gives_no_energy_and_that_of_an_effect_may():
 def test_a_number_at_the_end_of_its_range_is_told_and_one_within_is_not():
     kind = candidate("stribeck")
     low, high = kind.ranged(SCENE)[0]
-    inside, at_end = (model(Term(kind, (0.1, v, 2.0))).at_the_end(0) for v in (np.sqrt(low * high), high))
+    inside, at_end = (model(ServoTerm(kind, (0.1, v, 2.0))).at_the_end(0) for v in (np.sqrt(low * high), high))
     assert inside == ""
     assert "velocity" in at_end
 
@@ -90,7 +90,7 @@ def test_a_load_at_the_limit_of_its_share_is_told_and_a_damping_ratio_is_not(nam
     limits = dict(zip(kind.fields, kind.ranged(SCENE), strict=True))
 
     def said(**numbers):
-        return model(Term(kind, tuple((start | numbers).values()))).at_the_end(0)
+        return model(ServoTerm(kind, tuple((start | numbers).values()))).at_the_end(0)
 
     assert said() == ""
     assert said(damping_ratio=limits["damping_ratio"][1]) == ""
@@ -126,11 +126,11 @@ def test_steps_are_no_longer_than_the_finest_effect_asks_for():
     m = model(*friction(0.1))
     assert m.longest_step == LONGEST_STEP
     kind = candidate("flexible_coupling")
-    assert m.with_term(Term(kind, kind.starts(SCENE)[0])).longest_step < LONGEST_STEP
+    assert m.with_term(ServoTerm(kind, kind.starts(SCENE)[0])).longest_step < LONGEST_STEP
 
 
 def test_a_run_in_pieces_begins_anew_in_each_at_the_time_of_its_start():
-    tone = Term(candidate("disturbance_tone"), (0.3, 0.1, 2.3))
+    tone = ServoTerm(candidate("disturbance_tone"), (0.3, 0.1, 2.3))
     m = model(*friction(0.1, 0.0), tone)
     whole = m.follow(np.zeros(2000), np.zeros(2000), (0.0, 0.0), start=(np.zeros(2000), np.zeros(2000)))
     angle, speed = whole[1], whole[2]

@@ -12,7 +12,7 @@ from whsklearn.datasets import make_servo_log
 from whsklearn.effects import Cogging
 from whsklearn.gap.plants import servo_own
 from whsklearn.gap.plants.servo_candidates import candidate
-from whsklearn.gap.plants.servo_model import Term
+from whsklearn.gap.plants.servo_model import ServoTerm
 from whsklearn.gap.plants.servo_start import start_of
 from whsklearn.gap.record import ServoRecord
 
@@ -43,7 +43,7 @@ def test_where_the_axis_turns_the_true_model_leaves_noise():
     log = make_servo_log([Cogging(0.03, 12.0)], duration=12.0, amplitude=1.0, random_state=0)
     view, base = start_of(ServoRecord.from_frame(log), ("viscous", "coulomb"), 0.004)
     viscous, coulomb = base.terms
-    cogging = Term(candidate("cogging"), (0.03, 0.0, 12.0))
+    cogging = ServoTerm(candidate("cogging"), (0.03, 0.0, 12.0))
     terms = (viscous.with_slot(0, 0.12), coulomb.with_slot(0, 0.3), cogging)
     true = dataclasses.replace(base, inertia=0.05, terms=terms)
     bare = view.bare()

@@ -11,14 +11,14 @@ from tests.gap.plants.example_servo import INERTIA, RATE, SECONDS, TIME, opened,
 from whsklearn.effects import GravityImbalance
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants.servo_candidates import candidate
-from whsklearn.gap.plants.servo_model import Term
+from whsklearn.gap.plants.servo_model import ServoTerm
 from whsklearn.gap.plants.servo_own import own_record
 from whsklearn.gap.plants.servo_run import (
     WINDOWS,
-    free_run,
     held_out,
     horizon_of,
     predictable,
+    restarted_run,
     smoothed,
     smoothing_width,
     train_error,
@@ -65,18 +65,18 @@ def test_a_model_predicts_its_own_record_over_the_longest_horizon(plain):
 
 def test_a_run_restarts_on_the_path_and_the_model_with_the_missing_effect_runs_better():
     _, observer, base = opened(record_of([GravityImbalance(0.3, 0.4)]))
-    gravity = Term(candidate("gravity_imbalance"), (0.3 * np.cos(0.4), -0.3 * np.sin(0.4)))
+    gravity = ServoTerm(candidate("gravity_imbalance"), (0.3 * np.cos(0.4), -0.3 * np.sin(0.4)))
     repaired = base.with_term(gravity)
     error = [train_error(observer, m, 0.5) for m in (base, repaired)]
     assert error[1] < 0.2 * error[0]
-    run = free_run(observer, base, 0.1)
+    run = restarted_run(observer, base, 0.1)
     starts = np.arange(0, TIME.size, round(0.1 * RATE))[3:-3]
     assert np.abs(run - observer.record.position)[starts].max() < 1e-3
 
 
 def test_a_run_that_leaves_the_path_counts_as_no_model(plain):
     _, observer, base = plain
-    pushed = [base.with_term(Term(candidate("input_offset"), (size,))) for size in (10.0, 30.0)]
+    pushed = [base.with_term(ServoTerm(candidate("input_offset"), (size,))) for size in (10.0, 30.0)]
     error = [train_error(observer, m, 2.0) for m in (base, *pushed)]
     assert error[0] < 0.5 * error[1]
     assert error[1] == error[2]

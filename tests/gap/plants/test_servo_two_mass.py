@@ -10,7 +10,7 @@ import pytest
 from whsklearn.effects import Scales
 from whsklearn.gap.plants import servo_two_mass as two_mass
 from whsklearn.gap.plants.servo_candidates import candidate
-from whsklearn.gap.plants.servo_model import AxisModel, Term
+from whsklearn.gap.plants.servo_model import ServoHypothesis, ServoTerm
 
 DT = 0.002
 TIME = np.arange(5000) * DT
@@ -24,8 +24,8 @@ def view():
 
 @pytest.mark.parametrize("damping", [0.05, 1.5])
 def test_a_stiff_spring_carries_its_load_along_however_it_is_damped(damping):
-    term = two_mass.start(AxisModel(0.05, 0.0, (), SCENE), candidate("backlash"), 0.004, 60.0, damping)
-    model = AxisModel(0.05, 0.0, (term,), SCENE)
+    term = two_mass.start(ServoHypothesis(0.05, 0.0, (), SCENE), candidate("backlash"), 0.004, 60.0, damping)
+    model = ServoHypothesis(0.05, 0.0, (term,), SCENE)
     a = two_mass.columns(view(), model, term)[1000:, 0]
     assert np.all(np.isfinite(a))
     assert np.sqrt(np.mean(a**2)) == pytest.approx(49 / np.sqrt(2), rel=0.5)
@@ -34,7 +34,9 @@ def test_a_stiff_spring_carries_its_load_along_however_it_is_damped(damping):
 def test_the_steps_of_a_coupling_go_by_the_fastest_that_a_record_shows():
     def steps(resonance):
         scene = Scales(dt=0.02, resonance=resonance)
-        return AxisModel(0.05, 0.0, (Term(candidate("backlash"), (0.01, 0.5, 8.0, 0.1)),), scene).longest_step
+        return ServoHypothesis(
+            0.05, 0.0, (ServoTerm(candidate("backlash"), (0.01, 0.5, 8.0, 0.1)),), scene
+        ).longest_step
 
     assert steps(90.0) == pytest.approx(1.25e-4, rel=0.01)
     assert steps(30.0) == pytest.approx(3 * steps(90.0))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.recursion.axis_log import TRUTH, axis_log, slow_drive
-from whsklearn.recursion.batch.axis_free_run import fit_axis, fit_state, free_run, sensitivities
+from whsklearn.recursion.batch.axis_free_run import axis_motion, fit_axis, fit_state, sensitivities
 
 
 @pytest.mark.parametrize("form", [{"hangs": True}, {"powers": 3}, {}], ids=str)
@@ -18,7 +18,7 @@ def test_the_free_run_of_an_axis_has_exact_sensitivities(of_position, form):
     for i in range(theta.size):
         step = np.zeros(theta.size)
         step[i] = 1e-6
-        differences = (free_run(theta + step, log) - free_run(theta - step, log)) / 2e-6
+        differences = (axis_motion(theta + step, log) - axis_motion(theta - step, log)) / 2e-6
         np.testing.assert_allclose(rows[i], differences, atol=1e-5 * np.abs(differences).max())
 
 
@@ -26,7 +26,7 @@ def test_a_pendulum_keeps_its_energy():
     """J v^2 / 2 - k1 cos q of a free swing of 1 rad, by the symplectic steps of the run."""
     theta = np.array([0.05, 0.0, 0.0, 0.0, 2.0, 0.0])
     log = axis_log(np.zeros(4000), 0.001, hangs=True)._replace(q0=np.array([1.0]))
-    v, q = free_run(theta, log), free_run(theta, log._replace(of_position=True))
+    v, q = axis_motion(theta, log), axis_motion(theta, log._replace(of_position=True))
     energy = 0.5 * theta[0] * v**2 - theta[4] * np.cos(q)
     assert np.ptp(q) == pytest.approx(2.0, rel=1e-3)
     np.testing.assert_allclose(energy, energy[0], atol=5e-3 * theta[4])
@@ -42,7 +42,7 @@ def test_a_start_that_runs_away_has_no_fit_and_says_nothing():
 def test_an_axis_that_turns_one_way_shows_only_the_sum_of_friction_and_offset():
     log = axis_log(1.0 + 0.3 * np.sign(slow_drive(3000, 3)))._replace(v0=np.array([1.0]))
     noise = 1e-3 * np.random.default_rng(0).standard_normal(3000)
-    fitted = fit_axis(np.array([0.05, 0.1, 0.2, 0.12]), log._replace(target=free_run(TRUTH, log) + noise))
+    fitted = fit_axis(np.array([0.05, 0.1, 0.2, 0.12]), log._replace(target=axis_motion(TRUTH, log) + noise))
     assert fitted.theta[2:].sum() == pytest.approx(0.32, rel=0.01)
     deviation = np.sqrt(np.diag(fitted.covariance))
     assert (np.abs(fitted.theta - TRUTH) < 2.0 * deviation).all()
@@ -51,21 +51,21 @@ def test_an_axis_that_turns_one_way_shows_only_the_sum_of_friction_and_offset():
 
 
 def test_below_its_dry_friction_an_axis_stands():
-    assert not free_run(TRUTH, axis_log(np.full(200, 0.25))).any()
-    assert free_run(TRUTH, axis_log(np.full(200, 0.35)))[-1] > 0
+    assert not axis_motion(TRUTH, axis_log(np.full(200, 0.25))).any()
+    assert axis_motion(TRUTH, axis_log(np.full(200, 0.35)))[-1] > 0
 
 
 def test_the_state_before_a_window_is_found_from_the_wrong_side_of_standstill_too():
     """And is never worse than the one that it began with: steps that are too long are shortened."""
     u, theta = slow_drive(6000, 5), TRUTH
     whole = axis_log(u)._replace(of_position=True)
-    q, v = free_run(theta, whole), free_run(theta, whole._replace(of_position=False))
+    q, v = axis_motion(theta, whole), axis_motion(theta, whole._replace(of_position=False))
     at = np.arange(0, 6001, 60)
     rng = np.random.default_rng(0)
     log = whole._replace(target=q, bounds=at, v0=v[at[:-1]] + 0.5 * rng.standard_normal(100), q0=q[at[:-1]] + 0.1)
 
     def errors(v0, q0):
-        return np.add.reduceat((q - free_run(theta, log._replace(v0=v0, q0=q0))) ** 2, at[:-1])
+        return np.add.reduceat((q - axis_motion(theta, log._replace(v0=v0, q0=q0))) ** 2, at[:-1])
 
     before, after = errors(log.v0, log.q0), errors(*fit_state(theta, log).T)
     assert (after <= before).all()

@@ -39,7 +39,7 @@ from whsklearn.gap.plants.servo_candidates import aliases as of_axis
 from whsklearn.gap.plants.servo_candidates import candidate
 from whsklearn.gap.plants.servo_evidence import OWN_MOTION
 from whsklearn.gap.plants.servo_inverse import negative_damping, never_free, too_large
-from whsklearn.gap.plants.servo_model import Term
+from whsklearn.gap.plants.servo_model import ServoTerm
 from whsklearn.gap.record import SPLIT, held_out_blocks, rms
 from whsklearn.gap.search import STILL
 from whsklearn.gap.tangent import Family, Look, Tangent
@@ -117,6 +117,7 @@ class ArmPlant(Plant):
         """The rigid arm with its law, fitted; or the given arm, within what is known of it."""
         n = self.view.n_joints
         model = self.settled(ArmState(np.zeros(len(self.lags.base_.names)), np.zeros(n)))
+        self.view.leave_rest(model)
         self.view.hear_stops(model)
         return self.settled(model)
 
@@ -179,7 +180,7 @@ class ArmPlant(Plant):
         null, _ = view.null(rest, self.own.apart, rng)
         beside = self._tangent(model, null.reshape(len(null), -1)).look(family)
         assert beside is not None
-        return self._significant(replace(look, null=beside.null), families)
+        return replace(look, p_value=self._significant(replace(look, null=beside.null), families).p_value)
 
     def _significant(self, look: Look, families: int) -> Look:
         """The look with its p-value."""
@@ -217,6 +218,16 @@ class ArmPlant(Plant):
         """The residual of the model, weighted by joint and ordered by instant."""
         return np.asarray((self.view.left(self.view.fit(model)) * self.view.weight).ravel())
 
+    def unit_of(self, *errors: Array) -> Array:
+        """Rms of what the explanations leave at each joint, by row.
+
+        Joints are weighted by their residuals before an effect is found.  Two explanations of a large one both leave
+        little of it, and in those weights the noise of the other joints would hide which of them leaves less.
+        """
+        n = self.view.n_joints
+        left = np.sqrt(np.mean([np.mean(e.reshape(-1, n) ** 2, axis=0) for e in errors], axis=0))
+        return np.tile(np.where(left > 0.0, left, 1.0), errors[0].size // n)
+
     def rms(self, errors: Array) -> float:
         """Rms of the errors of all joints, as a share of their drives."""
         return float(np.sqrt(np.mean(self._shares(errors) ** 2)))
@@ -245,8 +256,8 @@ class ArmPlant(Plant):
             return f"its size would be {total:.3g}, but a physical one is positive"
         if t.kind.catalogued is not None:
             fields, ranges = t.kind.catalogued.fields[t.kind.linear :], t.kind.catalogued.ranged(view.scene(t.kind))
-            beside = [Term(candidate(n), (base.get(f"{t.joint}.{n}", 0.0),)) for n in ("viscous",)]
-            here = SimpleNamespace(terms=[Term(t.kind.catalogued, t.q), *beside])
+            beside = [ServoTerm(candidate(n), (base.get(f"{t.joint}.{n}", 0.0),)) for n in ("viscous",)]
+            here = SimpleNamespace(terms=[ServoTerm(t.kind.catalogued, t.q), *beside])
             said = too_large(here, 0) or negative_damping(here, 0)  # type: ignore[arg-type]
             if said := said or never_free(t.effect, view.signals(t.kind).position):
                 return said

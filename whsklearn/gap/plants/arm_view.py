@@ -15,14 +15,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import minimum_filter1d
 
-from whsklearn.effects import Scales
+from whsklearn.effects import Scales, codes
 from whsklearn.filtering import Motion, zero_phase
 from whsklearn.filtering.encoder import encoder_noise
 from whsklearn.gap.calibration import N_NULL, coloured, n_effective, null_rows, smoothed_power
 from whsklearn.gap.plants.arm_terms import AtJoint, JointInertia, JointTerm, Load, Weight
 from whsklearn.gap.plants.servo_candidates import ColumnSignals
-from whsklearn.gap.plants.servo_inverse import later
 from whsklearn.gap.plants.servo_own import N_RECORDS
 from whsklearn.gap.record import MAD, Segmented, rms
 from whsklearn.identification.arm_fit import SAME, Known, held_out
@@ -234,8 +234,8 @@ class ArmView:
         """
         assert kind.catalogued is not None
         if kind.delays:
-            code, asked = kind.catalogued.code, self.torque @ np.array(kind.direction)
-            return np.asarray(self.record.by_piece(lambda u: later(code, u[::-1], shape[0], self.dt)[::-1] - u, asked))
+            earlier = partial(advance, kind.catalogued.code, age=shape[0], dt=self.dt)
+            return np.asarray(self.record.by_piece(earlier, self.torque @ np.array(kind.direction)))
         u, effect = self.drive @ np.array(kind.direction), kind.catalogued.effect(shape)
         return self.along_pieces(effect.contribution, self.signals(kind)._replace(drive=u))
 
@@ -355,6 +355,16 @@ class ArmView:
         self.rate = self.blur(self.record.by_piece(lambda u: np.gradient(u, self.dt, axis=0), self.torque))
         self._forget()
 
+    def leave_rest(self, model: ArmState) -> None:
+        """Exclude one more row on either side of a rest at the joints whose drive is late.
+
+        The filter spreads what static friction does at rest beyond the rows excluded for it, with the sign of the
+        second derivative of the drive, by which alone a delay and a lag differ.
+        """
+        late = model.timing >= LATEST * self.dt
+        self.keep[:, late] = minimum_filter1d(self.keep[:, late].astype(np.uint8), 3, axis=0).astype(bool)
+        self._fits = {}
+
     def hear_stops(self, model: ArmState) -> None:
         """Count slow rows at which more is missing than friction can explain: a joint at its stop is at rest."""
         names = self.lags.base_.names
@@ -445,6 +455,17 @@ class ArmView:
             draws = rng.multivariate_normal(0.0 * self.expected, self.known.covariance, N_NULL, method="eigh")
             null += np.einsum("tjb,kb->ktj", self.phi, draws)
         return np.where(self.keep, null, 0.0), max(n, 2.0)
+
+
+def advance(code: int, torque: Array, age: float, dt: float) -> Array:
+    """What a drive must have had beside the torque that arrives, (n,): the inverse of a delay or of a lag.
+
+    A lag in reversed time is no inverse: it differs at second order, where a lag and a delay begin to differ too.
+    """
+    if code == codes.INPUT_DELAY:
+        t = np.arange(torque.size) * dt
+        return np.asarray(np.interp(t + age, t, torque) - torque)
+    return np.asarray(age * np.gradient(torque, dt))
 
 
 def point(centre: tuple[float, ...]) -> Array:

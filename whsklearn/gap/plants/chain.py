@@ -38,7 +38,7 @@ from whsklearn.gap.plants.chain_fit import (
     with_knots,
 )
 from whsklearn.gap.plants.chain_looks import SLOPED, WRONG_SIDE, Seen, gained, kinds, look
-from whsklearn.gap.plants.chain_model import ChainCandidate, ChainModel, Record
+from whsklearn.gap.plants.chain_model import ChainCandidate, ChainHypothesis, Record
 from whsklearn.gap.record import HELD_OUT, MAD, rms
 from whsklearn.gap.search import STILL, WORTH_FITTING
 from whsklearn.gap.tangent import Look
@@ -113,11 +113,11 @@ class ChainPlant(Plant):
         self.scale = rms(self.y) if self.y.size and np.isfinite(self.y).all() else 1.0
         self.horizons = (1.0, 10.0, float(self.length))
         self.headline = float(self.length)
-        self._others: list[ChainModel] = []
+        self._others: list[ChainHypothesis] = []
         self._near: set[str] = set()
-        self._settled: dict[int, ChainModel] = {}
-        self._parts: dict[tuple[int, bool], tuple[ChainModel, ChainModel]] = {}
-        self._seen: dict[int, tuple[ChainModel, Seen]] = {}
+        self._settled: dict[int, ChainHypothesis] = {}
+        self._parts: dict[tuple[int, bool], tuple[ChainHypothesis, ChainHypothesis]] = {}
+        self._seen: dict[int, tuple[ChainHypothesis, Seen]] = {}
 
     def check(self) -> list[DataProblem]:
         """See `whsklearn.gap.plants.chain.check_chain`; holes may not be longer than what was logged."""
@@ -142,7 +142,7 @@ class ChainPlant(Plant):
         u = np.concatenate([u[self.direct :], np.zeros(self.direct)])
         return Record.of(u[:n], y[:n], self.dt, dims, law, seen[:n])
 
-    def base(self, rng: np.random.Generator) -> ChainModel:
+    def base(self, rng: np.random.Generator) -> ChainHypothesis:
         """The best of the base model's minima; the others are kept as starts for candidates."""
         s = self.readings(min(self.u.size, SEARCHED))
         found = minima(s, base_starts(s, rng))
@@ -156,7 +156,7 @@ class ChainPlant(Plant):
         self._first = rms(self.errors(found[0]))
         return found[0]
 
-    def settled(self, model: ChainModel) -> ChainModel:
+    def settled(self, model: ChainHypothesis) -> ChainHypothesis:
         """The model fitted until it converges."""
         if id(model) not in self._settled:
             out = polished(self.record, model)
@@ -164,7 +164,7 @@ class ChainPlant(Plant):
             self._parts[id(model), False] = model, model  # keeps the key's object alive
         return self._settled[id(model)]
 
-    def part(self, model: ChainModel) -> ChainModel:
+    def part(self, model: ChainHypothesis) -> ChainHypothesis:
         """The model fitted to the first part of the record, which is not used to judge it."""
         key = id(model), True
         if key not in self._parts:
@@ -178,18 +178,20 @@ class ChainPlant(Plant):
         seen = self.everything.seen
         return np.asarray(np.cumsum(seen) - seen >= (1.0 - HELD_OUT) * self.u.size)
 
-    def errors(self, model: ChainModel) -> Array:
+    def errors(self, model: ChainHypothesis) -> Array:
         """Whitened errors of the free run with outliers capped, in the unit of the output."""
         return self.unit * cm.held(cm.left(self.record, model)[self.record.fit])
 
     # --- the search -------------------------------------------------------------------------------
-    def seen(self, model: ChainModel, rng: np.random.Generator) -> Seen:
+    def seen(self, model: ChainHypothesis, rng: np.random.Generator) -> Seen:
         """The look at a model, computed once."""
         if id(model) not in self._seen:
             self._seen[id(model)] = model, look(self.record, model, rng)
         return self._seen[id(model)][1]
 
-    def looks(self, model: ChainModel, rng: np.random.Generator, beside: ChainModel | None = None) -> list[Look]:
+    def looks(
+        self, model: ChainHypothesis, rng: np.random.Generator, beside: ChainHypothesis | None = None
+    ) -> list[Look]:
         """Look at every candidate beside the model, in the record and in the model's own records.
 
         Strong candidates are refitted if anything is missing.  The gate keeps the significance level: past it,
@@ -230,17 +232,17 @@ class ChainPlant(Plant):
             ranked[0] = self._fitted_too(model, *ranked[0], len(looks), rng), ranked[0][1]
         return sorted([*(k for k in looks if k.name not in out), *(k for k, _ in ranked)], key=lambda k: -k.score)
 
-    def _may_be_bent(self, model: ChainModel, rng: np.random.Generator) -> bool:
+    def _may_be_bent(self, model: ChainHypothesis, rng: np.random.Generator) -> bool:
         """Whether the blocks may be so distorted that no effect fits from their present values.
 
         A large residual passes for noise of its own colour, and a look at it then says little.
         """
         s = self.record
-        run = (s.y - cm.free_run(s, model))[s.fit]
+        run = (s.y - cm.chain_free_run(s, model))[s.fit]
         return rms(run) > UNEXPLAINED * self.scale or self.seen(model, rng).p_value <= GATE
 
     def _fitted_too(
-        self, model: ChainModel, look: Look, kind: ChainCandidate, families: int, rng: np.random.Generator
+        self, model: ChainHypothesis, look: Look, kind: ChainCandidate, families: int, rng: np.random.Generator
     ) -> Look:
         """Compare the best candidate with the same fit in the model's own records, if the look alone is not enough."""
         g = []
@@ -251,14 +253,14 @@ class ChainPlant(Plant):
         p = min(look.p_value, 2.0 * p_value(look.gain, np.maximum(g, 0.0), families))  # two tests
         return dataclasses.replace(look, p_value=p)
 
-    def refine(self, model: ChainModel, look: Look) -> ChainModel:
+    def refine(self, model: ChainHypothesis, look: Look) -> ChainHypothesis:
         """The candidate fitted together with the model until it converges."""
         s = self.record
-        if isinstance(look.start, ChainModel):
+        if isinstance(look.start, ChainHypothesis):
             return polished(s, nudged(s, look.start))
         return polished(s, fitted(s, [model], look.start))
 
-    def objection(self, model: ChainModel, grown: ChainModel) -> str:
+    def objection(self, model: ChainHypothesis, grown: ChainHypothesis) -> str:
         """The physical objection to an effect's parameters, or that it explains too little beside the others."""
         term = grown.terms[-1]
         z = cm.sizes(self.record, grown)
@@ -302,7 +304,7 @@ class ChainPlant(Plant):
         return np.array(leads)
 
     # --- proof ------------------------------------------------------------------------------------
-    def follows(self, model: ChainModel) -> float:
+    def follows(self, model: ChainHypothesis) -> float:
         """Share of a model's mean square residual that nameless functions explain beyond chance."""
         seen = self._seen.get(id(model))
         if seen is None:
@@ -310,20 +312,20 @@ class ChainPlant(Plant):
         sure = min((k.p_value for k in seen[1].looks if not k.name), default=1.0) <= GATE
         return min(seen[1].share, 0.99) if sure else 0.0
 
-    def figures(self, base: ChainModel, model: ChainModel, nameless: float = 0.0) -> Figures:
+    def figures(self, base: ChainHypothesis, model: ChainHypothesis, nameless: float = 0.0) -> Figures:
         """Whitened error before, after, and the part that is noise, in the unit of the output."""
         before, after = (rms(self.errors(m)) for m in (base, model))
         return Figures(before, after, after * float(np.sqrt(1.0 - self.follows(model))), nameless)
 
-    def simulate(self, model: ChainModel, horizon: float) -> Array:
+    def simulate(self, model: ChainHypothesis, horizon: float) -> Array:
         """Prediction ``horizon`` samples ahead by the model fitted to the first part; over the whole, its free run."""
         s, model = self.everything, self.part(model)
-        run = cm.free_run(s, model)
+        run = cm.chain_free_run(s, model)
         if horizon >= s.y.size:
             return run
         return s.y - np.convolve(cm.left(s, model), cm.response(model.ar, int(horizon)))[: s.y.size]
 
-    def measured(self, *models: ChainModel) -> tuple[Array, Bools]:
+    def measured(self, *models: ChainHypothesis) -> tuple[Array, Bools]:
         """(output, mask of held-out samples), without those that are on the wrong side of a sign under the last model.
 
         No fit can avoid a few of them, and they would make up most of a mean square.
@@ -334,18 +336,18 @@ class ChainPlant(Plant):
             judged &= ~self._turned(models[1])
         return s.y, judged
 
-    def _turned(self, model: ChainModel) -> Bools:
+    def _turned(self, model: ChainHypothesis) -> Bools:
         """Samples that follow one on the wrong side of a sign, for as long as L2 remembers it."""
         e = np.abs(cm.left(self.everything, self.part(model)))
         far = e > WRONG_SIDE * MAD * float(np.median(e[self.everything.seen]))
         return np.convolve(far, np.ones(REMEMBERED))[: far.size] > 0.5
 
-    def made(self, model: ChainModel, rng: np.random.Generator) -> ChainPlant:
+    def made(self, model: ChainHypothesis, rng: np.random.Generator) -> ChainPlant:
         """The plant of a record made by the model, with the unexplained part of its errors as noise."""
         base = self.law, self.orders, self.direct
         other = ChainPlant(self.u, self.y, base, tolerance=self.tolerance, dt=self.dt, at=self.at)
         s, fitted = self.everything, self.part(model)
-        quiet = cm.free_run(s, fitted)
+        quiet = cm.chain_free_run(s, fitted)
         noise = cm.made(s, fitted, rng).y - quiet
         # scaled to the size expected over the judged samples, because a floor has no sampling error
         size = cm.loudness(fitted.ar) * np.sqrt(cm.variance_of(cm.left(s, fitted)[s.fit]) * (1.0 - self.follows(model)))
@@ -353,7 +355,7 @@ class ChainPlant(Plant):
         other._parts = {(id(model), True): (model, fitted)}
         return other
 
-    def reading(self, base: ChainModel, model: ChainModel) -> Reading:
+    def reading(self, base: ChainHypothesis, model: ChainHypothesis) -> Reading:
         """The grid of the readings, if rounding is a considerable part of the residual.
 
         Also what the base model lacks in its orders and law, if that explains more than the effects found.
@@ -364,7 +366,7 @@ class ChainPlant(Plant):
         return Reading(grid, shortfall)
 
     # --- report -----------------------------------------------------------------------------------
-    def linearised(self, model: ChainModel) -> Linearised:
+    def linearised(self, model: ChainHypothesis) -> Linearised:
         """Residual and derivatives at all samples except the first ones, under a soft sign."""
         s = self.everything
         m = self.final(model)
@@ -374,7 +376,7 @@ class ChainPlant(Plant):
             cm.to_vector(m), *cm.bounds(m, cm.sizes(s, m)), cm.held(e), rows, lambda v: cm.from_vector(m, v)
         )
 
-    def final(self, model: ChainModel) -> ChainModel:
+    def final(self, model: ChainHypothesis) -> ChainHypothesis:
         """The model fitted to all samples."""
         if self.everything is self.record:
             return model
@@ -383,16 +385,16 @@ class ChainPlant(Plant):
             self._parts[key] = model, sharpened(self.everything, model, (cm.SHARPEST,), 12)
         return self._parts[key][1]
 
-    def gap(self, model: ChainModel) -> Gap:
+    def gap(self, model: ChainHypothesis) -> Gap:
         """Whitened errors with outliers capped; the numbers of a chain are not regression coefficients of its error."""
         signals = signals_of(self.record, model, self.units)
         return Gap(self.errors(model), self.dt, {k: (v[self.record.fit], unit) for k, (v, unit) in signals.items()}, {})
 
-    def numbers(self, model: ChainModel) -> dict[str, tuple[float, str]]:
+    def numbers(self, model: ChainHypothesis) -> dict[str, tuple[float, str]]:
         """Natural parameters by name; they have no units."""
         return {k: (v, "") for k, v in cm.numbers_of(self.record, model).items()}
 
-    def told(self, base: ChainModel, model: ChainModel) -> Told:
+    def told(self, base: ChainHypothesis, model: ChainHypothesis) -> Told:
         """Whiteness before and after, remarks, and the series that the page draws."""
         tests = [
             whiteness(cm.clipped(cm.left(self.record, m)[self.record.fit]), f"outliers clipped, {word}", cm.AR_ORDER)
@@ -419,7 +421,7 @@ class ChainPlant(Plant):
             "judges them. Which effects are present was decided on the whole record.",
         ]
 
-    def _pictures(self, base: ChainModel, model: ChainModel) -> dict[str, Any]:
+    def _pictures(self, base: ChainHypothesis, model: ChainHypothesis) -> dict[str, Any]:
         """Measured output and free runs, the gap over time, and its spectra by frequency and by order of x."""
         s, whole = self.record, self.everything
         runs = {word: self.simulate(m, self.headline) for word, m in (("before", base), ("after", model))}
@@ -436,7 +438,7 @@ class ChainPlant(Plant):
             "axes": signals_of(whole, base, self.units), "floor": self.figures(base, model).floor,
         }  # fmt: skip
 
-    def system(self, model: ChainModel) -> WienerHammersteinSystem:
+    def system(self, model: ChainHypothesis) -> WienerHammersteinSystem:
         """The repaired system with its effects and the grid of its readings."""
         s = self.everything
         final = cm.stable(s, self.final(model))
@@ -490,7 +492,7 @@ def check_chain(u: Array, y: Array) -> list[DataProblem]:
     return out
 
 
-def coarse_grid(s: Record, m: ChainModel) -> float:
+def coarse_grid(s: Record, m: ChainHypothesis) -> float:
     """Step of the grid of the readings if rounding is a considerable part of the residual, otherwise 0."""
     step = s.step
     if not step or step / math.sqrt(12.0) < COARSE_READING * rms(s.y[s.seen]):
@@ -499,7 +501,7 @@ def coarse_grid(s: Record, m: ChainModel) -> float:
     return step if gain * step**2 / 12.0 > ROUNDING * cm.variance_of(cm.left(s, m)[s.fit]) else 0.0
 
 
-def signals_of(s: Record, m: ChainModel, units: tuple[str, str]) -> dict[str, tuple[Array, str]]:
+def signals_of(s: Record, m: ChainHypothesis, units: tuple[str, str]) -> dict[str, tuple[Array, str]]:
     """The signals that the gap may follow, delayed by one sample like the output of L2."""
     x, _, y_hat = cm.simulate(s, m)
     dx = np.diff(x, prepend=x[:1])

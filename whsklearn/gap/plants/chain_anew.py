@@ -30,7 +30,7 @@ from whsklearn.gap.plants.chain_fit import (
     weighed,
 )
 from whsklearn.gap.plants.chain_looks import kinds, softly
-from whsklearn.gap.plants.chain_model import ChainCandidate, ChainModel, Record, Term
+from whsklearn.gap.plants.chain_model import ChainCandidate, ChainHypothesis, ChainTerm, Record
 from whsklearn.gap.record import rms
 from whsklearn.gap.search import WORTH_FITTING
 from whsklearn.gap.tangent import Look
@@ -58,7 +58,9 @@ def is_strong(kind: ChainCandidate, s: Record) -> bool:
     return kind.linear == 0 or kind.pulls
 
 
-def near(s: Record, m: ChainModel, looks: list[Look], among: Any = None) -> Iterator[tuple[ChainCandidate, ChainModel]]:
+def near(
+    s: Record, m: ChainHypothesis, looks: list[Look], among: Any = None
+) -> Iterator[tuple[ChainCandidate, ChainHypothesis]]:
     """Fit the model with one more candidate from where it is: strong candidates and the most promising others.
 
     Parameters
@@ -72,10 +74,10 @@ def near(s: Record, m: ChainModel, looks: list[Look], among: Any = None) -> Iter
         yield start.kind, fitted(s, [m], start)
 
 
-def promising(s: Record, m: ChainModel, looks: list[Look], among: Any = None) -> list[Term]:
+def promising(s: Record, m: ChainHypothesis, looks: list[Look], among: Any = None) -> list[ChainTerm]:
     """Starts of all strong candidates and of the best others, at the shapes that either look prefers."""
     both = [sorted((k for k in looks if k.start is not None), key=lambda k: -k.score), softly(s, m)]
-    out: list[Term] = []
+    out: list[ChainTerm] = []
     for one in both:
         starts = [k.start for k in one if (among is None or k.name in among) and not k.start.kind.folds]
         weak = [t for t in starts if not is_strong(t.kind, s)][:PROMISING]
@@ -84,13 +86,18 @@ def promising(s: Record, m: ChainModel, looks: list[Look], among: Any = None) ->
 
 
 def anew(
-    s: Record, m: ChainModel, others: list[ChainModel], looks: list[Look], rng: np.random.Generator, among: Any = None
-) -> Iterator[tuple[ChainCandidate, ChainModel]]:
+    s: Record,
+    m: ChainHypothesis,
+    others: list[ChainHypothesis],
+    looks: list[Look],
+    rng: np.random.Generator,
+    among: Any = None,
+) -> Iterator[tuple[ChainCandidate, ChainHypothesis]]:
     """Fit the chain again with a strong candidate inside, and additive ones from other minima of the model.
 
     Parameters
     ----------
-    others : list of ChainModel
+    others : list of ChainHypothesis
         Further minima of the model without the candidate.
     looks, among
         As of `near`.
@@ -104,8 +111,8 @@ def anew(
 
 
 def beside_the_best(
-    s: Record, grown: list[tuple[ChainCandidate, ChainModel]], among: Any = None
-) -> Iterator[tuple[ChainCandidate, ChainModel]]:
+    s: Record, grown: list[tuple[ChainCandidate, ChainHypothesis]], among: Any = None
+) -> Iterator[tuple[ChainCandidate, ChainHypothesis]]:
     """Fit the other strong candidates from the blocks of the best one, if that is strong.
 
     What a lag and a delay make of the blocks is the same, but the search may reach it with one of them only; the record
@@ -118,15 +125,15 @@ def beside_the_best(
     for other in kinds(s, bare):
         if other != kind and is_strong(other, s) and not other.folds and (among is None or other.name in among):
             sizes = (0.0,) * other.linear
-            starts = best(s, [bare.plus(Term(other, (*sizes, *shape))) for shape in other.shapes(z)], 1)
+            starts = best(s, [bare.plus(ChainTerm(other, (*sizes, *shape))) for shape in other.shapes(z)], 1)
             yield from ((other, sharpened(s, m, (10.0, 30.0, *cm.HARD), 6)) for m in starts)
 
 
-def fitted(s: Record, models: list[ChainModel], term: Term) -> ChainModel:
+def fitted(s: Record, models: list[ChainHypothesis], term: ChainTerm) -> ChainHypothesis:
     """The best of several models with an effect, which starts from the size that a look gives it."""
     z = cm.sizes(s, models[0])
     bounds = [term.kind.range_of(i, z) for i in range(len(term.q))]
-    term = Term(term.kind, tuple(float(np.clip(v, *b)) for v, b in zip(term.q, bounds, strict=True)))
+    term = ChainTerm(term.kind, tuple(float(np.clip(v, *b)) for v, b in zip(term.q, bounds, strict=True)))
     ways = [sharpened(s, m.plus(term), (10.0, 30.0, *cm.HARD), 6) for m in models]
     if term.kind.linear:
         ways.append(sharpened(s, models[0].plus(term), cm.HARD[1:], 8))
@@ -134,7 +141,7 @@ def fitted(s: Record, models: list[ChainModel], term: Term) -> ChainModel:
     return walked(s, out) if term.kind.scanned == "step" else out
 
 
-def fitted_once(s: Record, m: ChainModel, kind: ChainCandidate, rng: np.random.Generator) -> ChainModel:
+def fitted_once(s: Record, m: ChainHypothesis, kind: ChainCandidate, rng: np.random.Generator) -> ChainHypothesis:
     """The model with one candidate, fitted as in `near` and `anew`; the model itself if no fit is stable."""
     start = next((k.start for k in softly(s, m) if k.start.kind == kind), None)
     ways = [m] if start is None else [fitted(s, [m], start)]
@@ -143,7 +150,7 @@ def fitted_once(s: Record, m: ChainModel, kind: ChainCandidate, rng: np.random.G
     return min(ways, key=lambda w: cost(s, w))
 
 
-def walked(s: Record, m: ChainModel) -> ChainModel:
+def walked(s: Record, m: ChainHypothesis) -> ChainHypothesis:
     """The model with the instant of its last effect moved, in smaller and smaller steps, while the residual falls."""
     kind, q = m.terms[-1].kind, list(m.terms[-1].q)
     i = kind.fields.index(kind.cls.scanned())
@@ -154,13 +161,13 @@ def walked(s: Record, m: ChainModel) -> ChainModel:
         for shift in (-step, step):
             q = list(best[1].terms[-1].q)
             q[i] = float(np.clip(q[i] + shift, low, high))
-            other = m.with_terms((*m.terms[:-1], Term(kind, tuple(q))))
+            other = m.with_terms((*m.terms[:-1], ChainTerm(kind, tuple(q))))
             best = min(best, (cost(s, other), other), key=lambda b: b[0])
         step *= 0.5 if best[0] == before else 1.0
     return sharpened(s, best[1], cm.HARD[1:], 6)
 
 
-def nudged(s: Record, m: ChainModel) -> ChainModel:
+def nudged(s: Record, m: ChainHypothesis) -> ChainHypothesis:
     """The model with the shape of its last effect moved to a better local minimum; play and delays have many."""
     term = m.terms[-1]
     if term.kind.linear:
@@ -170,7 +177,7 @@ def nudged(s: Record, m: ChainModel) -> ChainModel:
     for _ in range(MOST_NUDGES):
         q, before = best[1].terms[-1].q, best[0]
         for first in (*(q[0] * f for f in NUDGES), *((q[0] - s.dt, q[0] + s.dt) if term.kind.delays else ())):
-            moved = Term(term.kind, (float(np.clip(first, low, high)), *q[1:]))
+            moved = ChainTerm(term.kind, (float(np.clip(first, low, high)), *q[1:]))
             other = sharpened(s, best[1].with_terms((*m.terms[:-1], moved)), (10.0, 30.0, *cm.HARD), 6)
             best = min(best, (cost(s, other), other), key=lambda b: b[0])
         if best[0] > 0.99 * before:
@@ -179,8 +186,8 @@ def nudged(s: Record, m: ChainModel) -> ChainModel:
 
 
 def fitted_anew(
-    s: Record, m: ChainModel, others: list[ChainModel], strong: list[ChainCandidate], rng: np.random.Generator
-) -> Iterator[tuple[ChainCandidate, ChainModel]]:
+    s: Record, m: ChainHypothesis, others: list[ChainHypothesis], strong: list[ChainCandidate], rng: np.random.Generator
+) -> Iterator[tuple[ChainCandidate, ChainHypothesis]]:
     """The models with a strong candidate as the last effect, fitted from starts of its own that are stable.
 
     They are fitted under a soft sign first.  Those that explain much less there than the best one are not sharpened.
@@ -196,13 +203,13 @@ def fitted_anew(
 
 
 def starts_of(
-    s: Record, m: ChainModel, others: list[ChainModel], kind: ChainCandidate, rng: np.random.Generator
-) -> list[ChainModel]:
+    s: Record, m: ChainHypothesis, others: list[ChainHypothesis], kind: ChainCandidate, rng: np.random.Generator
+) -> list[ChainHypothesis]:
     """The starts of a strong candidate: those with the least residual before a fit."""
     z = cm.sizes(s, m)
-    starts: list[ChainModel] = []
+    starts: list[ChainHypothesis] = []
     sizes = (0.0,) if kind.pulls else ()
-    terms = [Term(kind, (*sizes, *shape)) for shape in (FOLDS if kind.folds else kind.shapes(z))]
+    terms = [ChainTerm(kind, (*sizes, *shape)) for shape in (FOLDS if kind.folds else kind.shapes(z))]
     starts += [o.plus(term) for o in (m, *others) for term in terms]
     if kind.pulls:
         for theta in divided(s, linear_model(s, s.u)):
@@ -214,33 +221,33 @@ def starts_of(
             more = m.plus(term)
             starts += [dataclasses.replace(more, theta=t) for t in divided(s, ratio, more.terms)]
     if kind.folds:
-        starts += [dataclasses.replace(b.plus(Term(kind, (1.0,))), n_base=m.n_base) for b in unfolded(s, m, rng)]
+        starts += [dataclasses.replace(b.plus(ChainTerm(kind, (1.0,))), n_base=m.n_base) for b in unfolded(s, m, rng)]
     elif "frequency" in kind.fields:
         starts += [*split_off(s, m, kind), *(t for o in (m, *others) for t in pulled_out(s, o, kind))]
     return best(s, starts, max(kind.n_numbers, 1) * TRIED)
 
 
-def best(s: Record, starts: list[ChainModel], n: int) -> list[ChainModel]:
+def best(s: Record, starts: list[ChainHypothesis], n: int) -> list[ChainHypothesis]:
     """The starts with the least residual under a soft sign, before a fit."""
     scored = [(softened(s, m), i) for i, m in enumerate(starts) if np.all(np.isfinite(m.theta))]
     return [starts[i] for _, i in sorted(scored)[:n]]
 
 
-def softened(s: Record, m: ChainModel) -> float:
+def softened(s: Record, m: ChainHypothesis) -> float:
     """Mean square residual of a model under a soft sign."""
     white = dataclasses.replace(m, ar=np.zeros_like(m.ar))
     e = cm.left(s, white, SOFT[0] / cm.rms_dx(s, white))[s.fit]
     return float(np.mean(e**2))
 
 
-def applied(s: Record, term: Term) -> Array:
+def applied(s: Record, term: ChainTerm) -> Array:
     """The input after an effect that acts on it: the output of a chain without blocks, its two delays removed."""
     plain = dataclasses.replace(s, dims=np.array([1, 0, 1, 0, 1]), law=FrictionLaw([Power(1.0, 1.0)]))
-    late = cm.simulate(plain, ChainModel(np.ones(1), (term,)), u=np.concatenate([s.u, np.zeros(2)]))[2]
+    late = cm.simulate(plain, ChainHypothesis(np.ones(1), (term,)), u=np.concatenate([s.u, np.zeros(2)]))[2]
     return np.ascontiguousarray(late[2:])
 
 
-def split_off(s: Record, m: ChainModel, kind: ChainCandidate) -> Iterator[ChainModel]:
+def split_off(s: Record, m: ChainHypothesis, kind: ChainCandidate) -> Iterator[ChainHypothesis]:
     """Models with a pair of poles of a larger linear model as a resonance and the other poles divided."""
     ratio = linear_model(s, s.u, 2)
     poles, zeros = np.roots(ratio.a), np.roots(ratio.b)
@@ -253,7 +260,7 @@ def split_off(s: Record, m: ChainModel, kind: ChainCandidate) -> Iterator[ChainM
                 yield dataclasses.replace(more, theta=theta)
 
 
-def pulled_out(s: Record, m: ChainModel, kind: ChainCandidate) -> Iterator[ChainModel]:
+def pulled_out(s: Record, m: ChainHypothesis, kind: ChainCandidate) -> Iterator[ChainHypothesis]:
     """Models in which a pair of poles moves from a block to the resonance, because the block may have absorbed them."""
     a, b, _, c, d = s.blocks
     first = kind.at != "output"
@@ -268,7 +275,7 @@ def pulled_out(s: Record, m: ChainModel, kind: ChainCandidate) -> Iterator[Chain
             yield dataclasses.replace(more, theta=weighed(s, one, two, more.terms))
 
 
-def resonances(s: Record, m: ChainModel, poles: Any, kind: ChainCandidate) -> Iterator[tuple[complex, Term]]:
+def resonances(s: Record, m: ChainHypothesis, poles: Any, kind: ChainCandidate) -> Iterator[tuple[complex, ChainTerm]]:
     """The pairs of poles that can belong to a resonance, and the numbers of that resonance."""
     z = cm.sizes(s, m)
     (low, high), (least, most) = kind.range_of(0, z), kind.range_of(1, z)
@@ -276,10 +283,10 @@ def resonances(s: Record, m: ChainModel, poles: Any, kind: ChainCandidate) -> It
         w = np.log(pole)  # per sample: -zeta w_0 + i w_0 sqrt(1 - zeta^2)
         shape = (float(abs(w)) / (2 * np.pi * s.dt), float(-w.real / abs(w)))
         if low < shape[0] < high and least < shape[1] < most:
-            yield complex(pole), Term(kind, shape)
+            yield complex(pole), ChainTerm(kind, shape)
 
 
-def unfolded(s: Record, m: ChainModel, rng: np.random.Generator) -> list[ChainModel]:
+def unfolded(s: Record, m: ChainHypothesis, rng: np.random.Generator) -> list[ChainHypothesis]:
     """Minima of the model in front of a sensor that loses the sign.
 
     With y = |h * u|, the leading direction of the matrix E y^2 u u' is h (Netrapalli, Jain and Sanghavi 2015, Phase
@@ -302,7 +309,7 @@ def unfolded(s: Record, m: ChainModel, rng: np.random.Generator) -> list[ChainMo
             sign = new
         tries.append((float(np.mean((s.y - np.abs(white @ h))[s.seen] ** 2)), sign))
     sign = min(tries, key=lambda t: t[0])[1]
-    found: list[ChainModel] = []
+    found: list[ChainHypothesis] = []
     for _ in range(3):
         straight = s.with_output(sign * s.y)
         found = minima(straight, base_starts(straight, rng))

@@ -20,7 +20,7 @@ from whsklearn.effects.knots import has_knots, place_knots, placed
 from whsklearn.gap.calibration import gain
 from whsklearn.gap.least_squares import least_squares
 from whsklearn.gap.plants import chain_model as cm
-from whsklearn.gap.plants.chain_model import ChainModel, Record, Term
+from whsklearn.gap.plants.chain_model import ChainHypothesis, ChainTerm, Record
 from whsklearn.recursion.arrays import Array
 from whsklearn.recursion.batch.best_linear import IOData, Ratio, best_linear
 from whsklearn.recursion.batch.block_split import Orders, divisions, exchanged, padded
@@ -36,12 +36,12 @@ LEAST_DROP = 1e-6  # of the sum of squares in one step of a fit
 UNSEEN = 1e-12  # share of the largest column below which a column is rounding error
 
 
-def cost(s: Record, m: ChainModel) -> float:
+def cost(s: Record, m: ChainHypothesis) -> float:
     """Sum of squares over the samples of the fit under the true sign, with outliers capped."""
     return cm.deviance(cm.left(s, m)[s.fit])
 
 
-def climb(s: Record, m: ChainModel, sharpness: float, steps: int, *, robust: bool = True) -> ChainModel:
+def climb(s: Record, m: ChainHypothesis, sharpness: float, steps: int, *, robust: bool = True) -> ChainHypothesis:
     """The model fitted at a sharpness (kappa times rms dx) with its noise colour unchanged.
 
     The fit never steps from a stable model to an unstable one, which a short record of a slow pole may prefer.
@@ -78,7 +78,7 @@ def climb(s: Record, m: ChainModel, sharpness: float, steps: int, *, robust: boo
     return cm.from_vector(m, found.x)
 
 
-def coloured(s: Record, m: ChainModel) -> ChainModel:
+def coloured(s: Record, m: ChainHypothesis) -> ChainHypothesis:
     """The model with the noise colour of its residual."""
     white = dataclasses.replace(m, ar=np.zeros_like(m.ar))
     e = cm.left(s, white)
@@ -86,10 +86,10 @@ def coloured(s: Record, m: ChainModel) -> ChainModel:
 
 
 def sharpened(
-    s: Record, m: ChainModel, rungs: Iterable[float] = cm.HARD, steps: int = 8, *, robust: bool = True
-) -> ChainModel:
+    s: Record, m: ChainHypothesis, rungs: Iterable[float] = cm.HARD, steps: int = 8, *, robust: bool = True
+) -> ChainHypothesis:
     """The model fitted rung by rung, with its noise colour updated after each; the best one under the true sign."""
-    best: tuple[float, ChainModel] | None = None
+    best: tuple[float, ChainHypothesis] | None = None
     for rung in rungs:
         m = coloured(s, climb(s, m, rung, steps, robust=robust))
         value = cost(s, m)
@@ -99,7 +99,7 @@ def sharpened(
     return best[1]
 
 
-def polished(s: Record, m: ChainModel, hops: int = N_HOPS) -> ChainModel:
+def polished(s: Record, m: ChainHypothesis, hops: int = N_HOPS) -> ChainHypothesis:
     """The model at its minimum: refitted through a soft sign, from its present values, and from nearby ones.
 
     Every sample close to a reversal makes a local minimum of its own.  The hops, which are a few standard errors long
@@ -117,7 +117,7 @@ def polished(s: Record, m: ChainModel, hops: int = N_HOPS) -> ChainModel:
     return min([best[2], *ways], key=lambda w: cost(s, w))
 
 
-def released(s: Record, m: ChainModel) -> list[ChainModel]:
+def released(s: Record, m: ChainHypothesis) -> list[ChainHypothesis]:
     """The model with a pole and a zero that cancel moved to the origin, block by block, where that costs nothing.
 
     A pair that cancels at the unit circle is stuck there, because a fit takes no step to an unstable model, and the
@@ -140,7 +140,7 @@ def released(s: Record, m: ChainModel) -> list[ChainModel]:
     return out
 
 
-def moved(s: Record, m: ChainModel, far: float, rng: np.random.Generator) -> ChainModel:
+def moved(s: Record, m: ChainHypothesis, far: float, rng: np.random.Generator) -> ChainHypothesis:
     """The model with numbers drawn from their covariance, scaled by ``far`` standard errors."""
     rows = cm.sensitivities(s, m, 30.0 / cm.rms_dx(s, m))[s.fit]
     scale = np.linalg.norm(rows, axis=0)
@@ -178,7 +178,7 @@ def _data(s: Record, u: Array) -> IOData:
     return IOData(np.ascontiguousarray(late[None, :]), s.y - s.y[counts].mean(), np.array([0, u.size]), counts)
 
 
-def divided(s: Record, ratio: Ratio, terms: tuple[Term, ...] = ()) -> list[Array]:
+def divided(s: Record, ratio: Ratio, terms: tuple[ChainTerm, ...] = ()) -> list[Array]:
     """theta for every division of a linear model's poles and zeros between the blocks; weights by least squares."""
     na, nb, nc, nd, _ = (int(i) for i in s.dims)
     out = []
@@ -188,10 +188,10 @@ def divided(s: Record, ratio: Ratio, terms: tuple[Term, ...] = ()) -> list[Array
     return out
 
 
-def weighed(s: Record, first: Array, second: Array, terms: tuple[Term, ...] = ()) -> Array:
+def weighed(s: Record, first: Array, second: Array, terms: tuple[ChainTerm, ...] = ()) -> Array:
     """theta of two blocks with the weights that fit y best under a soft sign, together with these effects."""
     nw = int(s.dims[4])
-    m = ChainModel(np.concatenate([first, np.zeros(nw), second]), tuple(t for t in terms if not t.kind.folds))
+    m = ChainHypothesis(np.concatenate([first, np.zeros(nw), second]), tuple(t for t in terms if not t.kind.folds))
     kappa = 1.0 / cm.rms_dx(s, m)
     plain = cm.simulate(s, m, kappa)[2]
     rows = np.empty((s.u.size, nw))
@@ -218,7 +218,7 @@ def random_thetas(s: Record, rng: np.random.Generator, n: int) -> list[Array]:
     ]  # fmt: skip
 
 
-def ranked(s: Record, models: Iterable[ChainModel], sharpness: float, steps: int) -> list[ChainModel]:
+def ranked(s: Record, models: Iterable[ChainHypothesis], sharpness: float, steps: int) -> list[ChainHypothesis]:
     """Stable starts after a few steps under a soft sign and white noise; the best of each minimum comes first."""
     found = []
     for m in models:
@@ -230,7 +230,7 @@ def ranked(s: Record, models: Iterable[ChainModel], sharpness: float, steps: int
         if np.isfinite(value):
             found.append((value, m))
     found.sort(key=lambda f: f[0])
-    out: list[tuple[float, ChainModel]] = []
+    out: list[tuple[float, ChainHypothesis]] = []
     for value, m in found:
         if not out or value > out[-1][0] * (1.0 + DIFFERENT):
             out.append((value, m))
@@ -242,13 +242,13 @@ def _stable(s: Record, theta: Array) -> bool:
     return all(is_stable(np.ascontiguousarray(theta[part]), 0.9999) for part in (b, d))
 
 
-def minima(s: Record, starts: Iterable[ChainModel]) -> list[ChainModel]:
+def minima(s: Record, starts: Iterable[ChainHypothesis]) -> list[ChainHypothesis]:
     """Distinct minima that the starts lead to, best first; the best is fitted until it converges."""
     out = sharpest(s, ranked(s, starts, SOFT[0], 8)[:KEPT], neighbours=True)
     return [polished(s, m) for m in out[:1]] + out[1:]
 
 
-def sharpest(s: Record, soft: list[ChainModel], *, neighbours: bool = False) -> list[ChainModel]:
+def sharpest(s: Record, soft: list[ChainHypothesis], *, neighbours: bool = False) -> list[ChainHypothesis]:
     """Sharpen models found under a soft sign, best first; with ``neighbours``, also those with exchanged roots."""
     softer = sorted((sharpened(s, m, SOFT[1:]) for m in soft), key=lambda m: cost(s, m))
     if neighbours:
@@ -259,10 +259,10 @@ def sharpest(s: Record, soft: list[ChainModel], *, neighbours: bool = False) -> 
     return sorted((sharpened(s, m) for m in softer[:POLISHED]), key=lambda m: cost(s, m))
 
 
-def base_starts(s: Record, rng: np.random.Generator) -> list[ChainModel]:
+def base_starts(s: Record, rng: np.random.Generator) -> list[ChainHypothesis]:
     """Starting models: the divisions of the best linear model, and random blocks."""
     thetas = [*divided(s, linear_model(s, s.u)), *random_thetas(s, rng, N_RANDOM)]
-    return [ChainModel(t) for t in thetas]
+    return [ChainHypothesis(t) for t in thetas]
 
 
 # --- the law, and whether orders and law suffice ---------------------------------------------------
@@ -278,7 +278,7 @@ def first_law(law: FrictionLaw) -> FrictionLaw:
     return FrictionLaw([*(t for t in law.terms if not has_knots((t,))), Power(0.0, 2), Power(0.0, 3)])
 
 
-def with_knots(s: Record, m: ChainModel, asked: FrictionLaw) -> tuple[Record, list[ChainModel]]:
+def with_knots(s: Record, m: ChainHypothesis, asked: FrictionLaw) -> tuple[Record, list[ChainHypothesis]]:
     """(record, [fitted model]) with the knots of the law placed for the model's x."""
     law = FrictionLaw(placed(asked.terms, cm.simulate(s, m)[0]))
     dims = s.dims.copy()
@@ -289,7 +289,7 @@ def with_knots(s: Record, m: ChainModel, asked: FrictionLaw) -> tuple[Record, li
     return at, [polished(at, sharpened(at, dataclasses.replace(m, theta=theta), (30.0, 300.0, cm.SHARPEST), 15))]
 
 
-def raised(s: Record, m: ChainModel, more: int) -> tuple[Record, ChainModel]:
+def raised(s: Record, m: ChainHypothesis, more: int) -> tuple[Record, ChainHypothesis]:
     """(record, model) with ``more`` additional zeros in a, b, c and d: the same model with a higher order."""
     a, b, w, c, d = (m.theta[part] for part in s.blocks)
     zero = np.zeros(more)
@@ -298,7 +298,7 @@ def raised(s: Record, m: ChainModel, more: int) -> tuple[Record, ChainModel]:
     return dataclasses.replace(s, dims=dims), dataclasses.replace(m, theta=theta)
 
 
-def freed(s: Record, m: ChainModel) -> tuple[Record, ChainModel]:
+def freed(s: Record, m: ChainHypothesis) -> tuple[Record, ChainHypothesis]:
     """(record, model) with kinks in x, all of weight zero, and a cubic beside its law."""
     x = cm.simulate(s, m)[0]
     kinks = [Hinge(0.0, float(k)) for k in place_knots(x, KNOTS)]
@@ -310,7 +310,7 @@ def freed(s: Record, m: ChainModel) -> tuple[Record, ChainModel]:
     return dataclasses.replace(s, dims=dims, law=law), dataclasses.replace(m, theta=theta)
 
 
-def falls_short(s: Record, base: ChainModel, model: ChainModel) -> str:
+def falls_short(s: Record, base: ChainHypothesis, model: ChainHypothesis) -> str:
     """A sentence on what the base model's orders or law lack; empty if larger ones explain no more than the effects.
 
     Both explain the same record, so they are compared by n ln of the mean square residual, in which a common noise
@@ -318,14 +318,14 @@ def falls_short(s: Record, base: ChainModel, model: ChainModel) -> str:
     461-464).
     """
 
-    def fitted(pair: tuple[Record, ChainModel]) -> tuple[Record, ChainModel, float]:
+    def fitted(pair: tuple[Record, ChainHypothesis]) -> tuple[Record, ChainHypothesis, float]:
         at, m = pair
         m = sharpened(at, m, (10.0, *cm.HARD), 10)
         return at, m, cost(at, m)
 
     n = float(s.fit.sum())
 
-    def beats(other: tuple[Record, ChainModel, float]) -> bool:
+    def beats(other: tuple[Record, ChainHypothesis, float]) -> bool:
         more = other[1].theta.size - base.theta.size - sum(t.kind.n_numbers for t in model.terms)
         return gain(cost(s, model), other[2], n) > more * np.log(n)
 

@@ -18,7 +18,7 @@ from whsklearn.gap.calibration import N_NULL, gain
 from whsklearn.gap.nameless import without_name
 from whsklearn.gap.plants import chain_model as cm
 from whsklearn.gap.plants.chain_fit import SOFT, climb, coloured, sharpened
-from whsklearn.gap.plants.chain_model import ChainCandidate, ChainModel, Record, Sizes, Term, catalogue
+from whsklearn.gap.plants.chain_model import ChainCandidate, ChainHypothesis, ChainTerm, Record, Sizes, catalogue
 from whsklearn.gap.record import rms
 from whsklearn.gap.tangent import Family, Look, Tangent, strongest_lines, with_p_values
 from whsklearn.recursion.arrays import Array
@@ -37,7 +37,7 @@ class Scene:
     """A record under a fitted model, with everything that all families share."""
 
     record: Record
-    model: ChainModel
+    model: ChainHypothesis
     sizes: Sizes
     kappa: float
     x: Array
@@ -45,7 +45,7 @@ class Scene:
     y: Array
 
     @classmethod
-    def of(cls, s: Record, m: ChainModel, sharpness: float = SLOPED) -> Scene:
+    def of(cls, s: Record, m: ChainHypothesis, sharpness: float = SLOPED) -> Scene:
         """The scene at the sharpness at which columns are computed."""
         kappa = sharpness / cm.rms_dx(s, m)
         return cls(s, m, cm.sizes(s, m), kappa, *cm.simulate(s, m, kappa))
@@ -58,7 +58,7 @@ class Scene:
         """Columns of one candidate at several shapes, shape (n, s, 1 or 2)."""
         size = SMALL * self.sizes.v if kind.linear else 1.0
         sizes_of = size * np.eye(kind.linear) if kind.linear else np.zeros((1, 0))
-        grown = [self.model.plus(Term(kind, (*q, *shape))) for shape in shapes for q in sizes_of]
+        grown = [self.model.plus(ChainTerm(kind, (*q, *shape))) for shape in shapes for q in sizes_of]
         change = (cm.outputs(self.record, grown, self.kappa) - self.y) / size
         return self.seen(change.T).reshape(-1, len(shapes), len(sizes_of))
 
@@ -78,8 +78,8 @@ def tones(scene: Scene, kind: ChainCandidate, tangent: Tangent) -> list[tuple[fl
 def family(scene: Scene, kind: ChainCandidate) -> Family:
     """One candidate with all its shapes."""
 
-    def start(shape: tuple[float, ...], size: Array) -> Term:
-        return Term(kind, (*(map(float, size) if kind.linear else ()), *shape))
+    def start(shape: tuple[float, ...], size: Array) -> ChainTerm:
+        return ChainTerm(kind, (*(map(float, size) if kind.linear else ()), *shape))
 
     return Family(
         kind.name, lambda tangent: scene.blocks(kind, tangent), start, kind.n_numbers,
@@ -146,7 +146,7 @@ class Seen:
     p_value: float
 
 
-def own_errors(s: Record, m: ChainModel, rng: np.random.Generator) -> Array:
+def own_errors(s: Record, m: ChainHypothesis, rng: np.random.Generator) -> Array:
     """Residuals of records simulated with the model, refitted at the same sharpness; shape (m, n)."""
     rows = []
     for _ in range(N_NULL):
@@ -155,7 +155,7 @@ def own_errors(s: Record, m: ChainModel, rng: np.random.Generator) -> Array:
     return np.array(rows)
 
 
-def look(s: Record, m: ChainModel, rng: np.random.Generator) -> Seen:
+def look(s: Record, m: ChainHypothesis, rng: np.random.Generator) -> Seen:
     """Look at every candidate and every nameless function beside the model's own numbers."""
     scene = Scene.of(s, m)
     e, null = cm.left(s, m)[s.fit], own_errors(s, m, rng)
@@ -178,7 +178,7 @@ def look(s: Record, m: ChainModel, rng: np.random.Generator) -> Seen:
     return Seen(found, beyond, smallest)
 
 
-def softly(s: Record, m: ChainModel) -> list[Look]:
+def softly(s: Record, m: ChainHypothesis) -> list[Look]:
     """Look at every candidate under a very soft sign, without a null.
 
     The sign is so soft that the error of a sample on the wrong side shows by how far it is off.  The derivative by the
@@ -194,7 +194,7 @@ def softly(s: Record, m: ChainModel) -> list[Look]:
     return sorted((k for k in found if k is not None), key=lambda k: -k.gain)
 
 
-def kinds(s: Record, m: ChainModel) -> list[ChainCandidate]:
+def kinds(s: Record, m: ChainHypothesis) -> list[ChainCandidate]:
     """The catalogue without what the chain has and can have only once: play, a limit, or a delay at its port."""
     once = {(t.kind.code) for t in m.terms if t.kind.linear == 0 or not t.kind.cls.repeats}
     return [k for k in catalogue(s.law) if k.code not in once]
@@ -207,6 +207,6 @@ def reversals(e: Array, null: Array) -> Look:
     return Look("", counts[0], counts[1:], None, 1, float(np.sqrt(excess * cm.CAP * cm.variance_of(e) / e.size)))
 
 
-def gained(s: Record, before: ChainModel, after: ChainModel) -> float:
+def gained(s: Record, before: ChainHypothesis, after: ChainHypothesis) -> float:
     """The gain g of one model over another."""
     return gain(cm.deviance(cm.left(s, before)[s.fit]), cm.deviance(cm.left(s, after)[s.fit]), float(s.fit.sum()))

@@ -166,7 +166,7 @@ class ChainCandidate(EffectVariant):
 
 
 @dataclass(frozen=True)
-class Term(FittedTerm):
+class ChainTerm(FittedTerm):
     """A candidate with its numbers."""
 
     def row(self) -> Array:
@@ -272,23 +272,23 @@ class Record:
 
 
 @dataclass(frozen=True)
-class ChainModel:
+class ChainHypothesis:
     """theta = [a[1:], b, weights of the law, c[1:], d], effects, and the colour A of the residual."""
 
     theta: Array
-    terms: tuple[Term, ...] = ()
+    terms: tuple[ChainTerm, ...] = ()
     ar: Array = dataclasses.field(default_factory=lambda: np.zeros(AR_ORDER))
     n_base: int = 0
 
-    def plus(self, term: Term) -> ChainModel:
+    def plus(self, term: ChainTerm) -> ChainHypothesis:
         """The model with one more effect."""
         return dataclasses.replace(self, terms=(*self.terms, term))
 
-    def without(self, i: int) -> ChainModel:
+    def without(self, i: int) -> ChainHypothesis:
         """The model without effect ``i``."""
         return self.with_terms(self.terms[:i] + self.terms[i + 1 :])
 
-    def with_terms(self, terms: tuple[Term, ...]) -> ChainModel:
+    def with_terms(self, terms: tuple[ChainTerm, ...]) -> ChainHypothesis:
         """The model with these effects."""
         return dataclasses.replace(self, terms=terms)
 
@@ -298,7 +298,7 @@ class ChainModel:
         return any(t.kind.at_sensor for t in self.terms)
 
 
-def ports(terms: tuple[Term, ...]) -> Ports | None:
+def ports(terms: tuple[ChainTerm, ...]) -> Ports | None:
     """The effects in the form that the compiled pass takes."""
     if not terms:
         return None
@@ -310,7 +310,9 @@ def ports(terms: tuple[Term, ...]) -> Ports | None:
     return Ports(np.array([t.kind.code for t in terms], dtype=np.int64), rows, address_of(tuple(own)))
 
 
-def simulate(s: Record, m: ChainModel, kappa: float = np.inf, u: Array | None = None) -> tuple[Array, Array, Array]:
+def simulate(
+    s: Record, m: ChainHypothesis, kappa: float = np.inf, u: Array | None = None
+) -> tuple[Array, Array, Array]:
     """x, v and y_hat of the free run, each of shape (n,); the sign of dx is tanh(kappa dx)."""
     u = s.u if u is None else u
     x, v, y = np.empty((3, u.size))
@@ -318,7 +320,7 @@ def simulate(s: Record, m: ChainModel, kappa: float = np.inf, u: Array | None = 
     return x, v, y
 
 
-def outputs(s: Record, models: list[ChainModel], kappa: float) -> Array:
+def outputs(s: Record, models: list[ChainHypothesis], kappa: float) -> Array:
     """y_hat of several models with the same effects, shape (n_models, n), in one compiled call."""
     out = np.empty((len(models), s.u.size))
     if models:
@@ -326,7 +328,7 @@ def outputs(s: Record, models: list[ChainModel], kappa: float) -> Array:
     return out
 
 
-def _run_all(s: Record, models: list[ChainModel], kappa: float, u: Array, out: tuple[Array, Array, Array]) -> None:
+def _run_all(s: Record, models: list[ChainHypothesis], kappa: float, u: Array, out: tuple[Array, Array, Array]) -> None:
     """Fill y_hat of every model, and x and v of the last one."""
     thetas, packed = np.array([m.theta for m in models]), [ports(m.terms) for m in models]
     # plain tuples: Numba would find out the types of a named one in Python, which takes longer than a run
@@ -357,7 +359,7 @@ def _runs_with(thetas, effects, packed, u, readings, out):
         run(thetas[i], chain, Ports(codes, rows[i], own), u, readings, none, True, x, v, y[i])
 
 
-def free_run(s: Record, m: ChainModel) -> Array:
+def chain_free_run(s: Record, m: ChainHypothesis) -> Array:
     """y_hat under the sign itself, as `WienerHammersteinSystem` simulates it."""
     return simulate(s, m)[2]
 
@@ -392,18 +394,18 @@ def pieces_of(seen: Bools) -> list[slice]:
     return [slice(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def left(s: Record, m: ChainModel, kappa: float = np.inf) -> Array:
+def left(s: Record, m: ChainHypothesis, kappa: float = np.inf) -> Array:
     """A(q) (y - y_hat), shape (n,); zero in holes, and no error in a hole enters those after it."""
     e = np.clip(np.nan_to_num(s.y - simulate(s, m, kappa)[2], nan=1e9), -1e9, 1e9)
     return whiten(e * s.seen, m.ar) * s.seen
 
 
-def rms_dx(s: Record, m: ChainModel) -> float:
+def rms_dx(s: Record, m: ChainHypothesis) -> float:
     """Root mean square of dx, never zero."""
     return max(rms(np.diff(simulate(s, m)[0])), 1e-12)
 
 
-def sizes(s: Record, m: ChainModel) -> Sizes:
+def sizes(s: Record, m: ChainHypothesis) -> Sizes:
     """Sizes of the signals under the model."""
     x, v, _ = simulate(s, m)
 
@@ -502,18 +504,18 @@ def burg(pieces: list[Array]) -> Array:
 
 
 # --- the free numbers as one vector --------------------------------------------------------------
-def to_vector(m: ChainModel) -> Array:
+def to_vector(m: ChainHypothesis) -> Array:
     """theta, then the free numbers of the effects."""
     return np.concatenate([m.theta, *(t.vector() for t in m.terms)])
 
 
-def from_vector(m: ChainModel, x: Array) -> ChainModel:
+def from_vector(m: ChainHypothesis, x: Array) -> ChainHypothesis:
     """The inverse of `to_vector`."""
     n = m.theta.size
     return dataclasses.replace(m, theta=np.array(x[:n], dtype=float), terms=with_vectors(m.terms, x[n:]))
 
 
-def bounds(m: ChainModel, z: Sizes) -> tuple[Array, Array]:
+def bounds(m: ChainHypothesis, z: Sizes) -> tuple[Array, Array]:
     """(low, high) of the vector."""
     ends = [(-np.inf, np.inf)] * m.theta.size
     for t in m.terms:
@@ -523,7 +525,7 @@ def bounds(m: ChainModel, z: Sizes) -> tuple[Array, Array]:
     return np.array(ends)[:, 0], np.array(ends)[:, 1]
 
 
-def sensitivities(s: Record, m: ChainModel, kappa: float) -> Array:
+def sensitivities(s: Record, m: ChainHypothesis, kappa: float) -> Array:
     """Derivatives of A(q) (y - y_hat) by the vector of `to_vector`; shape (n, p).
 
     They are exact for the law's weights, c and d if nothing acts on the reading; the others are forward differences.
@@ -547,7 +549,7 @@ def sensitivities(s: Record, m: ChainModel, kappa: float) -> Array:
     return -whiten(np.clip(np.nan_to_num(out), -1e12, 1e12).T, m.ar)
 
 
-def stable(s: Record, m: ChainModel) -> ChainModel:
+def stable(s: Record, m: ChainHypothesis) -> ChainHypothesis:
     """The model with its poles moved inside the unit circle, as the library's system requires."""
     theta = m.theta.copy()
     _, b, _, _, d = s.blocks
@@ -556,7 +558,7 @@ def stable(s: Record, m: ChainModel) -> ChainModel:
     return dataclasses.replace(m, theta=theta)
 
 
-def made(s: Record, m: ChainModel, rng: np.random.Generator) -> Record:
+def made(s: Record, m: ChainHypothesis, rng: np.random.Generator) -> Record:
     """A record that the model makes from the same input, with Gaussian noise of the colour and size of its residual.
 
     It is rounded to the same grid: rounding errors are a function of the output, not noise, and whatever explains them
@@ -564,7 +566,7 @@ def made(s: Record, m: ChainModel, rng: np.random.Generator) -> Record:
     """
     variance = max(variance_of(left(s, m)[s.fit]) - (1.0 + float(m.ar @ m.ar)) * s.step**2 / 12.0, 0.0)
     noise = lfilter([1.0], np.concatenate([[1.0], m.ar]), rng.standard_normal(s.u.size + 200))[200:]
-    y = free_run(s, m) + np.sqrt(variance) * np.asarray(noise)
+    y = chain_free_run(s, m) + np.sqrt(variance) * np.asarray(noise)
     # readings that are never negative have also lost the sign of their noise
     if any(t.kind.folds for t in m.terms) and float(s.y.min()) >= 0.0:
         y = np.abs(y)
@@ -573,7 +575,7 @@ def made(s: Record, m: ChainModel, rng: np.random.Generator) -> Record:
     return s.with_output(y)
 
 
-def numbers_of(s: Record, m: ChainModel) -> dict[str, Any]:
+def numbers_of(s: Record, m: ChainHypothesis) -> dict[str, Any]:
     """Natural parameters by name."""
     a, b, _, c, d = s.blocks
     names = [f"a_{i}" for i in range(2, a.stop - a.start + 2)] + [f"b_{i}" for i in range(1, b.stop - b.start + 1)]

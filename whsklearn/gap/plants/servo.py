@@ -33,7 +33,7 @@ from whsklearn.gap.plants.servo_candidates import TWO_MASS, aliases, candidate
 from whsklearn.gap.plants.servo_families import highest_order, next_order, polished, widened
 from whsklearn.gap.plants.servo_families import settled as looking_settled
 from whsklearn.gap.plants.servo_inverse import InverseView
-from whsklearn.gap.plants.servo_model import HOLD, AxisModel
+from whsklearn.gap.plants.servo_model import HOLD, ServoHypothesis
 from whsklearn.gap.plants.servo_run import ObserverView
 from whsklearn.gap.plants.servo_start import (
     best_view,
@@ -78,7 +78,7 @@ class ServoPlant(Plant):
         self.units, self.own_units, self.logged = record.units, record.shown, record.logged
         self.gap_word = {"Nm": "missing torque", "N": "missing force"}.get(record.units[0], "missing drive")
         self.scale = rms(record.drive) if len(record) else 0.0
-        self._folded: tuple[ObserverView, AxisModel] | None = None
+        self._folded: tuple[ObserverView, ServoHypothesis] | None = None
         self.lead = 0.0
 
     def check(self) -> list[DataProblem]:
@@ -86,7 +86,7 @@ class ServoPlant(Plant):
         return check_servo(self.record)
 
     # --- models and views -------------------------------------------------------------------
-    def base(self, rng: np.random.Generator) -> AxisModel:
+    def base(self, rng: np.random.Generator) -> ServoHypothesis:
         """The base model, fitted; a reading whose sign was lost is unfolded first."""
         base = self._open(self.record)
         straight = unfold(self.record.position, self.record.dt)
@@ -99,21 +99,21 @@ class ServoPlant(Plant):
             self.record, self.inverse, self.observer, base = given
         return base
 
-    def _open(self, record: ServoRecord) -> AxisModel:
+    def _open(self, record: ServoRecord) -> ServoHypothesis:
         """Set up both views of a record; return its base model."""
         self.record = record
         self.inverse, base = start_of(record, self.law, self.tolerance)
         self.observer = observer_view(self.inverse, base.scene, tolerance=self.tolerance).coarsened(base)
         return base
 
-    def made(self, model: AxisModel, rng: np.random.Generator) -> ServoPlant:
+    def made(self, model: ServoHypothesis, rng: np.random.Generator) -> ServoPlant:
         """The plant of a record that the model itself makes in the same experiment."""
         record = servo_own.own_record(self.inverse, model, rng, self.record.drive, model.timing * self.record.dt)
         other = ServoPlant(record, self.law, None, self.tolerance)
         other.observer = dataclasses.replace(self.observer, record=record)
         return other
 
-    def to_simulate(self, model: AxisModel) -> AxisModel:
+    def to_simulate(self, model: ServoHypothesis) -> ServoHypothesis:
         """Choose the numbers with the best free run: as found, corrected by own records, or refitted along the run.
 
         The horizon of the proof is chosen first, and the three are compared at it.  Over a longer one, at which no
@@ -132,7 +132,7 @@ class ServoPlant(Plant):
         kept = [m for m in tried if model.has_inertia(m)] or self.inverse.of_differences(model) or tried
         return min(kept, key=lambda m: servo_run.train_error(self.observer, m, self.headline))
 
-    def contributes(self, base: AxisModel, model: AxisModel) -> bool:
+    def contributes(self, base: ServoHypothesis, model: ServoHypothesis) -> bool:
         """Whether the torque missing from the free runs is smaller with the effects than without.
 
         Over a short horizon h a missing torque tau displaces an axis by tau h^2 / (2 J).  Where a slow force is
@@ -143,7 +143,7 @@ class ServoPlant(Plant):
         lacks = (m.inertia * rms((y - self.simulate(m, self.headline))[held]) for m in (model, base))
         return next(lacks) < next(lacks)
 
-    def _from_load(self, model: AxisModel) -> list[AxisModel]:
+    def _from_load(self, model: ServoHypothesis) -> list[ServoHypothesis]:
         """The model with its transmission seen from the load, fitted along the run; empty if the fit drops it.
 
         Inverse dynamics takes the measured motion to be the motor's; its form for the load side is only first order.
@@ -155,7 +155,7 @@ class ServoPlant(Plant):
         terms = fitted.terms
         return [fitted.with_terms((*terms[:i], terms[-1], *terms[i:-1]))] if len(terms) == len(model.terms) else []
 
-    def _runs_worse(self, before: AxisModel, after: AxisModel) -> bool:
+    def _runs_worse(self, before: ServoHypothesis, after: ServoHypothesis) -> bool:
         """Whether a limit, a lag or a gain makes the free run worse.
 
         If it removes nearly all of the drive, it "explains" a target that it has itself made small, with almost no
@@ -170,19 +170,19 @@ class ServoPlant(Plant):
         old, new = (servo_run.train_error(self.observer, m, horizon) for m in (before, after))
         return not new < old
 
-    def _weighs(self, model: AxisModel) -> bool:
+    def _weighs(self, model: ServoHypothesis) -> bool:
         """Whether the inertia accounts for a considerable share of the drive; otherwise a free run shows nothing."""
         acceleration = np.gradient(self.inverse.motion.velocity, self.inverse.scene.dt)
         return model.inertia * rms(acceleration) > self.tolerance * self.scale
 
-    def _horizons(self, model: AxisModel) -> tuple[float, tuple[float, ...]]:
+    def _horizons(self, model: ServoHypothesis) -> tuple[float, tuple[float, ...]]:
         """(headline, all) horizons at which this model can be simulated (`servo_run.predictable`)."""
         made = self.made(model, np.random.default_rng(0))
         longest = servo_run.horizon_of(model, model.scene, self.tolerance)
         headline = servo_run.predictable(made.observer, model, longest)
         return headline, servo_run.horizons_around(headline)
 
-    def learn(self, model: AxisModel) -> Learned | None:
+    def learn(self, model: ServoHypothesis) -> Learned | None:
         """Learn curves in the inverse view; the age of the drive is the one with the best free run on fitted samples.
 
         Inverse dynamics counts half a sample of age for the hold, which a simulation includes anyway.
@@ -195,7 +195,7 @@ class ServoPlant(Plant):
         best = min(tried, key=lambda m: servo_run.train_error(self.observer, m, self.headline))
         return found._replace(model=best)
 
-    def reading(self, base: AxisModel, model: AxisModel) -> Reading:
+    def reading(self, base: ServoHypothesis, model: ServoHypothesis) -> Reading:
         """A lost sign, with the record as given; or a coarse encoder grid, if the missing torque shows no effect."""
         if self._folded is None:
             return Reading([] if model.added else coarse_encoder(self.observer, self.observer.fit(model)))
@@ -211,12 +211,14 @@ class ServoPlant(Plant):
         also = OVER_LITTLE_TRAVEL.get(name, ()) if float(np.ptp(self.record.position)) < rules.LITTLE_TRAVEL else ()
         return tuple(dict.fromkeys([*aliases(name), *(a for a in also if self.units[1] == "rad")]))
 
-    def linearised(self, model: AxisModel) -> Linearised:
+    def linearised(self, model: ServoHypothesis) -> Linearised:
         """Residual and derivatives of inverse dynamics."""
         return self.inverse.linearised(model)
 
     # --- the search ---------------------------------------------------------------------------
-    def looks(self, model: AxisModel, rng: np.random.Generator, beside: AxisModel | None = None) -> list[Any]:
+    def looks(
+        self, model: ServoHypothesis, rng: np.random.Generator, beside: ServoHypothesis | None = None
+    ) -> list[Any]:
         """Look at every candidate beside the model, in the record and in the model's own records.
 
         If ``beside`` is given, the model is ``beside`` without one of its effects.
@@ -228,7 +230,7 @@ class ServoPlant(Plant):
             self.inverse, self.inverse.fit(model), self.own, self.tolerance * self.scale, beside
         )
 
-    def explained(self, model: AxisModel, grown: AxisModel, look: Any) -> tuple[float, float]:
+    def explained(self, model: ServoHypothesis, grown: ServoHypothesis, look: Any) -> tuple[float, float]:
         """(gain, size) of a fitted effect, in the direction of regression in which it was found."""
         if not look.swapped:
             return super().explained(model, grown, look)
@@ -236,7 +238,7 @@ class ServoPlant(Plant):
         g, share = servo_families.explained_acceleration(self.inverse, model, grown)
         return g, max(self.size(before, self.errors(grown)), self.rms(before) * float(np.sqrt(share)))
 
-    def refine(self, model: AxisModel, look: Any) -> AxisModel:
+    def refine(self, model: ServoHypothesis, look: Any) -> ServoHypothesis:
         """The candidate with its shape polished and sizes solved for; held numbers are freed if the gain is enough."""
         grown = polished(self.inverse, model, look.start)
         for other, n_numbers in self._wider(model, grown, look.start):
@@ -245,7 +247,9 @@ class ServoPlant(Plant):
                 grown = other
         return grown
 
-    def _wider(self, model: AxisModel, grown: AxisModel, start: Any) -> Iterator[tuple[AxisModel, int]]:
+    def _wider(
+        self, model: ServoHypothesis, grown: ServoHypothesis, start: Any
+    ) -> Iterator[tuple[ServoHypothesis, int]]:
         """The model with numbers freed that a first look holds: an effect's later ones, or an order that was whole."""
         wider = widened(self.inverse, grown)
         if wider is not None:
@@ -253,7 +257,7 @@ class ServoPlant(Plant):
         if start.kind.scanned == "position" and float(start.q[2]).is_integer():
             yield polished(self.inverse, model, start.with_slot(2, start.q[2] * (1.0 + 1e-6))), 1
 
-    def family(self, model: AxisModel) -> Iterator[AxisModel]:
+    def family(self, model: ServoHypothesis) -> Iterator[ServoHypothesis]:
         """The model with one more order of its last term's family at a time, as long as each is justified."""
         last = model.terms[-1]
         if not (last.kind.cls.repeats and last.kind.scanned == "position"):
@@ -269,7 +273,7 @@ class ServoPlant(Plant):
             model = grown
             yield grown
 
-    def settled(self, model: AxisModel) -> AxisModel:
+    def settled(self, model: ServoHypothesis) -> ServoHypothesis:
         """The model fitted behind the filter that its gap allows, with shapes polished without the filter's artefacts.
 
         A drive that was logged after it had acted is moved back first.
@@ -290,7 +294,7 @@ class ServoPlant(Plant):
                 model = self._along_the_run(model)
         return model
 
-    def _along_the_run(self, model: AxisModel) -> AxisModel:
+    def _along_the_run(self, model: ServoHypothesis) -> ServoHypothesis:
         """The model with numbers fitted along its own run, if they also reduce the residual of inverse dynamics.
 
         A strong effect changes how long the axis sticks.  Shapes fitted with the artefacts of a model without it may
@@ -306,11 +310,11 @@ class ServoPlant(Plant):
         view.own = kept
         return model
 
-    def errors(self, model: AxisModel) -> Array:
+    def errors(self, model: ServoHypothesis) -> Array:
         """Residual of the model at the judged samples."""
         return self.inverse.gap(model)
 
-    def alone(self, model: AxisModel) -> Array:
+    def alone(self, model: ServoHypothesis) -> Array:
         """The model's residual, polished with the artefacts of its own records instead of those of its base."""
         view, kept = self.inverse, self.inverse.own
         view.own = servo_own.own(view, model, np.random.default_rng(0))[0]
@@ -318,7 +322,7 @@ class ServoPlant(Plant):
         view.own = kept
         return left
 
-    def objection(self, model: AxisModel, grown: AxisModel) -> str:
+    def objection(self, model: ServoHypothesis, grown: ServoHypothesis) -> str:
         """The objection to an effect: a physical one, too small a share beside play, or a worse free run."""
         said = self.inverse.objection(grown, len(grown.terms) - 1)
         if said:
@@ -329,15 +333,15 @@ class ServoPlant(Plant):
         return "the simulation runs farther from the record with it" if self._runs_worse(model, grown) else ""
 
     # --- proof --------------------------------------------------------------------------------
-    def simulate(self, model: AxisModel, horizon: float) -> Array:
-        """See `whsklearn.gap.plants.servo_run.free_run`."""
-        return servo_run.free_run(self.observer, model, horizon)
+    def simulate(self, model: ServoHypothesis, horizon: float) -> Array:
+        """See `whsklearn.gap.plants.servo_run.restarted_run`."""
+        return servo_run.restarted_run(self.observer, model, horizon)
 
-    def measured(self, *models: AxisModel) -> tuple[Array, NDArray[np.bool_]]:
+    def measured(self, *models: ServoHypothesis) -> tuple[Array, NDArray[np.bool_]]:
         """Position and the mask of held-out samples without the edges."""
         return self.observer.record.position, servo_run.held_out(self.observer)
 
-    def figures(self, base: AxisModel, model: AxisModel, nameless: float = 0.0) -> Figures:
+    def figures(self, base: ServoHypothesis, model: ServoHypothesis, nameless: float = 0.0) -> Figures:
         """The gap of inverse dynamics in the unit of the drive, as an engineer would compute it.
 
         The residual of the model's own records, due to filters and noise, is subtracted.  If the model has play, the
@@ -355,7 +359,7 @@ class ServoPlant(Plant):
         return Figures(before, after, self.own.floor, nameless)
 
     # --- report -------------------------------------------------------------------------------
-    def gap(self, model: AxisModel) -> Gap:
+    def gap(self, model: ServoHypothesis) -> Gap:
         """The gap of inverse dynamics, measured signals, and the numbers of the base model with their columns."""
         view = self.inverse
         columns, _ = view.columns(model, view.torque(model))
@@ -363,7 +367,7 @@ class ServoPlant(Plant):
         constants = {k: (v, x[view.at]) for (k, (v, _)), x in named}
         return Gap(view.gap(model), view.step, signals(view, self.units), constants)
 
-    def numbers(self, model: AxisModel) -> dict[str, tuple[float, str]]:
+    def numbers(self, model: ServoHypothesis) -> dict[str, tuple[float, str]]:
         """Inertia, friction and age of the drive, in SI symbols of drive and position.
 
         Inertia has its own unit if the drive is a torque or a force.
@@ -375,12 +379,12 @@ class ServoPlant(Plant):
             rows[t.name] = t.q[0], "" if unit == "1" else unit
         return rows | {"age of the drive (samples)": (model.timing, "")}
 
-    def told(self, base: AxisModel, model: AxisModel) -> Told:
+    def told(self, base: ServoHypothesis, model: ServoHypothesis) -> Told:
         """Whiteness of the residual, remarks, and the series that the page draws."""
         view, both = self.observer, (("before", base), ("after", model))
         view.weigh(0.0)
         tests = [whiteness(view.whitened(view.gap(m), on="all"), name) for name, m in both]
-        runs = {name: servo_run.free_run(view, m, self.headline) for name, m in both}
+        runs = {name: servo_run.restarted_run(view, m, self.headline) for name, m in both}
         drawn = pictures(self.inverse, base, model, self.units, self.gap_word) | {"floor": self.own.floor}
         return Told(tests, self._notes(), drawn | {"runs": runs, "held": servo_run.held_out(view)})
 
@@ -401,7 +405,7 @@ class ServoPlant(Plant):
             SPLIT,
         ]
 
-    def system(self, model: AxisModel) -> Any:
+    def system(self, model: ServoHypothesis) -> Any:
         """The repaired `ServoAxis`."""
         from whsklearn.systems.servo import ServoAxis, fine_steps
         from whsklearn.systems.servo_parts import Drive

@@ -34,7 +34,7 @@ from whsklearn.gap.plants import servo_stop as stop
 from whsklearn.gap.plants import servo_two_mass as two_mass
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, Candidate, usable
 from whsklearn.gap.plants.servo_inverse import later, reaching
-from whsklearn.gap.plants.servo_model import AxisModel, Term
+from whsklearn.gap.plants.servo_model import ServoHypothesis, ServoTerm
 from whsklearn.gap.plants.servo_own import Own
 from whsklearn.gap.search import HALF, LEAST_SHARE
 from whsklearn.gap.tangent import AT_ONCE, Family, Look, Tangent, chance, strongest_lines, with_p_values
@@ -49,7 +49,7 @@ class Scene:
     The torque is the model's; if that is not good enough, it is the torque of ``beside``.
     """
 
-    def __init__(self, view: Any, model: AxisModel, beside: AxisModel | None = None):
+    def __init__(self, view: Any, model: ServoHypothesis, beside: ServoHypothesis | None = None):
         self.view, self.model = view, model
         self.torque = view.torque(model)
         if self.torque is None and beside is not None:
@@ -60,7 +60,7 @@ class Scene:
         self.time = view.time[:: view.every][view.at]
         self.sigma = CUTOFF_SIGMA / (2 * np.pi * view.cutoff)
 
-    def columns(self, term: Term) -> Array:
+    def columns(self, term: ServoTerm) -> Array:
         """Columns of one term at its shape, shape (n, 1, k)."""
         return self.view.term_columns(self.model, term, self.torque)[self.at][:, None, :]
 
@@ -71,7 +71,9 @@ class Scene:
         return lost[:, None, None], self.view.rms(before - lost) / max(self.view.rms(before), 1e-300)
 
 
-def looks(view: Any, model: AxisModel, own: Own, least: float, beside: AxisModel | None = None) -> list[Look]:
+def looks(
+    view: Any, model: ServoHypothesis, own: Own, least: float, beside: ServoHypothesis | None = None
+) -> list[Look]:
     """Look at every candidate, and at nameless functions of the motion, beside the model's own columns.
 
     Effects that multiply the torque are tried too if only ``beside``, which has one more effect, predicts it well
@@ -155,10 +157,10 @@ def family(scene: Scene, kind: Candidate) -> Family:
     n_numbers = kind.n_slots - len(kind.held)
     zeros = (0.0,) * kind.linear
 
-    def term(shape: tuple[float, ...], _sizes: Array) -> Term:
-        return Term(kind, (*zeros, *shape))
+    def term(shape: tuple[float, ...], _sizes: Array) -> ServoTerm:
+        return ServoTerm(kind, (*zeros, *shape))
 
-    def given(shape: Term, _sizes: Array) -> Term:
+    def given(shape: ServoTerm, _sizes: Array) -> ServoTerm:
         return shape
 
     if kind.code in TWO_MASS:
@@ -172,8 +174,8 @@ def family(scene: Scene, kind: Candidate) -> Family:
         return Family(kind.name, lambda t: tones(scene, kind, t), term, n_numbers)
     shapes = kind.grid(scene.view.scene, scene.view.cutoff)
     return Family(
-        kind.name, lambda _: (([s], scene.columns(Term(kind, (*zeros, *s))), 1.0) for s in shapes), term, n_numbers,
-        positive=kind.positive, signal=kind.signal,
+        kind.name, lambda _: (([s], scene.columns(ServoTerm(kind, (*zeros, *s))), 1.0) for s in shapes), term,
+        n_numbers, positive=kind.positive, signal=kind.signal,
     )  # fmt: skip
 
 
@@ -196,7 +198,7 @@ def limits(scene: Scene, kind: Candidate) -> Blocks:
     """What a limit or a dead zone removes from the drive; enough must remain to fit the axis."""
     u, signals = scene.view.record.drive, scene.view.motion
     for width in np.geomspace(*kind.ranged(scene.view.scene)[0], N_LIMITS):
-        changed = reaching(Term(kind, (float(width),)), u, signals, scene.view.scene.dt)
+        changed = reaching(ServoTerm(kind, (float(width),)), u, signals, scene.view.scene.dt)
         flat = np.abs(np.diff(changed)) <= 1e-9 * np.abs(np.diff(u))
         if scene.view.n_effective * (1.0 - np.mean(flat)) < scene.model.vector().size + 1:
             continue
@@ -226,7 +228,7 @@ def orders(scene: Scene, kind: Candidate) -> Blocks:
     values = values[values > 0.0]
     if not kind.paired:
         for order in values:
-            yield [(float(order),)], scene.columns(Term(kind, (0.0, float(order)))), 1.0
+            yield [(float(order),)], scene.columns(ServoTerm(kind, (0.0, float(order)))), 1.0
         return
     size = view.blur(kind.unit_columns((0.0,), scene.signals)[:, 0])[view.at]
     for i in range(0, values.size, AT_ONCE):
@@ -234,7 +236,7 @@ def orders(scene: Scene, kind: Candidate) -> Blocks:
         damped = size[:, None] * np.exp(-0.5 * (scene.speed[:, None] * part * scene.sigma) ** 2)
         phase = scene.angle[:, None] * part
         if kind.cls.port == "output":
-            term = [scene.columns(Term(kind, (0.0, 0.0, float(o))))[:, 0, :] for o in part[0]]
+            term = [scene.columns(ServoTerm(kind, (0.0, 0.0, float(o))))[:, 0, :] for o in part[0]]
             yield [(float(o),) for o in part[0]], np.stack(term, axis=1), 1.0
         else:
             columns = np.stack([damped * np.cos(phase), damped * np.sin(phase)], axis=2)
@@ -256,7 +258,7 @@ def tones(scene: Scene, kind: Candidate, tangent: Tangent) -> Blocks:
     yield [(f,) for f in best], np.stack([np.cos(phase), np.sin(phase)], axis=2), 1.0
 
 
-def next_order(view: Any, model: AxisModel, kind: Candidate) -> AxisModel | None:
+def next_order(view: Any, model: ServoHypothesis, kind: Candidate) -> ServoHypothesis | None:
     """The model with the best further order of a family; only whole orders can join whole ones, and are preferred."""
     scene = Scene(view, model)
     _, x, target, sizes, free = view.solved(model)
@@ -270,28 +272,28 @@ def next_order(view: Any, model: AxisModel, kind: Candidate) -> AxisModel | None
         power = tangent.taken(family(scene, kind), columns)[0][:, 0]
         powers |= {o: float(p) for (o,), p in zip(shapes, power, strict=True)}
     open_orders = [
-        o for o in powers if (o.is_integer() or not whole) and resolved(view, model, Term(kind, (0.0, 0.0, o)))
+        o for o in powers if (o.is_integer() or not whole) and resolved(view, model, ServoTerm(kind, (0.0, 0.0, o)))
     ]  # fmt: skip
     if not open_orders:
         return None
     best = max(open_orders, key=lambda o: powers[o] * (rules.WHOLE_ORDER if o.is_integer() else 1.0))
-    return polished(view, model, Term(kind, (0.0, 0.0, best)))
+    return polished(view, model, ServoTerm(kind, (0.0, 0.0, best)))
 
 
-def resolved(view: Any, model: AxisModel, term: Term) -> bool:
+def resolved(view: Any, model: ServoHypothesis, term: ServoTerm) -> bool:
     """Whether a wave is no neighbour of the model's waves of its kind: closer orders are one wave with an envelope."""
     beside = [t.q[2] for t in model.terms if t.kind == term.kind and term.kind.scanned == "position"]
     return all(abs(term.q[2] - order) > ONE_PERIOD / view.scene.reach for order in beside)
 
 
-def regression(view: Any, model: AxisModel) -> tuple[Array, Array]:
+def regression(view: Any, model: ServoHypothesis) -> tuple[Array, Array]:
     """(acceleration, columns) at the judged samples; the columns are the drive and all of the model except inertia."""
     _, x, target, _, free = view.solved(model)
     columns = np.column_stack([target, stop.without_pushes(model, x)[:, 1:][:, free[1 : x.shape[1]]]])
     return x[view.at, 0], columns[view.at]
 
 
-def acceleration_left(view: Any, model: AxisModel) -> Array:
+def acceleration_left(view: Any, model: ServoHypothesis) -> Array:
     """Residual of the acceleration under the model, shape (n,)."""
     a, columns = regression(view, model)
     norm = np.linalg.norm(columns, axis=0)
@@ -299,7 +301,7 @@ def acceleration_left(view: Any, model: AxisModel) -> Array:
     return np.asarray(a - columns @ np.linalg.lstsq(columns, a, rcond=1e-10)[0])
 
 
-def acceleration_tangent(view: Any, model: AxisModel, rng: np.random.Generator) -> Tangent:
+def acceleration_tangent(view: Any, model: ServoHypothesis, rng: np.random.Generator) -> Tangent:
     """Residual of the acceleration under the model, with noise of its colour for comparison.
 
     The artefacts of the filters are subtracted from the drive (`InverseView.artefact`).  No record of the model itself
@@ -312,7 +314,7 @@ def acceleration_tangent(view: Any, model: AxisModel, rng: np.random.Generator) 
     return Tangent(rest, null, regression(view, model)[1], n, stop.away(view, model))
 
 
-def explained_acceleration(view: Any, model: AxisModel, grown: AxisModel) -> tuple[float, float]:
+def explained_acceleration(view: Any, model: ServoHypothesis, grown: ServoHypothesis) -> tuple[float, float]:
     """(gain, share of the residual power removed) of the grown model, for the acceleration."""
     before, after = acceleration_left(view, model), acceleration_left(view, grown)
     power = smoothed_power(before)
@@ -332,13 +334,13 @@ POLISH = 4
 HIGHEST = 160.0  # periods per turn, or within 2 pi of half the travel of what does not turn
 
 
-def inverse_kinds(model: AxisModel) -> tuple[Candidate, ...]:
+def inverse_kinds(model: ServoHypothesis) -> tuple[Candidate, ...]:
     """Candidates with a form in this view."""
     every = (*usable([t.kind for t in model.terms]), *stop.usable(model))
     return tuple(c for c in every if c.linear > 0 or c.transforms or c.code in TWO_MASS)
 
 
-def polished(view: Any, model: AxisModel, term: Term) -> AxisModel:
+def polished(view: Any, model: ServoHypothesis, term: ServoTerm) -> ServoHypothesis:
     """The model with the term; its free shape numbers are moved downhill one at a time and the sizes solved for."""
     if term.kind in stop.KINDS:
         return stop.settled(view, model, term)
@@ -346,7 +348,7 @@ def polished(view: Any, model: AxisModel, term: Term) -> AxisModel:
     return jointly(view, grown, len(model.terms)) if term.kind.later else grown
 
 
-def settled(view: Any, model: AxisModel) -> AxisModel:
+def settled(view: Any, model: ServoHypothesis) -> ServoHypothesis:
     """The model with the shapes of its effects polished again beside the last one.
 
     Without that one, the rest position of a spring compensates for whatever was missing.
@@ -358,7 +360,7 @@ def settled(view: Any, model: AxisModel) -> AxisModel:
     return model
 
 
-def downhill(view: Any, grown: AxisModel, i: int) -> AxisModel:
+def downhill(view: Any, grown: ServoHypothesis, i: int) -> ServoHypothesis:
     """The model with the free shape numbers of term ``i`` moved downhill one at a time and the sizes solved for."""
     term = grown.terms[i]
     free = [(j, log) for of, j, log in grown.free() if of == i and j >= term.kind.linear]
@@ -381,7 +383,7 @@ def downhill(view: Any, grown: AxisModel, i: int) -> AxisModel:
     low, high = grown.bounds()
     limits = {j: (a, b) for (of, j, _), a, b in zip(grown.free(), low[2:], high[2:], strict=True) if of == i}
 
-    def at(j: int, log: bool, x: float) -> tuple[float, AxisModel]:
+    def at(j: int, log: bool, x: float) -> tuple[float, ServoHypothesis]:
         moved = float(np.clip(x, *limits[j]))
         t = grown.terms[i].with_slot(j, float(np.exp(moved)) if log else moved)
         other = view.fit(grown.with_terms((*grown.terms[:i], t, *grown.terms[i + 1 :])))
@@ -409,7 +411,7 @@ def downhill(view: Any, grown: AxisModel, i: int) -> AxisModel:
     return grown
 
 
-def jointly(view: Any, grown: AxisModel, i: int) -> AxisModel:
+def jointly(view: Any, grown: ServoHypothesis, i: int) -> ServoHypothesis:
     """The model with the free shape numbers of term ``i`` fitted together; the sizes are solved for at each step.
 
     Distance and damping of bristles trade off against each other; moved one at a time, they stop halfway to the
@@ -420,7 +422,7 @@ def jointly(view: Any, grown: AxisModel, i: int) -> AxisModel:
     at = [n for n, _, _ in free]
     (low, high), steps = grown.bounds(), grown.steps()
 
-    def moved(x: Array) -> AxisModel:
+    def moved(x: Array) -> ServoHypothesis:
         term = grown.terms[i]
         for (_, j, log), value in zip(free, x, strict=True):
             term = term.with_slot(j, float(np.exp(value)) if log else float(value))
@@ -433,11 +435,11 @@ def jointly(view: Any, grown: AxisModel, i: int) -> AxisModel:
     return best if view.rms(view.gap(best)) < view.rms(view.gap(grown)) else grown
 
 
-def widened(view: Any, model: AxisModel) -> AxisModel | None:
+def widened(view: Any, model: ServoHypothesis) -> ServoHypothesis | None:
     """The last term with its later numbers freed, from the best of their starts."""
     last = model.terms[-1]
     rows = last.kind.opened(last.q, view.scene)
     if not rows:
         return None
-    tried = [view.fit(model.with_terms((*model.terms[:-1], Term(*row)))) for row in rows]
+    tried = [view.fit(model.with_terms((*model.terms[:-1], ServoTerm(*row)))) for row in rows]
     return jointly(view, min(tried, key=lambda m: view.rms(view.gap(m))), len(model.terms) - 1)

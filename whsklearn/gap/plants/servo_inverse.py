@@ -26,7 +26,7 @@ from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants import servo_stop as stop
 from whsklearn.gap.plants import servo_two_mass as two_mass
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, ColumnSignals
-from whsklearn.gap.plants.servo_model import AxisModel, Term
+from whsklearn.gap.plants.servo_model import ServoHypothesis, ServoTerm
 from whsklearn.gap.record import ServoRecord, rms
 from whsklearn.logs.lattice import lattice
 
@@ -34,7 +34,7 @@ Array = NDArray[Any]
 KEPT = 40  # columns cached, because a polish moves one shape and not the others
 
 
-def reaching(t: Term, u: Array, motion: ColumnSignals, dt: float) -> Array:
+def reaching(t: ServoTerm, u: Array, motion: ColumnSignals, dt: float) -> Array:
     """The drive after an effect that transforms it: reduced at a limit or around zero, late by a delay or a lag."""
     if t.kind.cls.column_kind == "at_size":
         return u - np.asarray(t.effect.contribution(motion._replace(drive=u)))
@@ -139,7 +139,7 @@ class InverseView:
         whole[self.at] = left
         return np.interp(self.time, self.time[:: self.every], whole)
 
-    def age(self, model: AxisModel) -> float:
+    def age(self, model: ServoHypothesis) -> float:
         """Age of the drive (s), without limit: the size of the timing column."""
         x, _ = self.columns(model, self.torque(model) if self._driven(model) else None)
         target, share = self.target(model)
@@ -152,7 +152,7 @@ class InverseView:
         """The signal filtered by the Gaussian."""
         return filtered(x, self.g, self.every)
 
-    def columns(self, model: AxisModel, torque: Array | None = None) -> tuple[Array, NDArray[np.bool_]]:
+    def columns(self, model: ServoHypothesis, torque: Array | None = None) -> tuple[Array, NDArray[np.bool_]]:
         """(columns of inertia and of every linear number of the terms, mask of those that must be positive)."""
         parts, positive = [self.acceleration], [True]
         for t in model.terms:
@@ -161,7 +161,7 @@ class InverseView:
             positive += [t.kind.positive] * c.shape[1]
         return np.column_stack(parts), np.array(positive)
 
-    def term_columns(self, model: AxisModel, t: Term, torque: Array | None) -> Array:
+    def term_columns(self, model: ServoHypothesis, t: ServoTerm, torque: Array | None) -> Array:
         """Columns of one term, shape (n, number of its linear numbers)."""
         if t.kind.code in TWO_MASS:
             return two_mass.columns(self, model, t, torque)
@@ -177,7 +177,7 @@ class InverseView:
             columns = self._columns[key] = self._new_columns(model, t, torque)
         return columns
 
-    def _new_columns(self, model: AxisModel, t: Term, torque: Array | None) -> Array:
+    def _new_columns(self, model: ServoHypothesis, t: ServoTerm, torque: Array | None) -> Array:
         if t.kind.cls.port == "output":  # J a and B v are computed from a reading that is ahead by the error
             waves = t.kind.unit_columns(t.q[t.kind.linear :], self.motion)
             _, _, g2 = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * self.cutoff), self.scene.dt)
@@ -187,8 +187,8 @@ class InverseView:
 
     # --- the protocol ------------------------------------------------------------------------
     def solved(
-        self, model: AxisModel, *, any_age: bool = False
-    ) -> tuple[AxisModel, Array, Array, Array, NDArray[np.bool_]]:
+        self, model: ServoHypothesis, *, any_age: bool = False
+    ) -> tuple[ServoHypothesis, Array, Array, Array, NDArray[np.bool_]]:
         """(model with its sizes, columns with timing last, target, sizes, mask of columns used), at the model's shapes.
 
         With ``any_age`` the drive may be as old as in any logger; otherwise an age beyond bookkeeping is a delay.
@@ -220,7 +220,7 @@ class InverseView:
             sizes = sizes + stop.stiffness(model, columns[self.at], (target - columns @ sizes)[self.at])
         return self.with_sizes(model, np.append(sizes[: x.shape[1]], timing)), columns, target, sizes, free
 
-    def target(self, model: AxisModel) -> tuple[Array, float]:
+    def target(self, model: ServoHypothesis) -> tuple[Array, float]:
         """(drive that reaches the axis, rms of the logged drive over that of this drive).
 
         A limit has no column: it removes the peaks of the drive and with them the residual of the model at the peaks.
@@ -244,7 +244,7 @@ class InverseView:
             x, target = x * away[:, None], target * away
         return ols.solve(x, target, positive)
 
-    def with_sizes(self, model: AxisModel, sizes: Array) -> AxisModel:
+    def with_sizes(self, model: ServoHypothesis, sizes: Array) -> ServoHypothesis:
         """The model with the solved inertia, linear numbers and timing."""
         if any(t.kind.code in TWO_MASS for t in model.terms):
             return two_mass.with_sizes(self, model, sizes)
@@ -256,7 +256,7 @@ class InverseView:
         timing = float(np.clip(sizes[-1] / self.scene.dt, -1.0, 1.0))
         return dataclasses.replace(model, inertia=inertia, timing=timing, terms=tuple(terms))
 
-    def torque(self, model: AxisModel) -> Array | None:
+    def torque(self, model: ServoHypothesis) -> Array | None:
         """Torque that the model predicts, at full rate; None if its residual is too large to replace the drive."""
         x, _ = self.columns(model, self.record.drive)
         sizes = self.sizes(model)
@@ -266,18 +266,18 @@ class InverseView:
             return None
         return np.interp(self.time, self.time[:: self.every], predicted)
 
-    def sizes(self, model: AxisModel) -> Array:
+    def sizes(self, model: ServoHypothesis) -> Array:
         """Inertia and linear numbers in the order of `columns`."""
         if any(t.kind.code in TWO_MASS for t in model.terms):
             return two_mass.sizes(model)
         return np.array([model.inertia, *(n for t in model.terms for n in t.q[: t.kind.linear])])
 
-    def fit(self, model: AxisModel) -> AxisModel:
+    def fit(self, model: ServoHypothesis) -> ServoHypothesis:
         """The model with its sizes solved for at its shapes."""
         once = self.solved(model)[0]
         return self.solved(once)[0] if self._driven(model) else once
 
-    def of_differences(self, model: AxisModel) -> list[AxisModel]:
+    def of_differences(self, model: ServoHypothesis) -> list[ServoHypothesis]:
         """The model with the inertia of the first differences, its other sizes solved for at this inertia.
 
         Empty if the differences give no positive inertia, because noise outweighs the acceleration in them (SO-101,
@@ -293,34 +293,34 @@ class InverseView:
         solved = self.with_sizes(model, np.append(sizes, 0.0))
         return [dataclasses.replace(solved, inertia=inertia, timing=model.timing)]
 
-    def _driven(self, model: AxisModel) -> bool:
+    def _driven(self, model: ServoHypothesis) -> bool:
         """Whether any columns depend on the model's own numbers."""
         return any(self._depends(t) for t in model.terms)
 
     @staticmethod
-    def _depends(t: Term) -> bool:
+    def _depends(t: ServoTerm) -> bool:
         """Whether a term's columns contain the predicted torque, or the inertia (an error of the reading)."""
         return t.kind.driven or t.kind.cls.port == "output" or t.kind.on_load
 
-    def gap(self, model: AxisModel, *, any_age: bool = False) -> Array:
+    def gap(self, model: ServoHypothesis, *, any_age: bool = False) -> Array:
         """Drive that the model leaves unexplained at the judged samples."""
         _, x, target, sizes, _ = self.solved(model, any_age=any_age)
         left = target - stop.without_pushes(model, x) @ sizes
         return stop.outside(left[self.at], stop.away(self, model))
 
-    def left(self, model: AxisModel, torque: Array | None = None) -> Array:
+    def left(self, model: ServoHypothesis, torque: Array | None = None) -> Array:
         """Drive that the model leaves unexplained at its own numbers, which are not solved for."""
         x, _ = self.columns(model, self.torque(model) if torque is None else torque)
         predicted = x @ self.sizes(model)
         rate = ols.slope(predicted, self.step)
         return (self.target(model)[0] - predicted - model.timing * self.scene.dt * rate)[self.at]
 
-    def with_pushes(self, model: AxisModel) -> Array:
+    def with_pushes(self, model: ServoHypothesis) -> Array:
         """The same residual, with only the spring and damper part of a stop's push subtracted."""
         _, x, target, sizes, _ = self.solved(model)
         return (target - x @ sizes)[self.at]
 
-    def objection(self, model: AxisModel, index: int) -> str:
+    def objection(self, model: ServoHypothesis, index: int) -> str:
         """What is wrong with the sign or the range of a term's numbers; empty if nothing."""
         t = model.terms[index]
         if t.kind.code == codes.SATURATION and t.q[0] > 0.0 and self.below_limit(t.q[0]) < model.vector().size:
@@ -338,7 +338,7 @@ class InverseView:
         return self.n_effective * float(np.mean(below))
 
     # --- candidates ---------------------------------------------------------------------------
-    def linearised(self, model: AxisModel) -> Linearised:
+    def linearised(self, model: ServoHypothesis) -> Linearised:
         """Residual and derivatives by all free numbers, scaled to the number of independent samples.
 
         The residual is linear in the sizes, so their derivatives are the columns.  Differences would cost a new set of
@@ -369,7 +369,7 @@ class InverseView:
         return Linearised(x, low, high, r, slopes, model.with_vector)
 
 
-def unphysical(record: ServoRecord, model: AxisModel, index: int) -> str:
+def unphysical(record: ServoRecord, model: ServoHypothesis, index: int) -> str:
     """The physical objection to the numbers of a term, in either view of an axis; empty if there is none."""
     term = model.terms[index]
     q = term.q
@@ -399,7 +399,7 @@ def never_free(effect: Any, position: Array) -> str:
     return "" if free > 0.5 else f"the axis would touch it for {100 * (1.0 - free):.0f} % of the time: a spring"
 
 
-def too_large(model: AxisModel, index: int) -> str:
+def too_large(model: ServoHypothesis, index: int) -> str:
     """The objection that an effect takes so much of the drive that it replaces the drive; empty if it does not."""
     t = model.terms[index]
     if t.kind.code == codes.CHANGE_GAIN and 1.0 + t.q[0] < rules.LEAST_GAIN_LEFT:
@@ -411,7 +411,7 @@ def too_large(model: AxisModel, index: int) -> str:
     return f"it would take {100 * share:.0f} % of the drive, which no motor or gear does"
 
 
-def negative_damping(model: AxisModel, index: int) -> str:
+def negative_damping(model: ServoHypothesis, index: int) -> str:
     """The objection that an asymmetry of the viscous friction is larger than that friction; empty if it is not.
 
     In a record of one direction under a speed controller u = k (r - v), -k looks like such an asymmetry.
@@ -423,7 +423,7 @@ def negative_damping(model: AxisModel, index: int) -> str:
     return ""
 
 
-def on_excitation_line(record: ServoRecord, term: Term) -> str:
+def on_excitation_line(record: ServoRecord, term: ServoTerm) -> str:
     """The objection that a tone of a position servo without a logged drive is at a line of its command; empty if not.
 
     For such a servo, command minus position replaces the drive.  Loop dynamics that are not modelled leave a residual

@@ -26,7 +26,7 @@ from whsklearn.gap.plant import LEARNED_SHARE, Learned
 from whsklearn.gap.plants import inverse_dynamics as ols
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, Candidate, ColumnSignals
-from whsklearn.gap.plants.servo_model import AxisModel, Term
+from whsklearn.gap.plants.servo_model import ServoHypothesis, ServoTerm
 
 Array = NDArray[Any]
 
@@ -115,7 +115,7 @@ def forms(view: Any, torque: Array | None) -> list[Form]:
     return out
 
 
-def learn(view: Any, model: AxisModel) -> Learned | None:
+def learn(view: Any, model: ServoHypothesis) -> Learned | None:
     """The model with learned curves for whatever it still lacks, or None if cross-validation supports none."""
     if any(t.kind.code in TWO_MASS for t in model.terms):
         return None
@@ -156,7 +156,7 @@ class Normal(NamedTuple):
 class CurveProblem:
     """Penalised least squares of one record: friction and effects of the base model, and the curves found so far."""
 
-    def __init__(self, view: Any, model: AxisModel, torque: Array | None, curves: tuple[Fit, ...] = ()):
+    def __init__(self, view: Any, model: ServoHypothesis, torque: Array | None, curves: tuple[Fit, ...] = ()):
         self.view, self.model, self.torque, self.curves = view, model, torque, curves
         fitted, full, target, sizes, _ = view.solved(model)
         x, positive = view.columns(model, torque)
@@ -283,7 +283,7 @@ def heights_of(fits: list[Fit]) -> list[Array]:
     return [numbers[a:b] for a, b in pairwise(ends)]
 
 
-def with_curves(view: Any, model: AxisModel, fits: list[Fit], heights: list[Array]) -> AxisModel:
+def with_curves(view: Any, model: ServoHypothesis, fits: list[Fit], heights: list[Array]) -> ServoHypothesis:
     """The model with its own numbers as solved beside the curves, and with the hills of the curves as terms."""
     last = fits[-1]
     own = last.numbers[: last.numbers.size - sum(h.size for h in heights)]
@@ -291,7 +291,7 @@ def with_curves(view: Any, model: AxisModel, fits: list[Fit], heights: list[Arra
     terms = list(model.terms)
     for f, weights in zip(fits, heights, strict=True):
         for centre, weight in zip(f.centres, weights, strict=True):
-            terms.append(Term(f.form.kind, (float(weight), float(centre), f.width, f.form.period)))
+            terms.append(ServoTerm(f.form.kind, (float(weight), float(centre), f.width, f.form.period)))
     return dataclasses.replace(model, terms=tuple(terms))
 
 

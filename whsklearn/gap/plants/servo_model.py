@@ -39,39 +39,39 @@ INSIDE = 1e-3  # of a share: how far inside its range a fit along the run starts
 
 
 @dataclass(frozen=True)
-class Term(FittedTerm):
+class ServoTerm(FittedTerm):
     """A candidate (`whsklearn.gap.plants.servo_candidates.Candidate`) with its numbers."""
 
-    def with_slot(self, i: int, value: float) -> Term:
+    def with_slot(self, i: int, value: float) -> ServoTerm:
         """The same term with one number changed."""
         return replace(self, q=(*self.q[:i], float(value), *self.q[i + 1 :]))
 
 
 @dataclass(frozen=True)
-class AxisModel:
+class ServoHypothesis:
     """J a = u - sum of terms, where the drive is ``timing`` samples old when it acts."""
 
     inertia: float
     timing: float
-    terms: tuple[Term, ...]
+    terms: tuple[ServoTerm, ...]
     scene: Scales
     n_base: int = 0  # leading terms that are the base model's
     step: float = LONGEST_STEP  # s, the largest fine step; a view may have found that a longer one is as good
 
-    def with_term(self, term: Term) -> AxisModel:
+    def with_term(self, term: ServoTerm) -> ServoHypothesis:
         """The model with one more effect."""
         return replace(self, terms=(*self.terms, term))
 
-    def without(self, index: int) -> AxisModel:
+    def without(self, index: int) -> ServoHypothesis:
         """The model without its term ``index``."""
         return replace(self, terms=self.terms[:index] + self.terms[index + 1 :])
 
-    def with_terms(self, terms: tuple[Term, ...]) -> AxisModel:
+    def with_terms(self, terms: tuple[ServoTerm, ...]) -> ServoHypothesis:
         """The model with other terms."""
         return replace(self, terms=terms)
 
     @property
-    def added(self) -> tuple[Term, ...]:
+    def added(self) -> tuple[ServoTerm, ...]:
         """Effects beyond the base model."""
         return self.terms[self.n_base :]
 
@@ -86,7 +86,7 @@ class AxisModel:
                     return f"its {kind.fields[j]} reaches the limit of the plausible range"
         return ""
 
-    def has_inertia(self, fitted: AxisModel) -> bool:
+    def has_inertia(self, fitted: ServoHypothesis) -> bool:
         """Whether a model fitted from this one has an inertia inside the range that the fit had."""
         low, high = (np.exp(limit[0]) for limit in self.bounds())
         return bool(1.001 * low < fitted.inertia < high / 1.001)
@@ -130,7 +130,7 @@ class AxisModel:
                 high.append(np.log(b) if logarithm else b)
         return np.array(low), np.array(high)
 
-    def with_vector(self, x: Array) -> AxisModel:
+    def with_vector(self, x: Array) -> ServoHypothesis:
         """The model at other free numbers."""
         inertia, timing, terms = float(np.exp(x[0])), float(x[1]), with_vectors(self.terms, x[2:])
         return replace(self, inertia=inertia, timing=timing, terms=terms)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from whsklearn.gap.calibration import N_DRAWS, coloured, n_effective, null_rows, smoothed_power
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants.servo_candidates import ColumnSignals as Motion
-from whsklearn.gap.plants.servo_model import HOLD, AxisModel
+from whsklearn.gap.plants.servo_model import HOLD, ServoHypothesis
 from whsklearn.identification.drive_lead import earlier
 from whsklearn.systems._servo_kernel import DRIVE, MEASURED, N_SIGNALS, How, PassInputs, run
 from whsklearn.systems._servo_torques import DELAY, RESOLUTION
@@ -61,7 +61,7 @@ class Own(NamedTuple):
     late: float
 
 
-def own_record(view: Any, model: AxisModel, rng: np.random.Generator, feed: Array, delay: float) -> Any:
+def own_record(view: Any, model: ServoHypothesis, rng: np.random.Generator, feed: Array, delay: float) -> Any:
     """The record that the model makes in the experiment of ``view``.
 
     Parameters
@@ -111,7 +111,7 @@ def run_by_piece(
     return out
 
 
-def own(view: Any, model: AxisModel, rng: np.random.Generator) -> tuple[Own, AxisModel]:
+def own(view: Any, model: ServoHypothesis, rng: np.random.Generator) -> tuple[Own, ServoHypothesis]:
     """The residuals on the model's own records, and the model corrected by the bias of the same fit on them.
 
     The correction is that of indirect inference (Gourieroux, Monfort and Renault 1993, J. Applied Econometrics 8,

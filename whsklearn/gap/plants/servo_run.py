@@ -22,7 +22,7 @@ from whsklearn.gap.filters import WHITENING, ResidualFilter, solve_whitening, wh
 from whsklearn.gap.least_squares import Fit, gain_of, least_squares
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants.servo_candidates import Candidate
-from whsklearn.gap.plants.servo_model import LONGEST_STEP, AxisModel, Term
+from whsklearn.gap.plants.servo_model import LONGEST_STEP, ServoHypothesis, ServoTerm
 from whsklearn.gap.record import ServoRecord, held_out_blocks, rms
 from whsklearn.systems.servo import FEWEST_STEPS
 
@@ -71,11 +71,11 @@ class ObserverView:
         q, v = r.by_piece(lambda x: smoothed(x, dt, width), r.position)
         return width, q, v
 
-    def follow(self, model: AxisModel) -> tuple[Array, Array, Array]:
+    def follow(self, model: ServoHypothesis) -> tuple[Array, Array, Array]:
         """Prediction, angle and velocity of the model held near the record."""
         return self.held_near(model)[:3]
 
-    def held_near(self, model: AxisModel) -> tuple[Array, Array, Array, Array]:
+    def held_near(self, model: ServoHypothesis) -> tuple[Array, Array, Array, Array]:
         """The same with the twist of the coupling and its rate, shape (n, 2); a diverging run is kept finite."""
         r = self.record
         out = model.follow(r.drive, r.position, self.filter.gains, start=self.start, pieces=r.pieces)
@@ -87,7 +87,7 @@ class ObserverView:
         ]
         return held[0], held[1], held[2], np.clip(np.nan_to_num(out[3]), -far[1], far[1])
 
-    def gap(self, model: AxisModel) -> Array:
+    def gap(self, model: ServoHypothesis) -> Array:
         """Torque that the model lacks, filtered; shape (n_decimated,)."""
         y_hat, _, _ = self.follow(model)
         d = self.filter.torque(self.record.position - y_hat)
@@ -98,11 +98,11 @@ class ObserverView:
         mask = {"train": self.train, "held": self.held >= 0, "all": self.usable}[on]
         return whiten(d, self.ar)[mask & self.usable]
 
-    def residual(self, model: AxisModel) -> Array:
+    def residual(self, model: ServoHypothesis) -> Array:
         """The residual that the fit minimises."""
         return self.whitened(self.gap(model))
 
-    def floor(self, model: AxisModel | None = None) -> float:
+    def floor(self, model: ServoHypothesis | None = None) -> float:
         """Rms of the missing torque due to position noise alone."""
         return self.filter.noise_gain * self.noise
 
@@ -124,7 +124,7 @@ class ObserverView:
 
     # --- the protocol of a view --------------------------------------------------------------
 
-    def coarsened(self, model: AxisModel) -> ObserverView:
+    def coarsened(self, model: ServoHypothesis) -> ObserverView:
         """The view with the longest fine step, at most a quarter of a sample, that does not change the gap.
 
         A record at 50 Hz does not need a step of a millisecond if its axis is slow (arm joints: 5 ms change the gap by
@@ -141,7 +141,7 @@ class ObserverView:
             step *= 2.0
         return dataclasses.replace(self, step=step)
 
-    def fit(self, model: AxisModel) -> AxisModel:
+    def fit(self, model: ServoHypothesis) -> ServoHypothesis:
         """The model refitted to the training part, weighted by the size of its own gap."""
         model = dataclasses.replace(model, scene=self.scene, step=self.step)
         if model.has_play:
@@ -152,7 +152,9 @@ class ObserverView:
         return model
 
     # --- fitting ---------------------------------------------------------------------------
-    def fitted(self, model: AxisModel, *, max_iterations: int = 12, tolerance: float = 5e-4) -> tuple[AxisModel, Fit]:
+    def fitted(
+        self, model: ServoHypothesis, *, max_iterations: int = 12, tolerance: float = 5e-4
+    ) -> tuple[ServoHypothesis, Fit]:
         """The model refitted to the training part, all free numbers together, under the current weights."""
         fit = least_squares(
             lambda x: self.residual(model.with_vector(x)),
@@ -165,14 +167,14 @@ class ObserverView:
         return model.with_vector(fit.x), fit
 
 
-def with_load(view: ObserverView, model: AxisModel, kind: Candidate) -> AxisModel:
+def with_load(view: ObserverView, model: ServoHypothesis, kind: Candidate) -> ServoHypothesis:
     """The model with a transmission seen from the load, fitted along the run; without it if no start shows a gain."""
     view.weigh(view.rms(view.gap(model)))
     model, fit = view.fitted(model, max_iterations=4)
     shape = _best_start(view, model, fit, kind)
     if not shape:
         return model
-    tried = (view.fitted(model.with_term(Term(kind, q)), max_iterations=3) for q in _variants(view, shape))
+    tried = (view.fitted(model.with_term(ServoTerm(kind, q)), max_iterations=3) for q in _variants(view, shape))
     first, fit = min(tried, key=lambda f: f[1].cost)
     if _hopeless(view, model, fit):
         return first
@@ -183,7 +185,7 @@ def with_load(view: ObserverView, model: AxisModel, kind: Candidate) -> AxisMode
     return best
 
 
-def _best_start(view: ObserverView, model: AxisModel, fit: Fit, kind: Candidate) -> tuple[float, ...]:
+def _best_start(view: ObserverView, model: ServoHypothesis, fit: Fit, kind: Candidate) -> tuple[float, ...]:
     """The start whose signature promises the largest decrease beyond the model's own sensitivities; empty if none.
 
     The signature is the change of the residual.  A number of the model at a bound explains nothing.
@@ -192,14 +194,14 @@ def _best_start(view: ObserverView, model: AxisModel, fit: Fit, kind: Candidate)
     own = fit.jacobian[:, (fit.x > low + 1e-6) & (fit.x < high - 1e-6)]
     best: tuple[float, tuple[float, ...]] = (0.0, ())
     for shape in kind.starts(view.scene):
-        signature = (view.residual(model.with_term(Term(kind, shape))) - fit.residual)[:, None]
+        signature = (view.residual(model.with_term(ServoTerm(kind, shape))) - fit.residual)[:, None]
         if np.all(np.isfinite(signature)) and np.any(signature):
             drop, c = gain_of(fit.residual, own, signature)
             best = max(best, (drop if c[0] > 0.0 else 0.0, shape))
     return best[1]
 
 
-def _hopeless(view: Any, model: AxisModel, fit: Fit) -> bool:
+def _hopeless(view: Any, model: ServoHypothesis, fit: Fit) -> bool:
     """Whether no first step from any start gains enough to justify the numbers of the transmission.
 
     Settling takes ten times as long, and took most of the time for a record in which nothing is named in the end.
@@ -209,7 +211,7 @@ def _hopeless(view: Any, model: AxisModel, fit: Fit) -> bool:
     return bool(r.size * np.log(float(r @ r) / max(fit.cost, 1e-300)) < rules.PAYS * numbers)
 
 
-def _settle(view: Any, model: AxisModel) -> tuple[AxisModel, Fit]:
+def _settle(view: Any, model: ServoHypothesis) -> tuple[ServoHypothesis, Fit]:
     """Repeated fits, each weighted for the gap of the previous one: the weights of a large gap hide a small one."""
     gap = view.rms(view.gap(model), "all")
     for _ in range(3):
@@ -221,7 +223,7 @@ def _settle(view: Any, model: AxisModel) -> tuple[AxisModel, Fit]:
     return model, fit
 
 
-def _contact_at(model: AxisModel, factor: float) -> AxisModel:
+def _contact_at(model: ServoHypothesis, factor: float) -> ServoHypothesis:
     """The model with another contact frequency of its play and the usual damping."""
     i = next(i for i, t in enumerate(model.terms) if t.kind.code == k.BACKLASH)
     term = model.terms[i]
@@ -230,7 +232,7 @@ def _contact_at(model: AxisModel, factor: float) -> AxisModel:
     return model.with_terms((*model.terms[:i], moved, *model.terms[i + 1 :]))
 
 
-def settled_play(view: Any, model: AxisModel) -> AxisModel:
+def settled_play(view: Any, model: ServoHypothesis) -> ServoHypothesis:
     """The model with its play refitted from its own contact frequency and from others, because the cost has ripples."""
     fits = [_settle(view, m)[0] for m in (model, _contact_at(model, 0.8), _contact_at(model, 1.25))]
     return min(fits, key=lambda m: view.rms(view.gap(m), "train"))
@@ -273,7 +275,7 @@ def smoothing_width(position: Array, dt: float, noise: float) -> int:
     return widths[-1]
 
 
-def restart_states(view: Any, model: AxisModel) -> tuple[tuple[Array, Array], Array]:
+def restart_states(view: Any, model: ServoHypothesis) -> tuple[tuple[Array, Array], Array]:
     """((angle, velocity), twist of the coupling with its rate) from which a run starts, at every sample.
 
     The state is the smoothed measurement plus whatever sensor and smoothing remove from the model's own motion while
@@ -294,7 +296,7 @@ def restart_states(view: Any, model: AxisModel) -> tuple[tuple[Array, Array], Ar
     return (q + angle - own_q, v + speed - own_v), twist
 
 
-def horizon_of(model: AxisModel, scene: Any, tolerance: float) -> float:
+def horizon_of(model: ServoHypothesis, scene: Any, tolerance: float) -> float:
     """The longest horizon in s, at most 0.5, over which a torque not worth naming keeps a run near the path.
 
     ``tolerance`` of the rms drive displaces an axis by tau h^2 / (2 J) or, if viscous friction dominates, by tau h /
@@ -315,7 +317,7 @@ def horizons_around(headline: float) -> tuple[float, ...]:
     return headline / 5.0, headline, 4.0 * headline
 
 
-def predictable(surrogate: Any, model: AxisModel, longest: float) -> float:
+def predictable(surrogate: Any, model: ServoHypothesis, longest: float) -> float:
     """The longest horizon up to ``longest`` (s) over which the model predicts a record that it simulated itself.
 
     If a motion passes unstable positions (a motor that cogs under a soft drive tips from tooth to tooth), the noise
@@ -324,13 +326,13 @@ def predictable(surrogate: Any, model: AxisModel, longest: float) -> float:
     horizons = [longest, *(h for h in rules.SHORTER_RUNS if 10 * model.scene.dt <= h < longest)]
     held = held_out(surrogate)
     for h in horizons:
-        e = (surrogate.record.position - free_run(surrogate, model, h))[held]
+        e = (surrogate.record.position - restarted_run(surrogate, model, h))[held]
         if np.all(np.isfinite(e)) and rms(e) < rules.OWN_ERROR * h * model.scene.speed:
             return h
     return longest
 
 
-def free_run(view: Any, model: AxisModel, horizon: float) -> Array:
+def restarted_run(view: Any, model: ServoHypothesis, horizon: float) -> Array:
     """Simulated position, restarted every ``horizon`` seconds; shape (n,)."""
     every = max(1, round(horizon / view.scene.dt))
     start, twist = restart_states(view, model)
@@ -354,17 +356,17 @@ def held_out(view: Any, *, fitted: bool = False) -> NDArray[np.bool_]:
     return mask & ~view.record.near_a_hole(view.filter.half_width, edge)
 
 
-def misfit(view: Any, model: AxisModel) -> float:
+def misfit(view: Any, model: ServoHypothesis) -> float:
     """Mean square of the innovation; finite even for a model that diverges."""
     e = view.record.position - view.follow(model)[0]
     return float(np.mean(np.clip(np.nan_to_num(e, nan=1e6), -1e6, 1e6) ** 2))
 
 
-def train_error(view: Any, model: AxisModel, horizon: float) -> float:
+def train_error(view: Any, model: ServoHypothesis, horizon: float) -> float:
     """Rms error of the free run over the samples that are not held out, at most that of no model.
 
     A run that leaves the path farther than a constant would says nothing about its model.
     """
     y = view.record.position[fitted := held_out(view, fitted=True)]
-    e = y - free_run(view, model, horizon)[fitted]
+    e = y - restarted_run(view, model, horizon)[fitted]
     return min(rms(e), float(np.std(y))) if np.all(np.isfinite(e)) else float("inf")

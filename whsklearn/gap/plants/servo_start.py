@@ -17,7 +17,7 @@ from whsklearn.gap.plant import DEFAULT_TOLERANCE, QUIET
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants.servo_candidates import candidate
 from whsklearn.gap.plants.servo_inverse import InverseView
-from whsklearn.gap.plants.servo_model import FASTEST_COUPLING, HOLD, AxisModel, Term
+from whsklearn.gap.plants.servo_model import FASTEST_COUPLING, HOLD, ServoHypothesis, ServoTerm
 from whsklearn.gap.plants.servo_run import ObserverView
 from whsklearn.gap.record import ServoRecord, held_out_blocks, noise_level, rms
 from whsklearn.gap.search import HALF
@@ -39,14 +39,14 @@ def filtered_motion(position: Array, dt: float, cutoff: float) -> tuple[Array, A
     return q + centre, v, a
 
 
-def base_model(law: tuple[str, ...], scene: Scales) -> AxisModel:
+def base_model(law: tuple[str, ...], scene: Scales) -> ServoHypothesis:
     """The structure of the base model, whose sizes have not been solved for yet."""
     kinds = [candidate(name) for name in law]
-    terms = tuple(Term(c, (*([0.0] * c.linear), *c.starts(scene)[0])) for c in kinds)
-    return AxisModel(scene.inertia, 0.0, terms, scene, n_base=len(terms))
+    terms = tuple(ServoTerm(c, (*([0.0] * c.linear), *c.starts(scene)[0])) for c in kinds)
+    return ServoHypothesis(scene.inertia, 0.0, terms, scene, n_base=len(terms))
 
 
-def best_view(view: InverseView, model: AxisModel, goal: float) -> InverseView:
+def best_view(view: InverseView, model: ServoHypothesis, goal: float) -> InverseView:
     """The view with the highest cut-off at which noise is at most ``goal`` of the drive or a fifth of the gap.
 
     The gap is measured at the same cut-off: cogging of order 72 at one turn per second is at 72 Hz, and a gap seen
@@ -70,7 +70,7 @@ def best_view(view: InverseView, model: AxisModel, goal: float) -> InverseView:
     return other
 
 
-def start_of(record: ServoRecord, law: tuple[str, ...], goal: float) -> tuple[InverseView, AxisModel]:
+def start_of(record: ServoRecord, law: tuple[str, ...], goal: float) -> tuple[InverseView, ServoHypothesis]:
     """The inverse view of a record and the base model fitted in it.
 
     The cut-off is chosen for the gap and the inertia of a first fit at a few hertz.
@@ -104,7 +104,7 @@ def position_noise(record: ServoRecord, signal: Array) -> float:
     return max(noise_level(signal), rules.GRID_AS_NOISE * lattice(record.position))
 
 
-def unpredicted(record: ServoRecord, model: AxisModel, start: tuple[Array, Array]) -> Array:
+def unpredicted(record: ServoRecord, model: ServoHypothesis, start: tuple[Array, Array]) -> Array:
     """What a slow observer does not predict of the position; the position itself if that is the quieter.
 
     The sixth differences of a path that the drive shakes at the sampling rate are not noise, and a model predicts them.
@@ -123,7 +123,7 @@ def tracking(dt: float) -> float:
     return float(np.clip(0.02 / dt, 0.2, 2.0))
 
 
-def logged_late(view: InverseView, model: AxisModel) -> int:
+def logged_late(view: InverseView, model: ServoHypothesis) -> int:
     """Samples by which a drive was logged after it had acted, see `whsklearn.identification.drive_lead`.
 
     A drive that acts later than it was logged is a delay, which the search handles.

@@ -19,7 +19,7 @@ from whsklearn.effects import codes as k
 from whsklearn.filtering.gaussian import CUTOFF_SIGMA
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, Candidate, variants
-from whsklearn.gap.plants.servo_model import AxisModel, Term
+from whsklearn.gap.plants.servo_model import ServoHypothesis, ServoTerm
 from whsklearn.gap.search import HALF
 
 Array = NDArray[Any]
@@ -50,7 +50,7 @@ def robust(x: Array, y: Array) -> tuple[Array, float]:
     return r, s
 
 
-def regions(view: Any, model: AxisModel) -> list[Region]:
+def regions(view: Any, model: ServoHypothesis) -> list[Region]:
     """The ends of the travel that are struck, found by the events in the residual of a robust fit: none, one or two."""
     x, _ = view.columns(model, view.torque(model))
     at = view.at
@@ -75,28 +75,28 @@ def regions(view: Any, model: AxisModel) -> list[Region]:
     return found if sum(f.energy for f in found) > HALF else []
 
 
-def start(kind: Any, found: list[Region]) -> Term | None:
+def start(kind: Any, found: list[Region]) -> ServoTerm | None:
     """The term of this kind at the regions found, if they fit it."""
     sides = {f.side: f.edge for f in found}
     want = {k.END_STOP: {1, -1}, k.END_STOP_UPPER: {1}, k.END_STOP_LOWER: {-1}}[kind.code]
     if set(sides) != want:
         return None
     if kind.code == k.END_STOP:
-        return Term(kind, (0.0, 0.5 * (sides[1] - sides[-1]), RELAXATIONS[2], 0.5 * (sides[1] + sides[-1])))
-    return Term(kind, (0.0, next(iter(sides.values())), RELAXATIONS[2], 0.0))
+        return ServoTerm(kind, (0.0, 0.5 * (sides[1] - sides[-1]), RELAXATIONS[2], 0.5 * (sides[1] + sides[-1])))
+    return ServoTerm(kind, (0.0, next(iter(sides.values())), RELAXATIONS[2], 0.0))
 
 
-def holds(model: AxisModel) -> bool:
+def holds(model: ServoHypothesis) -> bool:
     """Whether the model contains a stop that was found by its events."""
     return any(t.kind in KINDS for t in model.terms)
 
 
-def usable(model: AxisModel) -> tuple[Candidate, ...]:
+def usable(model: ServoHypothesis) -> tuple[Candidate, ...]:
     """Stops that may be added to a model."""
     return () if any(t.name == "end_stop" for t in model.terms) else KINDS
 
 
-def contact(view: Any, model: AxisModel) -> Array | None:
+def contact(view: Any, model: ServoHypothesis) -> Array | None:
     """+1 or -1 at judged samples where a stop of the model may push, 0 elsewhere, shape (n,); None without a stop."""
     stops = [t for t in model.terms if t.kind in KINDS]
     if not stops:
@@ -113,7 +113,7 @@ def contact(view: Any, model: AxisModel) -> Array | None:
     return out[:: view.every][view.at]
 
 
-def away(view: Any, model: AxisModel) -> Array | None:
+def away(view: Any, model: ServoHypothesis) -> Array | None:
     """One at judged samples without contact at a stop, zero at the others, shape (n,); None without a stop."""
     touched = contact(view, model)
     return None if touched is None else (touched == 0.0).astype(float)
@@ -124,7 +124,7 @@ def outside(left: Array, away: Array | None) -> Array:
     return left if away is None else left * away
 
 
-def pushes(model: AxisModel, columns: Array) -> NDArray[np.bool_]:
+def pushes(model: ServoHypothesis, columns: Array) -> NDArray[np.bool_]:
     """Mask of the columns (that of inertia first) that belong to a stop."""
     out = [False]
     for t in model.terms:
@@ -132,12 +132,12 @@ def pushes(model: AxisModel, columns: Array) -> NDArray[np.bool_]:
     return np.array(out + [False] * (columns.shape[1] - len(out)))
 
 
-def without_pushes(model: AxisModel, columns: Array) -> Array:
+def without_pushes(model: ServoHypothesis, columns: Array) -> Array:
     """The columns with those of stops set to zero: outside the contact only the tail of the blur is left of them."""
     return np.where(pushes(model, columns), 0.0, columns) if holds(model) else columns
 
 
-def stiffness(model: AxisModel, columns: Array, left: Array) -> Array:
+def stiffness(model: ServoHypothesis, columns: Array, left: Array) -> Array:
     """Sizes of the columns: every stop's stiffness is fitted to the residual of the others, which are set to zero."""
     sizes = np.zeros(columns.shape[1])
     for i in np.flatnonzero(pushes(model, columns)):
@@ -146,13 +146,13 @@ def stiffness(model: AxisModel, columns: Array, left: Array) -> Array:
     return sizes
 
 
-def settled(view: Any, model: AxisModel, term: Term) -> AxisModel:
+def settled(view: Any, model: ServoHypothesis, term: ServoTerm) -> ServoHypothesis:
     """The model with the stop; edge and relaxation are moved downhill on the part of the push not yet explained."""
     q = view.motion.position[:: view.every][view.at]
     low, high = term.effect.ends
     beyond = max(float(q.max()) - high, low - float(q.min()), 1e-3 * view.scene.reach)
 
-    def tried(term: Term) -> tuple[float, AxisModel]:
+    def tried(term: ServoTerm) -> tuple[float, ServoHypothesis]:
         grown = view.fit(model.with_term(term))
         return view.rms(view.with_pushes(grown)), grown
 
@@ -171,7 +171,7 @@ def settled(view: Any, model: AxisModel, term: Term) -> AxisModel:
     return best
 
 
-def share_of(view: Any, model: AxisModel, term: Term) -> float:
+def share_of(view: Any, model: ServoHypothesis, term: ServoTerm) -> float:
     """Share of the gap's power that a stop explains at its start."""
     grown = view.fit(model.with_term(term))
     return float(np.clip(1.0 - (view.rms(view.gap(grown)) / max(view.rms(view.gap(model)), 1e-300)) ** 2, 0.0, 1.0))

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from whsklearn.effects import codes as k
 from whsklearn.filtering.gaussian import CUTOFF_SIGMA, filtered, gaussian_derivatives
-from whsklearn.gap.plants.servo_model import INSIDE, AxisModel, Term
+from whsklearn.gap.plants.servo_model import INSIDE, ServoHypothesis, ServoTerm
 
 Array = NDArray[Any]
 STEPS = 8  # per period of the load on its spring; twice the damping ratio times as many, or the damper makes it diverge
@@ -60,7 +60,7 @@ def load_acceleration(position, velocity, gap, w, zeta, dt, substeps):
     return out
 
 
-def contact(model: AxisModel, t: Term) -> tuple[float, float, float]:
+def contact(model: ServoHypothesis, t: ServoTerm) -> tuple[float, float, float]:
     """(play, antiresonance w in rad/s, its damping ratio) of a term: the load on its spring with the motor held."""
     if t.kind.code == k.BACKLASH:
         gap, share, hz, zeta = t.q[:4]
@@ -71,7 +71,7 @@ def contact(model: AxisModel, t: Term) -> tuple[float, float, float]:
     return 0.0, w, zeta * np.sqrt(1 - share)
 
 
-def from_load(view: Any, t: Term, torque: Array | None) -> Array:
+def from_load(view: Any, t: ServoTerm, torque: Array | None) -> Array:
     """Drive of a motor that is ahead of a measured load, per unit of J_M J_L / k or of J_M gap / 2; shape (n, 1)."""
     _, _, g2 = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * view.cutoff), view.scene.dt)
     if t.kind.code == k.BACKLASH:
@@ -81,7 +81,7 @@ def from_load(view: Any, t: Term, torque: Array | None) -> Array:
     return filtered(view.motion.acceleration, g2, view.every)[:, None]
 
 
-def columns(view: Any, model: AxisModel, t: Term, torque: Array | None = None) -> Array:
+def columns(view: Any, model: ServoHypothesis, t: ServoTerm, torque: Array | None = None) -> Array:
     """Acceleration of the load behind the view's Gaussian, shape (n, 1)."""
     if t.kind.on_load:
         return from_load(view, t, torque)
@@ -92,7 +92,7 @@ def columns(view: Any, model: AxisModel, t: Term, torque: Array | None = None) -
     return view.blur(a)[:, None]
 
 
-def sizes(model: AxisModel) -> Array:
+def sizes(model: ServoHypothesis) -> Array:
     """Inertia of the motor, then the linear numbers of the terms; the load's inertia is in the place of its term."""
     out = [model.inertia]
     for t in model.terms:
@@ -108,7 +108,7 @@ def sizes(model: AxisModel) -> Array:
     return np.array(out)
 
 
-def seen_from_load(inertia: float, t: Term, size: float) -> Term:
+def seen_from_load(inertia: float, t: ServoTerm, size: float) -> ServoTerm:
     """A term seen from the load with the solved drive of the motor; its share of the inertia is kept."""
     share = t.q[1]
     if t.kind.code == k.BACKLASH:
@@ -116,7 +116,7 @@ def seen_from_load(inertia: float, t: Term, size: float) -> Term:
     return dataclasses.replace(t, q=(size / (inertia**2 * share * (1 - share)), *t.q[1:]))
 
 
-def with_sizes(view: Any, model: AxisModel, solved: Array) -> AxisModel:
+def with_sizes(view: Any, model: ServoHypothesis, solved: Array) -> ServoHypothesis:
     """The model with its inertia split as solved; the antiresonance is kept."""
     terms, i = [], 1
     motor, load = max(float(solved[0]), 1e-3 * view.scene.inertia), 0.0
@@ -145,10 +145,10 @@ def with_sizes(view: Any, model: AxisModel, solved: Array) -> AxisModel:
     return dataclasses.replace(model, inertia=motor + load, timing=timing, terms=tuple(terms))
 
 
-def start(model: AxisModel, kind: Any, gap: float, hz: float, zeta: float) -> Term:
+def start(model: ServoHypothesis, kind: Any, gap: float, hz: float, zeta: float) -> ServoTerm:
     """A term of the kind with this antiresonance and half of the inertia behind it."""
     share, w = 0.5, 2 * np.pi * hz
     held = zeta / np.sqrt(1 - share)
     if kind.code == k.BACKLASH:
-        return Term(kind, (gap, share, hz / np.sqrt(1 - share), held))
-    return Term(kind, (1.0 / (model.inertia * share * w * w), share, held))
+        return ServoTerm(kind, (gap, share, hz / np.sqrt(1 - share), held))
+    return ServoTerm(kind, (1.0 / (model.inertia * share * w * w), share, held))

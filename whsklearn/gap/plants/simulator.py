@@ -34,12 +34,12 @@ from whsklearn.gap.filters import WHITENING, autoregression, whiten, whiteness
 from whsklearn.gap.localisation import since_reversal, spectra
 from whsklearn.gap.plant import Figures, Gap, Linearised, Plant, Told
 from whsklearn.gap.plants.simulator_look import (
-    Motion,
+    FollowedMotion,
     Seen,
     accelerations,
     catalogue,
+    followed_motion,
     gone,
-    motion,
     scales_of,
     slopes,
     whole,
@@ -123,9 +123,9 @@ class SimulatorPlant(Plant):
         return max(super().size(before, after), self.scale * gone(self.motion, before, after, self.record))
 
     @cached_property
-    def motion(self) -> Motion:
+    def motion(self) -> FollowedMotion:
         """The smoothed motion."""
-        return motion(self.record)
+        return followed_motion(self.record)
 
     @property
     def shapes(self) -> dict[str, list[Any]]:

@@ -34,7 +34,7 @@ RELAXATIONS = (0.005, 0.02, 0.06)  # s, of a contact's damping
 
 
 @dataclass(frozen=True)
-class Motion:
+class FollowedMotion:
     """The measured motion for the columns of effects, and the signals on which the error is regressed."""
 
     signals: Any
@@ -55,7 +55,7 @@ class Motion:
         return self._columns[effect]
 
 
-def motion(record: Any) -> Motion:
+def followed_motion(record: Any) -> FollowedMotion:
     """Smooth position, velocity and acceleration of a record; ``usable`` are the decimated samples away from edges."""
     from scipy.signal import fftconvolve
 
@@ -79,21 +79,21 @@ def motion(record: Any) -> Motion:
     usable = (at >= edge * every) & (at < (at.size - edge) * every)
     for first in record.starts:
         usable &= np.abs(at - first) >= edge * every
-    return Motion(signals, kernels, every, usable)
+    return FollowedMotion(signals, kernels, every, usable)
 
 
-def acceleration(m: Motion, record: Any) -> float:
+def acceleration(m: FollowedMotion, record: Any) -> float:
     """Rms acceleration of the motion."""
     return rms(m.seen(record.position, 2)[m.usable])
 
 
-def gone(m: Motion, before: Array, after: Array, record: Any) -> float:
+def gone(m: FollowedMotion, before: Array, after: Array, record: Any) -> float:
     """Rms change of the error's second derivative between two errors, as a share of the acceleration."""
     first, last = (rms(m.seen(e, 2)[m.usable]) for e in (before, after))
     return float(np.sqrt(max(first**2 - last**2, 0.0)) / max(acceleration(m, record), 1e-300))
 
 
-def sized_by_drive(m: Motion, effect: Effect, train: NDArray[np.bool_]) -> Effect:
+def sized_by_drive(m: FollowedMotion, effect: Effect, train: NDArray[np.bool_]) -> Effect:
     """An effect at the size that fits the drive along the measured motion, beside inertia, friction and a constant.
 
     A large effect that acts only for instants, such as a stop, moves a simulation so far that its derivatives are
@@ -198,7 +198,7 @@ class Seen:
     model: Any
     error: Array
     null: Array
-    motion: Motion
+    motion: FollowedMotion
 
     @classmethod
     def of(cls, plant: Any, model: Any, rng: np.random.Generator) -> Seen:
@@ -207,7 +207,7 @@ class Seen:
         null = coloured(power, (N_NULL, model.error.size), rng)
         noise = plant.record.by_piece(lambda e: noise_of(e, plant.noise), model.error)
         position = plant.record.position - noise
-        followed = motion(dataclasses.replace(plant.record, position=position))
+        followed = followed_motion(dataclasses.replace(plant.record, position=position))
         return cls(model, model.error, np.array(null), followed)
 
 

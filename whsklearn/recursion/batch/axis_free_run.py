@@ -109,7 +109,7 @@ class AxisFit(NamedTuple):
     cost: float
 
 
-def free_run(theta: Array, log: AxisLog) -> Array:
+def axis_motion(theta: Array, log: AxisLog) -> Array:
     """Velocity or position, whichever is the target of the log; shape (n,)."""
     velocity, position = _coupled(theta, log) if log.form.coupled else _pass(theta, log, np.empty((0, 0, 0)))
     return position if log.of_position else velocity
@@ -148,7 +148,7 @@ def fit_axis(theta: Array, log: AxisLog, *, iterations: int = 40) -> AxisFit:
     """
 
     def run_of(trial: Array, log: AxisLog) -> _Run:
-        error = (log.target - free_run(trial, log)) * log.counts
+        error = (log.target - axis_motion(trial, log)) * log.counts
         return _Run(trial, log, error, _squares(error))
 
     def rows_of(at: _Run) -> Array:
@@ -240,7 +240,7 @@ def fit_pieces(theta: Array, log: AxisLog, *, iterations: int = 25) -> AxisFit:
 
     def run_of(trial: Array, before: AxisLog) -> _Run:
         there = settled(trial, before, SETTLING)
-        error = there.target - free_run(trial, there)
+        error = there.target - axis_motion(trial, there)
         return _Run(trial, there, error, _squares(error))
 
     def rows_of(at: _Run) -> Array:
@@ -365,15 +365,15 @@ def _coupled(theta: Array, log: AxisLog) -> Array:
 
 def _differences(theta: Array, log: AxisLog, *, of_states: bool) -> tuple[Array, Array]:
     """The run of a coupled axis and its derivatives by forward differences."""
-    at, states = free_run(theta, log), log.states
+    at, states = axis_motion(theta, log), log.states
     torque, speed = float(np.std(log.u)), float(np.std(log.v0)) or 1.0
     sizes = np.r_[theta[0], theta[0], torque, torque, theta[4:]]
     rows = []
     for step in np.diag(SMALL * np.maximum(np.abs(theta), sizes))[: 0 if of_states else None]:
-        rows.append((free_run(theta + step, log) - at) / step.max())
+        rows.append((axis_motion(theta + step, log) - at) / step.max())
     place = float(np.std(log.target)) if log.of_position else speed * log.dt
     for step in np.diag(SMALL * np.array([speed, place, place, speed])):
-        rows.append((free_run(theta, log.starting(states + step)) - at) / step.max())
+        rows.append((axis_motion(theta, log.starting(states + step)) - at) / step.max())
     return at, np.array(rows)
 
 
