@@ -48,7 +48,7 @@ def test_where_the_axis_turns_the_true_model_leaves_noise():
     true = dataclasses.replace(base, inertia=0.05, terms=terms)
     bare = view.bare()
     own, _ = servo_own.own(bare, true, np.random.default_rng(0))
-    assert view.rms(bare.gap(true, any_age=True) - own.mean) < 1.8 * own.floor
+    assert view.rms(bare.gap(true) - own.mean) < 1.8 * own.floor
 
 
 def test_a_fit_behind_filters_is_corrected_to_the_truth(empty):

@@ -186,12 +186,10 @@ class InverseView:
         return self.blur(t.kind.unit_columns(t.q[t.kind.linear :], s))
 
     # --- the protocol ------------------------------------------------------------------------
-    def solved(
-        self, model: ServoHypothesis, *, any_age: bool = False
-    ) -> tuple[ServoHypothesis, Array, Array, Array, NDArray[np.bool_]]:
+    def solved(self, model: ServoHypothesis) -> tuple[ServoHypothesis, Array, Array, Array, NDArray[np.bool_]]:
         """(model with its sizes, columns with timing last, target, sizes, mask of columns used), at the model's shapes.
 
-        With ``any_age`` the drive may be as old as in any logger; otherwise an age beyond bookkeeping is a delay.
+        An age beyond bookkeeping is a delay, which is an effect.
         """
         torque = self.torque(model) if self._driven(model) else None
         x, positive = self.columns(model, torque)
@@ -204,9 +202,8 @@ class InverseView:
         rate = ols.slope(open_x @ sizes, self.step)
         sizes, free = self._sizes(np.column_stack([open_x, rate]), target, np.append(positive, False), away)
         # beside a delay or a lag an age is bookkeeping: one logged late would have been moved, and the two would cancel
-        least = rules.LATEST * self.scene.dt
-        latest = rules.OLDEST if any_age else least + (0.0 if self.own is None else self.own.late)
-        earliest = least if any(t.kind.delays for t in model.terms) else rules.OLDEST
+        latest = rules.LATEST * self.scene.dt
+        earliest = latest if any(t.kind.delays for t in model.terms) else rules.OLDEST
         timing = float(np.clip(sizes[-1], -earliest, latest))
         # u(t - T) = m means u = m + T m' + T^2 m'' / 2; without the second order a lag looks like a delay
         target = target - 0.5 * timing**2 * ols.slope(rate, self.step)
@@ -302,9 +299,9 @@ class InverseView:
         """Whether a term's columns contain the predicted torque, or the inertia (an error of the reading)."""
         return t.kind.driven or t.kind.cls.port == "output" or t.kind.on_load
 
-    def gap(self, model: ServoHypothesis, *, any_age: bool = False) -> Array:
+    def gap(self, model: ServoHypothesis) -> Array:
         """Drive that the model leaves unexplained at the judged samples."""
-        _, x, target, sizes, _ = self.solved(model, any_age=any_age)
+        _, x, target, sizes, _ = self.solved(model)
         left = target - stop.without_pushes(model, x) @ sizes
         return stop.outside(left[self.at], stop.away(self, model))
 

@@ -49,8 +49,6 @@ class Own(NamedTuple):
     n_effective : float
     apart : ndarray of shape (k, n)
         How the own records differ: the part of the residual that is encoder noise.
-    late : float
-        Seconds that the fit behind the filters adds to the age of the drive.
     """
 
     mean: Array
@@ -58,7 +56,6 @@ class Own(NamedTuple):
     floor: float
     n_effective: float
     apart: Array
-    late: float
 
 
 def own_record(view: Any, model: ServoHypothesis, rng: np.random.Generator, feed: Array, delay: float) -> Any:
@@ -119,26 +116,25 @@ def own(view: Any, model: ServoHypothesis, rng: np.random.Generator) -> tuple[Ow
     the log too.
     """
     bare = view.bare()
-    left, true = bare.gap(model, any_age=True), model.vector()
-    timing, dt = bare.age(model), view.scene.dt
+    left, true = bare.gap(model), model.vector()
+    age, dt = bare.age(model), view.scene.dt
     latest = (rules.LATEST - HOLD) * dt  # beyond that it is a delay, which this model lacks
     # from the logged drive: the first residual contains the artefacts of the filters, which the first own record shows
-    corrected, delay, feed, late = model, min(timing - HOLD * dt, latest), view.record.drive, 0.0
+    corrected, delay, feed = model, min(age - HOLD * dt, latest), view.record.drive
     for _ in range(2):  # with more passes they diverge if the drive has a limit, above which more drive changes nothing
         made = bare.beside(own_record(view, corrected, rng, feed, delay))
         fitted = made.fit(model)
         corrected = model.with_vector(np.clip(true + corrected.vector() - fitted.vector(), *model.bounds()))
-        late = made.age(fitted) - delay - HOLD * dt
-        delay = float(np.clip(timing - HOLD * dt - late, -rules.OLDEST, latest))
-        feed = view.record.drive - bare.spread(left - made.gap(fitted, any_age=True))
+        delay = float(np.clip(delay + age - made.age(fitted), -rules.OLDEST, latest))
+        feed = view.record.drive - bare.spread(left - made.gap(fitted))
     gaps = []
     for _ in range(N_RECORDS):
         made = bare.beside(own_record(view, corrected, rng, feed, delay))
-        gaps.append(made.gap(made.fit(model), any_age=True))
+        gaps.append(made.gap(made.fit(model)))
     rows = np.array(gaps)
     mean = rows.mean(axis=0)
     apart = (rows - mean) * np.sqrt(N_RECORDS / (N_RECORDS - 1.0))
     rest = left - mean
     # n is that of the smoothed spectrum
     n = n_effective(coloured(smoothed_power(rest), (1, rest.size), np.random.default_rng(0))[0], view.n_effective)
-    return Own(mean, null_rows(rest, apart, N_DRAWS, rng), float(np.sqrt(np.mean(apart**2))), n, apart, late), corrected
+    return Own(mean, null_rows(rest, apart, N_DRAWS, rng), float(np.sqrt(np.mean(apart**2))), n, apart), corrected

@@ -174,15 +174,16 @@ def with_load(view: ObserverView, model: ServoHypothesis, kind: Candidate) -> Se
     shape = _best_start(view, model, fit, kind)
     if not shape:
         return model
-    tried = (view.fitted(model.with_term(ServoTerm(kind, q)), max_iterations=3) for q in _variants(view, shape))
-    first, fit = min(tried, key=lambda f: f[1].cost)
-    if _hopeless(view, model, fit):
-        return first
-    best, _ = _settle(view, first)
-    if best.has_play:  # the cost over the contact's frequency has ripples of its own
-        others = [_settle(view, _contact_at(best, factor))[0] for factor in (0.8, 1.25)]
-        best = min((best, *others), key=lambda m: view.rms(view.gap(m), "train"))
-    return best
+    starts = (view.fitted(model.with_term(ServoTerm(kind, q)), max_iterations=3) for q in _variants(view, shape))
+    tried = sorted(starts, key=lambda f: f[1].cost)
+    if _hopeless(view, model, tried[0][1]):
+        return tried[0][0]
+    if not any(m.has_play for m, _ in tried):
+        return _settle(view, tried[0][0])[0]
+    # with play the cost has ripples, over the contact's frequency and over the gap: the best start may end in one
+    settled = [_settle(view, m)[0] for m, _ in tried[:2]]
+    settled += [_settle(view, _contact_at(m, factor))[0] for m in settled for factor in (0.8, 1.25)]
+    return min(settled, key=lambda m: view.rms(view.gap(m), "train"))
 
 
 def _best_start(view: ObserverView, model: ServoHypothesis, fit: Fit, kind: Candidate) -> tuple[float, ...]:
