@@ -317,10 +317,6 @@ class Plant(Protocol):
         before, after = self.errors(model), self.errors(grown)
         return gain(float(before @ before), float(after @ after), self.n_effective), self.size(before, after)
 
-    def unit_of(self, *errors: Array) -> Any:
-        """Unit in which the errors of several explanations are compared, sample by sample: here that of all errors."""
-        return 1.0
-
     def alone(self, model: Any) -> Array:
         """Residual of a model minus the artefacts of its own records: here the residual itself."""
         return np.asarray(self.errors(model))

@@ -310,8 +310,6 @@ class Search:
         lead = taken.score - other.score
         if lead < 0.0:  # the one taken is the commoner
             return False
-        unit = self.plant.unit_of(taken.errors, other.errors)
-        taken, other = (replace(f, before=f.before / unit, errors=f.errors / unit) for f in (taken, other))
         worse, better = (float(e @ e) for e in (other.errors, taken.errors))
         null = float(np.mean(taken.look.null) - np.mean(other.look.null))
         lead = max(lead, gain(worse, better, n_effective(other.errors)) - 2.0 * null)
@@ -323,9 +321,9 @@ class Search:
         leads = self.plant.leads(taken, other, taken.before, self.rng)
         if self.plant.exact:
             return bool(leads.size) and separable(lead, np.inf, leads, self.alpha)
-        return separable(lead, z, leads, self.alpha) and self._still_apart(taken, other, unit)
+        return separable(lead, z, leads, self.alpha) and self._still_apart(taken, other)
 
-    def _still_apart(self, taken: Named, other: Named, unit: Any) -> bool:
+    def _still_apart(self, taken: Named, other: Named) -> bool:
         """Whether they still differ if each is judged with its own artefacts instead of those of their base.
 
         A rival whose residual has more than twice the power has lost.
@@ -333,7 +331,7 @@ class Search:
         powers = (float(f.errors @ f.errors) for f in (taken, other))
         if next(powers) < HALF * next(powers):
             return True
-        left, rest = (self.plant.alone(f.model) / unit for f in (taken, other))
+        left, rest = (self.plant.alone(f.model) for f in (taken, other))
         n = max(self.plant.n_effective, n_effective(rest))
         lead = gain(float(rest @ rest), float(left @ left), n)
         lead -= 2.0 * float(np.mean(taken.look.null) - np.mean(other.look.null))

@@ -127,14 +127,3 @@ def test_a_drive_made_earlier_arrives_as_the_torque(code):
     arrived = later(code, torque + advance(code, torque, age, dt), age, dt)
     late = later(code, torque, age, dt)
     assert np.std((arrived - torque)[2000:-2000]) < 0.02 * np.std((late - torque)[2000:-2000])
-
-
-def test_rows_beside_a_rest_are_left_out_where_a_drive_is_late():
-    view, model = view_of(late=10)
-    before, late = view.keep.copy(), model.timing >= LATEST * view.dt
-    assert late.any()
-    view.leave_rest(model)
-    at_rest = ~before[:, late]
-    assert np.array_equal(view.keep[:, ~late], before[:, ~late])
-    assert not (view.keep[1:, late] & at_rest[:-1]).any()
-    assert not (view.keep[:-1, late] & at_rest[1:]).any()

@@ -117,7 +117,6 @@ class ArmPlant(Plant):
         """The rigid arm with its law, fitted; or the given arm, within what is known of it."""
         n = self.view.n_joints
         model = self.settled(ArmState(np.zeros(len(self.lags.base_.names)), np.zeros(n)))
-        self.view.leave_rest(model)
         self.view.hear_stops(model)
         return self.settled(model)
 
@@ -180,7 +179,7 @@ class ArmPlant(Plant):
         null, _ = view.null(rest, self.own.apart, rng)
         beside = self._tangent(model, null.reshape(len(null), -1)).look(family)
         assert beside is not None
-        return replace(look, p_value=self._significant(replace(look, null=beside.null), families).p_value)
+        return self._significant(replace(look, null=beside.null), families)
 
     def _significant(self, look: Look, families: int) -> Look:
         """The look with its p-value."""
@@ -217,16 +216,6 @@ class ArmPlant(Plant):
     def errors(self, model: ArmState) -> Array:
         """The residual of the model, weighted by joint and ordered by instant."""
         return np.asarray((self.view.left(self.view.fit(model)) * self.view.weight).ravel())
-
-    def unit_of(self, *errors: Array) -> Array:
-        """Rms of what the explanations leave at each joint, by row.
-
-        Joints are weighted by their residuals before an effect is found.  Two explanations of a large one both leave
-        little of it, and in those weights the noise of the other joints would hide which of them leaves less.
-        """
-        n = self.view.n_joints
-        left = np.sqrt(np.mean([np.mean(e.reshape(-1, n) ** 2, axis=0) for e in errors], axis=0))
-        return np.tile(np.where(left > 0.0, left, 1.0), errors[0].size // n)
 
     def rms(self, errors: Array) -> float:
         """Rms of the errors of all joints, as a share of their drives."""

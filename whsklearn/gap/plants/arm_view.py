@@ -15,7 +15,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import minimum_filter1d
 
 from whsklearn.effects import Scales, codes
 from whsklearn.filtering import Motion, zero_phase
@@ -354,16 +353,6 @@ class ArmView:
         self.torque = self.along(model, self.moved)
         self.rate = self.blur(self.record.by_piece(lambda u: np.gradient(u, self.dt, axis=0), self.torque))
         self._forget()
-
-    def leave_rest(self, model: ArmState) -> None:
-        """Exclude one more row on either side of a rest at the joints whose drive is late.
-
-        The filter spreads what static friction does at rest beyond the rows excluded for it, with the sign of the
-        second derivative of the drive, by which alone a delay and a lag differ.
-        """
-        late = model.timing >= LATEST * self.dt
-        self.keep[:, late] = minimum_filter1d(self.keep[:, late].astype(np.uint8), 3, axis=0).astype(bool)
-        self._fits = {}
 
     def hear_stops(self, model: ArmState) -> None:
         """Count slow rows at which more is missing than friction can explain: a joint at its stop is at rest."""
