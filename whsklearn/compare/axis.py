@@ -114,7 +114,7 @@ def alike(records: list[ServoRecord]) -> tuple[list[InverseView], list[ServoHypo
     """All records behind the lowest of their cut-offs, with one softness of the sign, and their base models."""
     began = [start_of(r, LAW, DEFAULT_TOLERANCE)[0] for r in records]
     cutoff, slowest = min(v.cutoff for v in began), max(v.slowest for v in began)
-    views = [InverseView(v.record, v.scene, cutoff, v.start) for v in began]
+    views = [InverseView(v.record, v.scene, cutoff, v.start, v.noise) for v in began]
     for v in views:
         v.motion, v.slowest = v.motion._replace(kappa=2.0 / slowest), slowest
         judge_motion(v)

@@ -174,16 +174,15 @@ def with_load(view: ObserverView, model: ServoHypothesis, kind: Candidate) -> Se
     shape = _best_start(view, model, fit, kind)
     if not shape:
         return model
-    starts = (view.fitted(model.with_term(ServoTerm(kind, q)), max_iterations=3) for q in _variants(view, shape))
-    tried = sorted(starts, key=lambda f: f[1].cost)
-    if _hopeless(view, model, tried[0][1]):
-        return tried[0][0]
-    if not any(m.has_play for m, _ in tried):
-        return _settle(view, tried[0][0])[0]
-    # with play the cost has ripples, over the contact's frequency and over the gap: the best start may end in one
-    settled = [_settle(view, m)[0] for m, _ in tried[:2]]
-    settled += [_settle(view, _contact_at(m, factor))[0] for m in settled for factor in (0.8, 1.25)]
-    return min(settled, key=lambda m: view.rms(view.gap(m), "train"))
+    tried = (view.fitted(model.with_term(ServoTerm(kind, q)), max_iterations=3) for q in _variants(view, shape))
+    first, fit = min(tried, key=lambda f: f[1].cost)
+    if _hopeless(view, model, fit):
+        return first
+    best, _ = _settle(view, first)
+    if best.has_play:  # the cost over the contact's frequency has ripples of its own
+        others = [_settle(view, _contact_at(best, factor))[0] for factor in (0.8, 1.25)]
+        best = min((best, *others), key=lambda m: view.rms(view.gap(m), "train"))
+    return best
 
 
 def _best_start(view: ObserverView, model: ServoHypothesis, fit: Fit, kind: Candidate) -> tuple[float, ...]:
@@ -244,7 +243,9 @@ def _variants(view: ObserverView, q: tuple[float, ...]) -> list[tuple[float, ...
     if len(q) == 3:  # compliance, share, damping
         return [(q[0], share, q[2]) for share in (0.25, 0.45, 0.7)]
     top = view.scene.resonance
-    return [(q[0] * g, share, hz, q[3]) for g in (1.0, 2.0) for share, hz in ((0.3, 0.7 * top), (0.5, 0.9 * top))]
+    loads = ((0.3, 0.7 * top), (0.5, 0.9 * top))
+    # within a factor of 1.4 of the gap the fit ends in it; from 1 and 2 alone, rounding decided
+    return [(q[0] * g, share, hz, q[3]) for g in (0.5, 0.7, 1.0, 1.4, 2.0) for share, hz in loads]
 
 
 WINDOWS = (0.08, 0.04, 0.02, 0.01, 0.005)  # s, of the smoother that gives the start of a run
