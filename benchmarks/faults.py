@@ -131,12 +131,12 @@ class Rig:
                 with mock.patch.object(stream, "write_state", _full_disk(full_at)):
                     if not loaded:
                         keeper.save(lines)
-                    parse = stream._parser(str(self.log), place)
+                    parse = stream._parser(str(self.log), place, OPTIONS.timed)
                     while blocks > 0 and (block := lines.read()) is not None:
                         blocks -= 1
                         if parse is None and block:
                             place["header"] = block.pop(0).decode()
-                            parse = stream._parser(str(self.log), place)
+                            parse = stream._parser(str(self.log), place, OPTIONS.timed)
                         if block:
                             life.feed(block, parse, lines.number - len(block) + 1)
                         if self.rng.random() < 0.3:
