@@ -10,6 +10,7 @@ import pytest
 from whsklearn.gap import conclude
 from whsklearn.gap.conclude import stays_open, verdict_of
 from whsklearn.gap.search import Named
+from whsklearn.gap.tangent import Look
 
 NAMELESS = SimpleNamespace(name="", p_value=1e-6, size=0.2, signal="")
 
@@ -217,6 +218,23 @@ def test_a_run_that_is_useless_at_one_horizon_is_told_at_a_shorter_one(closing):
     rows, found = closing(plant)
     assert (found.model, plant.headline) == ("ab", 1.0)
     assert conclude._headline(plant, rows)["closure"] == 0.6
+    assert closing(Runs(lambda m: (0.1, -0.1)))[1].taken == []  # a trace of the gap proves nothing
+    assert closing(Runs(lambda m: (0.6, -0.1)), "a", certainty="1")[1].taken == []
+
+
+def test_an_effect_is_credited_with_nothing_that_other_numbers_of_the_base_close(closing):
+    plant = Runs(lambda m: (0.9, 0.9), refitted=lambda m: m or Terms("Z"))
+    assert closing(plant, "a")[1].base == "Z"
+
+
+@pytest.mark.parametrize(("p_value", "status"), [(1e-9, "ruled_out"), (0.5, "not_testable")])
+def test_what_the_record_shows_is_not_called_untestable(p_value, status):
+    look = Look("a", 5.0, np.full(15, 1e6), size=0.5, p_value=p_value)  # under such noise 2 % would not show
+    step = SimpleNamespace(looks=[look], fitted=[], n_effective=1e3, gap=1.0)
+    plant = SimpleNamespace(scale=1.0, whole="drive", tolerance=0.004)
+    diagnosis = SimpleNamespace(effects=[])
+    found = SimpleNamespace(steps=[step], remainder=[look])
+    assert [c.status for c in conclude.candidates(found, diagnosis, plant, 0.01)] == [status]
 
 
 def test_a_run_stays_open_where_its_gap_is_seen_and_next_to_nothing_of_it_is_closed():

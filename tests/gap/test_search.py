@@ -275,6 +275,20 @@ def test_sizes_are_of_what_each_explains_beside_those_that_explain_more():
     assert sum(s**2 for s in sizes) == pytest.approx(float(plant.y @ plant.y - left @ left) / N)
 
 
+def test_what_is_no_longer_worth_naming_beside_the_others_goes():
+    plant = Columns({"a": 0.5, "b": 0.3}, names="abc")
+    model = Regression()
+    for name in "acb":
+        model = plant.refine(model, SimpleNamespace(name=name))
+    taken = [Named(Look(n, 1.0, np.zeros(3)), model, np.zeros(N), np.zeros(N), size=9.0) for n in "acb"]
+    found = Found(Regression(), model, taken)
+    search = Search(plant, np.random.default_rng(0), alpha=0.01, max_effects=3)
+    assert search._sized(found)
+    assert search._lost(found)
+    assert [t.name for t in found.taken] == [t.name for t in found.model.terms] == ["a", "b"]
+    assert not search._lost(found)
+
+
 def test_what_the_others_say_without_it_goes():
     plant = Columns({"b": 0.3, "d": 0.4})
     search = Search(plant, np.random.default_rng(0), alpha=0.01, max_effects=3)

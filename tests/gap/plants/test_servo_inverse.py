@@ -14,7 +14,7 @@ from whsklearn.gap import GapFinder
 from whsklearn.gap.plants.servo_candidates import candidate
 from whsklearn.gap.plants.servo_inverse import too_large
 from whsklearn.gap.plants.servo_model import ServoTerm
-from whsklearn.gap.plants.servo_start import filtered_motion, start_of
+from whsklearn.gap.plants.servo_start import filtered_motion, start_of, with_earlier_drive
 from whsklearn.gap.proof import closure
 from whsklearn.gap.record import ServoRecord
 from whsklearn.systems import ServoAxis
@@ -40,6 +40,14 @@ def test_inertia_of_a_complete_model_is_the_true_one(plain):
     view, model = start_of(plain, ("viscous",), 0.004)
     assert model.inertia == pytest.approx(0.05, rel=0.03)
     assert view.rms(view.gap(model)) < 0.02 * model.scene.torque
+
+
+def test_beside_a_lag_the_drive_is_not_early_as_well(plain):
+    """The two would cancel: a lag of 240 ms stood beside the gravity of a pendulum, and the drive was as much early."""
+    late = with_earlier_drive(plain, -5)  # logged 10 ms after it acted
+    view, model = start_of(late, ("viscous",), 0.004)
+    lagged = model.with_term(ServoTerm(candidate("actuator_lag"), (1e-6,)))
+    assert view.rms(view.gap(model)) < 0.5 * view.rms(view.gap(lagged))
 
 
 def test_a_large_hidden_effect_is_found_first_and_the_base_numbers_stay_physical():

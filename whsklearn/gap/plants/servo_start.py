@@ -109,10 +109,8 @@ def unpredicted(record: ServoRecord, model: ServoHypothesis, start: tuple[Array,
 
     The sixth differences of a path that the drive shakes at the sampling rate are not noise, and a model predicts them.
     """
-    ready, gains = (
-        dataclasses.replace(model, timing=model.timing - HOLD),
-        observer_gains(tracking(record.dt), record.dt),
-    )
+    ready = dataclasses.replace(model, timing=model.timing - HOLD)
+    gains = observer_gains(tracking(record.dt), record.dt)
     y_hat = ready.follow(record.drive, record.position, gains, start=start, pieces=record.pieces)[0]
     left = record.position - y_hat
     return min(record.position, left, key=noise_level) if np.all(np.isfinite(left)) else record.position
