@@ -22,6 +22,7 @@ import time
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[1]
 LOGS = """
@@ -91,14 +92,18 @@ def install(folder: Path) -> Path | None:
     return python if done.returncode == 0 else None
 
 
-def stories(python: Path, folder: Path) -> list[tuple[str, Callable[[], str]]]:
-    """What each story does, and what it ends with."""
+class Stories(NamedTuple):
+    """A stranger's commands, run one after the other in one folder; each story says what it ended with."""
 
-    def command(*arguments: str) -> str:
+    python: Path
+    folder: Path
+
+    def command(self, *arguments: str) -> str:
+        """What a command prints; a failure is raised with the end of its errors."""
         done = subprocess.run(
-            [str(python.parent / "whsklearn"), *arguments],
-            cwd=folder,
-            env=clean(python),
+            [str(self.python.parent / "whsklearn"), *arguments],
+            cwd=self.folder,
+            env=clean(self.python),
             capture_output=True,
             text=True,
         )
@@ -108,26 +113,30 @@ def stories(python: Path, folder: Path) -> list[tuple[str, Callable[[], str]]]:
             )
         return done.stdout
 
-    def found(report: str) -> dict:
-        return json.loads((folder / report / "gap.json").read_text())
+    def found(self, report: str) -> dict:
+        """Diagnosis in a report."""
+        return json.loads((self.folder / report / "gap.json").read_text())
 
-    def degrees() -> str:
-        command("gap", "axis.csv", "--test", "second.csv", "--report", "gap", "--no-track")
-        (effect,) = found("gap")["effects"]
+    def degrees(self) -> str:
+        """a CSV in degrees to a named effect"""
+        self.command("gap", "axis.csv", "--test", "second.csv", "--report", "gap", "--no-track")
+        (effect,) = self.found("gap")["effects"]
         numbers = effect["parameters"]
         assert effect["name"] == "cogging", effect
         assert abs(numbers["amplitude_nm"] - 0.3) < 0.02, numbers
         assert abs(numbers["order"] - 12) < 0.05, numbers
         return f"cogging, {numbers['amplitude_nm']:.3g} Nm, order {numbers['order']:.4g}"
 
-    def second() -> str:
-        rows = found("gap")["test"]
+    def second(self) -> str:
+        """a second record validates"""
+        rows = self.found("gap")["test"]
         assert all(r["after"] < 0.2 * r["before"] for r in rows), rows
         return f"free run over {rows[-1]['horizon']:g} s from {rows[-1]['before']:.3g} to {rows[-1]['after']:.3g} rad"
 
-    def compensator() -> str:
-        command("export", "gap/repaired.json", "--to", "c", "--what", "compensator", "--out", "compensator")
-        source = folder / "compensator"
+    def compensator(self) -> str:
+        """a drive log to a C compensator"""
+        self.command("export", "gap/repaired.json", "--to", "c", "--what", "compensator", "--out", "compensator")
+        source = self.folder / "compensator"
         if shutil.which("cc") is None:
             return "written; no C compiler here"
         main = '#include "model.h"\n#include <stdio.h>\nint main(void)'
@@ -140,31 +149,33 @@ def stories(python: Path, folder: Path) -> list[tuple[str, Callable[[], str]]]:
         assert abs(abs(told) - 0.6) < 0.05, told
         return f"{abs(told):.3f} Nm of cogging from crest to trough"
 
-    def mcap() -> str:
+    def mcap(self) -> str:
+        """an MCAP file to an MJCF"""
         names = "--input /joint_states.effort.elbow --output /joint_states.position.elbow".split()
-        command("identify", "robot.mcap", *names, "--out", "model", "--no-track", "--logged", "position")
-        command("export", "model/model.json", "--to", "mjcf", "--out", "axis.xml")
-        text = (folder / "axis.xml").read_text()
+        self.command("identify", "robot.mcap", *names, "--out", "model", "--no-track", "--logged", "position")
+        self.command("export", "model/model.json", "--to", "mjcf", "--out", "axis.xml")
+        text = (self.folder / "axis.xml").read_text()
         assert ET.fromstring(text).tag == "mujoco"
         look = "import mujoco; print(mujoco.MjModel.from_xml_path('axis.xml').njnt)"
-        joints = subprocess.run([python, "-c", look], cwd=folder, env=clean(python), capture_output=True, text=True)
+        joints = subprocess.run(
+            [self.python, "-c", look], cwd=self.folder, env=clean(self.python), capture_output=True, text=True
+        )
         assert joints.stdout.strip() == "1", joints.stderr
         return "axis.xml, which MuJoCo loads"
 
-    def repaired() -> str:
-        command("gap", "robot.csv", "--simulator", "model.xml", "--joint", "axis", "--report", "sim", "--no-track")
-        names = [e["name"] for e in found("sim")["effects"]]
+    def repaired(self) -> str:
+        """an MJCF without its friction to repaired.xml"""
+        self.command("gap", "robot.csv", "--simulator", "model.xml", "--joint", "axis", "--report", "sim", "--no-track")
+        names = [e["name"] for e in self.found("sim")["effects"]]
         assert names[:1] == ["coulomb"], names
-        (joint,) = ET.parse(folder / "sim" / "repaired.xml").getroot().iter("joint")
+        (joint,) = ET.parse(self.folder / "sim" / "repaired.xml").getroot().iter("joint")
         told = float(joint.get("frictionloss", "0"))
         assert abs(told - 0.2) < 0.03, told
         return f"repaired.xml with a frictionloss of {told:.3g} (0.2 was taken out)"
 
-    return [
-        ("a CSV in degrees to a named effect", degrees), ("a second record validates", second),
-        ("a drive log to a C compensator", compensator), ("an MCAP file to an MJCF", mcap),
-        ("an MJCF without its friction to repaired.xml", repaired),
-    ]  # fmt: skip
+    def each(self) -> tuple[Callable[[], str], ...]:
+        """The stories, in their order; some use the files of those before."""
+        return self.degrees, self.second, self.compensator, self.mcap, self.repaired
 
 
 def main() -> int:
@@ -181,13 +192,13 @@ def main() -> int:
             return 0
         print(f"the wheel and its extras installed: {time.monotonic() - began:.0f} s", flush=True)
         subprocess.run([python, "-c", LOGS], cwd=folder, env=clean(python), check=True)
-        for title, story in stories(python, folder):
+        for story in Stories(python, folder).each():
             start = time.monotonic()
             try:
                 ending, mark = story(), "ok"
             except Exception as error:
                 ending, mark, failed = f"{type(error).__name__}: {error}", "FAILED", failed + 1
-            print(f"{mark:<7}{time.monotonic() - start:5.0f} s  {title}: {ending}", flush=True)
+            print(f"{mark:<7}{time.monotonic() - start:5.0f} s  {story.__doc__}: {ending}", flush=True)
     print(f"{failed} of 5 stories failed; {time.monotonic() - began:.0f} s in all.")
     return failed
 

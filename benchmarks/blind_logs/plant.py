@@ -110,6 +110,8 @@ def simulate(p, r, dr, ddr, ctrl, noise, disturbance, steps, lead):
     """The loop at FINE_HZ; one row of outputs a controller period.
 
     ctrl = (kp, kd, ki, derivative filter weight, feedforward inertia, viscous, coulomb, torque limit)
+
+    One loop: a fine step hands ten scalars to the next, which a function of a part of it would take and return.
     """
     n = r.size
     u_log = np.empty(n)

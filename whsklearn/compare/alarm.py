@@ -10,16 +10,15 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from whsklearn.compare.arm import ArmLog
 from whsklearn.compare.comparison import Comparison
 from whsklearn.compare.records import compare_arms, compare_records
+from whsklearn.compare.rows import Array
 from whsklearn.gap.record import KINDS, MOTIONS, ServoRecord
 from whsklearn.logs.units import UNKNOWN, factor_between, factor_of, integral_of, unit_of
 from whsklearn.systems.arm import Arm
 
-Array = NDArray[Any]
 Side = tuple[Array, Array]  # numbers of the experiments (n,), rows (n, n_columns) with their time first
 
 LABELS = ("before the alarm", "after it")

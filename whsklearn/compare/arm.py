@@ -11,14 +11,11 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from whsklearn.compare.rows import FEWEST_BLOCKS, MOST_BLOCKS, Rows, drifting, slowest_of
+from whsklearn.compare.rows import FEWEST_BLOCKS, MOST_BLOCKS, Array, Rows, drifting, slowest_of
 from whsklearn.lags.rigid_body import RigidBodyLags
 from whsklearn.systems._arm_kernels import N_BODY
 from whsklearn.systems.arm import NUMBERS, Arm
-
-Array = NDArray[Any]
 
 LAW = ("viscous", "coulomb")  # of every joint, beside an offset and the motor's inertia
 TOLD = {"armature": "joint_inertia"}  # a column's name -> what it is called

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from whsklearn.compare.rows import Rows, blocks_between, drifting, reversals_of, slowest_of
+from whsklearn.compare.rows import Array, Rows, blocks_between, drifting, reversals_of, slowest_of
 from whsklearn.gap.calibration import coloured, n_effective, p_value, smoothed_power
 from whsklearn.gap.plant import DEFAULT_TOLERANCE
 from whsklearn.gap.plants import inverse_dynamics as ols
@@ -24,8 +22,6 @@ from whsklearn.gap.plants.servo_start import base_model, start_of
 from whsklearn.gap.record import ServoRecord
 from whsklearn.gap.tangent import Look, Tangent
 from whsklearn.logs.units import inertia_unit, respelled
-
-Array = NDArray[Any]
 
 LAW = ("viscous", "coulomb", "input_offset")
 ONE_WAY = ("viscous", "input_offset")  # without a reversal Coulomb friction is an offset

@@ -10,16 +10,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import dct, idct
 
-from whsklearn.compare.rows import Rows
+from whsklearn.compare.rows import Array, Rows
 from whsklearn.gap.calibration import n_effective, smoothed_power
-
-Array = NDArray[Any]
 
 # Variance of the mean over a record that a drift within it stands for, over the power of that drift: of a random walk,
 # the means of two records in a row lie twice the drift's rms apart, which is two times its power for either.

@@ -17,18 +17,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 from scipy.stats import f as snedecor
 from scipy.stats import t as student
 
 from whsklearn.compare.estimate import Estimate, Part, degrees_of
+from whsklearn.compare.rows import Array
 from whsklearn.identification.payload import slopes_at
-
-Array = NDArray[Any]
 
 PRIOR = 0.3  # of the rms drive: a typical change, for the price of a free number (Occam)
 BESIDE = 4.0  # nats: what explains the difference e^4 times worse is no rival

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from whsklearn.compare.comparison import Change
 from whsklearn.compare.estimate import Estimate, degrees_of, estimate, from_a_cold_start, pooled
 from whsklearn.compare.hypotheses import Difference, Found, hypotheses, load_of, moved
-from whsklearn.compare.rows import Rows, difference
-
-Array = NDArray[Any]
+from whsklearn.compare.rows import Array, Rows, difference
 
 
 def between(rows: list[Rows], first: list[Estimate], second: list[Estimate]) -> Difference:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from whsklearn.compare.comparison import Comparison, spoken
 from whsklearn.gap.report import probability, significant
 from whsklearn.logs.files import atomic_write
-from whsklearn.plot.page import html_of
+from whsklearn.plot.look import html_of
 
 COLOURS = {"moved": "#1b7f4d", "nothing": "#2b6cb0", "cannot_tell": "#b7791f"}
 WIDTH, HEIGHT, MARGIN = 320.0, 120.0, 28.0  # px of a picture; the margin above and below holds a line of text

@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2
 from scipy.stats import t as student
 
@@ -14,9 +13,7 @@ from whsklearn.compare.comparison import Change
 from whsklearn.compare.estimate import Estimate, Part, degrees_of
 from whsklearn.compare.hypotheses import LEAST, Difference
 from whsklearn.compare.pair import between, changes_between
-from whsklearn.compare.rows import Rows
-
-Array = NDArray[Any]
+from whsklearn.compare.rows import Array, Rows
 
 
 def spread(values: Array, variances: Array) -> tuple[float, float, float]:

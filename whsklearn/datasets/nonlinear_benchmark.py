@@ -16,11 +16,11 @@ import numpy as np
 from sklearn.utils import Bunch
 
 from whsklearn.datasets.publishers import CASCADED_TANKS, COUPLED_DRIVES, SILVERBOX, Publication
+from whsklearn.effects.base import Array
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    pass
 
-    Array = NDArray[np.float64]
 
 __all__ = ["fetch_cascaded_tanks", "fetch_coupled_drives", "fetch_silverbox"]
 

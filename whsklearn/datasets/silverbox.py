@@ -6,10 +6,10 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from sklearn.utils import check_random_state
 
 from whsklearn.effects import CableSpring, FrictionLaw, HardeningSpring, Viscous
+from whsklearn.effects.base import Array
 from whsklearn.systems import ServoAxis
 
 __all__ = ["make_silverbox"]
@@ -23,8 +23,6 @@ PERIOD, LEAD_IN, PAUSE = (
 )  # samples of a multisine, of its end before it, and of silence
 RMS = 0.0224  # V
 OVERSAMPLING = 32  # fine samples per sample in the simulation: 280 per period of the resonance
-
-Array = NDArray[np.float64]
 
 
 def make_silverbox(

@@ -59,6 +59,10 @@ from whsklearn.effects.own import address_of, own_values_along
 from whsklearn.effects.quantity import Quantity, Scales
 from whsklearn.effects.rows import values_along
 
+Array = NDArray[np.float64]  # a signal, or any other numbers
+Bools = NDArray[np.bool_]  # marks of samples
+Integers = NDArray[np.int64]  # counts
+
 PLACES = ("friction", "drive", "transmission", "position", "sensor", "time")
 
 BARELY = 1e-300  # the size at which a size-dependent column is evaluated if the size is zero

@@ -6,12 +6,10 @@ The knots of a named law suit an x of unit deviation; a fit that knows x places 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from whsklearn.effects.base import Array
 from whsklearn.effects.friction import StaticEffect
 from whsklearn.effects.static import Hinge, NaturalSpline, Power
-
-Array = NDArray[np.float64]
 
 N_KNOTS = 12  # 0.276 mV on the benchmark, the same as with 20; 8 leave 0.451 (cubic spline)
 N_KINKS = 30  # a piecewise-linear law needs this many for the same error: 12 leave 0.523 mV, 20 leave 0.314

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from whsklearn.effects.base import Array, Bools, Integers
 from whsklearn.effects.law import FrictionLaw
 from whsklearn.logs.mend import turn_in
-from whsklearn.recursion.arrays import Array, Bools, Integers
 
 # The past explains nothing of the residual of a static system in white noise, except by chance: a share of 6/n, or 10 %
 # at the fewest samples.  With a delay of one sample the share is 100 %, for Example 5.1 at 7.5 dB 30 to 42 % (40 seeds,

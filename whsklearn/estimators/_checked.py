@@ -11,10 +11,10 @@ from sklearn.utils import check_random_state
 from sklearn.utils.validation import validate_data
 
 from whsklearn._inputs import check_lengths, in_one_sentence, starts, writeable
+from whsklearn.effects.base import Array, Bools
 from whsklearn.estimators import _advice
 from whsklearn.estimators._kept import KeptModel
 from whsklearn.estimators._records import Given, checked_weights, sample_numbers
-from whsklearn.recursion.arrays import Array, Bools
 
 TOLD: set[str] = set()  # warnings that are given once per process
 

@@ -10,10 +10,10 @@ from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted
 
 from whsklearn.effects import as_law
+from whsklearn.effects.base import Array
 from whsklearn.estimators import _model as wh
 from whsklearn.estimators._summary import Summary, described
 from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
-from whsklearn.recursion.arrays import Array
 
 
 class FittedModel(BaseEstimator):

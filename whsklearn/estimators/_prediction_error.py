@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from whsklearn.effects import FrictionLaw, Power, Viscous
+from whsklearn.effects.base import Array, Bools
 from whsklearn.effects.codes import CONSTANT, HINGE, NATURAL_SPLINE, POWER
 from whsklearn.estimators import _model as wh
-from whsklearn.recursion.arrays import Array, Bools
 from whsklearn.recursion.memory.blocks import increment_rms
 from whsklearn.recursion.memory.starts import least_squares_start, random_start, regressors, term_scales
 from whsklearn.recursion.rows.predictor import record_errors

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from whsklearn._inputs import LARGEST
-from whsklearn.recursion.arrays import Array, Integers
+from whsklearn.effects.base import Array, Integers
 
 
 class Given(NamedTuple):

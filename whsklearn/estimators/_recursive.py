@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from sklearn.utils.validation import check_is_fitted
 
 from whsklearn._inputs import check_whole, starts
+from whsklearn.effects.base import Array
 from whsklearn.estimators import _advice
 from whsklearn.estimators import _model as wh
 from whsklearn.estimators._checked import warn
@@ -20,7 +21,6 @@ from whsklearn.estimators._records import Given, checked_weights, is_plain, join
 from whsklearn.estimators._streams import AnyStream, FullStream, PublishedStream, RowsStream, noise_variance
 from whsklearn.estimators._undo import copied
 from whsklearn.estimators.base import AxisRegressor
-from whsklearn.recursion.arrays import Array
 from whsklearn.recursion.memory.settings import FIRST_RERUN, Settings
 from whsklearn.recursion.rows.pseudolinear import BLOCK
 

@@ -8,9 +8,9 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from whsklearn.effects import FrictionLaw, Hinge, NaturalSpline, Power, StaticEffect, as_law
+from whsklearn.effects.base import Array, Bools, Integers
 from whsklearn.estimators import _model as wh
 from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
-from whsklearn.recursion.arrays import Array, Bools, Integers
 from whsklearn.recursion.batch.best_linear import IOData
 from whsklearn.recursion.batch.block_split import Orders
 from whsklearn.recursion.batch.simulation_error import Fitted, FittedChain, refine, sensitivities

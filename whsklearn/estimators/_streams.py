@@ -14,9 +14,9 @@ from typing import Any
 import numba
 import numpy as np
 
+from whsklearn.effects.base import Array, Bools
 from whsklearn.estimators._model import Structure, natural_vector, paper_jacobian, paper_vector
 from whsklearn.estimators._undo import Undo
-from whsklearn.recursion.arrays import Array, Bools
 from whsklearn.recursion.memory import multistart
 from whsklearn.recursion.memory.posterior import has_posterior, posterior
 from whsklearn.recursion.memory.schedule import BackgroundRefit

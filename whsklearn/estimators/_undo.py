@@ -15,7 +15,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from whsklearn.recursion.arrays import Array, Bools
+from whsklearn.effects.base import Array, Bools
 from whsklearn.recursion.memory.settings import State
 
 

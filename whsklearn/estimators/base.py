@@ -11,12 +11,12 @@ from sklearn.base import RegressorMixin
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from whsklearn._inputs import check_lengths, check_whole, in_one_sentence, starts, writeable
+from whsklearn.effects.base import Array
 from whsklearn.estimators import _advice
 from whsklearn.estimators import _model as wh
 from whsklearn.estimators._checked import CheckedModel, warn
 from whsklearn.estimators._model import draws, noise_spread, rows_spread
 from whsklearn.estimators._records import fold_of_a_search, is_plain, joined
-from whsklearn.recursion.arrays import Array
 
 OUTPUTS = ("expected", "simulation")
 # Expected number m of wrong signs in an experiment up to which it is more likely than not that none is wrong.  If they

@@ -7,11 +7,11 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from whsklearn.effects.base import Array
 from whsklearn.estimators import _model as wh
 from whsklearn.estimators._records import joined
 from whsklearn.estimators.pem import PEMRegressor
 from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
-from whsklearn.recursion.arrays import Array
 from whsklearn.recursion.memory.starts import denominator_of
 
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from whsklearn.effects.base import Array
 from whsklearn.estimators._recursive import RecursiveRegressor
-from whsklearn.recursion.arrays import Array
 from whsklearn.recursion.rows.pseudolinear import GRADIENT
 
 if TYPE_CHECKING:

@@ -10,13 +10,13 @@ from sklearn.base import clone
 from sklearn.utils.validation import check_is_fitted
 
 from whsklearn._inputs import check_whole
+from whsklearn.effects.base import Array, Bools
 from whsklearn.estimators import _model as wh
 from whsklearn.estimators._prediction_error import PredictionError
 from whsklearn.estimators._records import joined
 from whsklearn.estimators._simulation_fit import from_record, law_of, scale_free
 from whsklearn.estimators.base import AxisRegressor
 from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
-from whsklearn.recursion.arrays import Array, Bools
 
 
 class ChainRegressor(AxisRegressor):

@@ -13,12 +13,12 @@ from threadpoolctl import threadpool_limits
 
 from whsklearn._inputs import check_whole, starts
 from whsklearn.effects import as_law
+from whsklearn.effects.base import Array, Bools
 from whsklearn.estimators._model import Structure
 from whsklearn.estimators._records import Given, checked_weights, joined
 from whsklearn.estimators._simulation_fit import natural_of, to_chain
 from whsklearn.estimators.pem import ChainRegressor, PEMRegressor
 from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
-from whsklearn.recursion.arrays import Array, Bools
 from whsklearn.recursion.batch.best_linear import IOData
 from whsklearn.recursion.batch.block_update import Coordinates, block_update, information_of
 from whsklearn.recursion.batch.simulation_error import FittedChain

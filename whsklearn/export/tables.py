@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from whsklearn.effects import Effect
+from whsklearn.effects.base import Array
 from whsklearn.export.axis_code import compensated
 from whsklearn.export.losses import Loss, losses_of, parts_of
 from whsklearn.logs.files import atomic_write
@@ -23,12 +24,9 @@ from whsklearn.logs.files import atomic_write
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
-
     from whsklearn.export.model import Exported
     from whsklearn.systems.servo import ServoAxis
 
-    Array = NDArray[np.float64]
     Torque = Callable[[Array], Array]
 
 ENTRIES = 3600  # entries of cogging.csv: one per tenth of a degree
@@ -107,67 +105,110 @@ def write_tables(model: Exported, out: Path, ratings: Ratings) -> tuple[list[Pat
     """
     axis = model.need_axis("A table for a drive")
     unit, length = model.si
-    waves, friction, rest = divided(axis)
-    if not waves and not friction:
+    asked, friction, rest = divided(axis)
+    if not asked and not friction:
         raise ValueError("The model has neither cogging nor friction, so there is nothing to put into a table.")
-    asked = waves
     waves = [_of_a_whole_order(w) for w in asked]
     changed = [w for w, whole in zip(asked, waves, strict=True) if whole is not w]
     losses = model.told(losses_of(rest, "no table can represent it"))
     losses += model.told(losses_of(changed, "written with a whole order, so that it repeats every turn"))
+    if waves and length != "rad":
+        losses += model.told(losses_of(waves, "a table over a turn needs a rotary axis"))
+    parts = _Tabled(waves if length == "rad" else [], asked, friction, unit, length, ratings)
     out.mkdir(parents=True, exist_ok=True)
     paths: list[Path] = []
     left: list[Left] = []
-
-    def cogging(angle: Array) -> Array:
-        return torque_of(waves, angle, np.zeros(1))
-
-    def identified(angle: Array) -> Array:
-        return torque_of(asked, angle, np.zeros(1))
-
-    def rubbing(speed: Array) -> Array:
-        return torque_of(friction, np.zeros(1), speed)
-
-    def put(name: str, lines: list[str]) -> None:
-        atomic_write(out / name, ("\n".join(lines) + "\n").encode())
-        paths.append(out / name)
-
-    if waves and length == "rad":
-        angle = np.arange(ENTRIES) * 2 * np.pi / ENTRIES
-        put("cogging.csv", [f"angle_rad,feedforward_{unit.lower()}", *_rows(angle, cogging(angle))])
-        left.append(_over_a_turn("cogging.csv", identified, cogging, ENTRIES, hold=False))
-    elif waves:
-        losses += model.told(losses_of(waves, "a table over a turn needs a rotary axis"))
-    if friction:
-        speeds = ratings.speed * np.concatenate([-np.geomspace(1, 1e-3, 100), np.geomspace(1e-3, 1, 100)])
-        put("friction.csv", [f"velocity_{length}_per_s,feedforward_{unit.lower()}", *_rows(speeds, rubbing(speeds))])
-        left.append(_over_speed("friction.csv", rubbing, speeds, ratings.speed, rubbing(speeds)))
-    ampere = 1.0 if unit == "A" else ratings.constant
-    rated = _rated(ratings, unit)
-    if friction and rated is not None:
-        speeds = ratings.speed * np.geomspace(1e-3, 1, _TF5200_ENTRIES)
-        unit_in = _MILLIDEGREE if length == "rad" else 1e-6
-        steps_in = np.maximum(np.round(speeds / unit_in), 1.0).astype(int)
-        values = np.round(_both_ways(rubbing, speeds) * 1000 / rated).astype(int)
-        put("tf5200_frict_comp.lis", _tf5200(steps_in, values))
-        read = values * rated / 1000
-        left.append(_over_speed("tf5200_frict_comp.lis", rubbing, steps_in * unit_in, ratings.speed, read))
-    keba = []
-    if waves and length == "rad" and ampere is not None:
-        angle = np.arange(_KEBA_ENTRIES) * 2 * np.pi / _KEBA_ENTRIES
-        current = cogging(angle) / ampere
-        keba += [f"380,{i},CON_TCoggAddTab,{x:.6g},A" for i, x in enumerate(current.tolist())]
-        left.append(_over_a_turn("servo_one.csv (P 380)", identified, cogging, _KEBA_ENTRIES, hold=True))
-    if friction and length == "rad" and rated is not None:
-        speeds = _three(rubbing, ratings.speed)
-        read = _both_ways(rubbing, speeds)
-        steps = np.diff(read, prepend=0.0) * 100 / rated
-        keba += [f"386,{i},CON_SCON_TFric,{x:.6g},%" for i, x in enumerate(steps.tolist())]
-        keba += [f"387,{i},CON_SCON_TFricSpeed,{x:.6g},rpm" for i, x in enumerate((speeds / _RPM).tolist())]
-        left.append(_over_speed("servo_one.csv (P 386)", rubbing, speeds, ratings.speed, read))
-    if keba:
-        put("servo_one.csv", ["parameter,index,name,value,unit", *keba])
+    for name, (lines, remaining) in (
+        ("cogging.csv", parts.over_a_turn()),
+        ("friction.csv", parts.over_speed()),
+        ("tf5200_frict_comp.lis", parts.tf5200()),
+        ("servo_one.csv", parts.servo_one()),
+    ):
+        if lines:
+            atomic_write(out / name, ("\n".join(lines) + "\n").encode())
+            paths.append(out / name)
+        left += remaining
     return paths, losses, left
+
+
+class _Tabled(NamedTuple):
+    """What the tables are made from; a method gives the lines of one file (none if it cannot be made) and what is left.
+
+    ``waves`` have whole orders, ``asked`` are the same waves as identified.
+    """
+
+    waves: list[Effect]
+    asked: list[Effect]
+    friction: list[Effect]
+    unit: str
+    length: str
+    ratings: Ratings
+
+    def _cogging(self, angle: Array) -> Array:
+        return torque_of(self.waves, angle, np.zeros(1))
+
+    def _identified(self, angle: Array) -> Array:
+        return torque_of(self.asked, angle, np.zeros(1))
+
+    def _rubbing(self, speed: Array) -> Array:
+        return torque_of(self.friction, np.zeros(1), speed)
+
+    @property
+    def _rated(self) -> float | None:
+        """The rated torque in the unit of the tables: a current if the drive is a current."""
+        torque, constant, _ = self.ratings
+        if torque is None or self.unit != "A":
+            return torque
+        return None if constant is None else torque / constant
+
+    def over_a_turn(self) -> tuple[list[str], list[Left]]:
+        if not self.waves:
+            return [], []
+        angle = np.arange(ENTRIES) * 2 * np.pi / ENTRIES
+        lines = [f"angle_rad,feedforward_{self.unit.lower()}", *_rows(angle, self._cogging(angle))]
+        return lines, [_over_a_turn("cogging.csv", self._identified, self._cogging, ENTRIES, hold=False)]
+
+    def over_speed(self) -> tuple[list[str], list[Left]]:
+        if not self.friction:
+            return [], []
+        top = self.ratings.speed
+        speeds = top * np.concatenate([-np.geomspace(1, 1e-3, 100), np.geomspace(1e-3, 1, 100)])
+        torque = self._rubbing(speeds)
+        lines = [f"velocity_{self.length}_per_s,feedforward_{self.unit.lower()}", *_rows(speeds, torque)]
+        return lines, [_over_speed("friction.csv", self._rubbing, speeds, top, torque)]
+
+    def tf5200(self) -> tuple[list[str], list[Left]]:
+        rated, top = self._rated, self.ratings.speed
+        if not self.friction or rated is None:
+            return [], []
+        speeds = top * np.geomspace(1e-3, 1, _TF5200_ENTRIES)
+        unit = _MILLIDEGREE if self.length == "rad" else 1e-6
+        steps = np.maximum(np.round(speeds / unit), 1.0).astype(int)
+        values = np.round(_both_ways(self._rubbing, speeds) * 1000 / rated).astype(int)
+        lines = ["frict_comp.mode 3", f"frict_comp.table_entries {steps.size}", "frict_comp.scaling_factor 1000"]
+        for i, (v, x) in enumerate(zip(steps.tolist(), values.tolist(), strict=True)):
+            lines += [f"frict_comp.table[{i}].in {v}", f"frict_comp.table[{i}].out {x}"]
+        read = values * rated / 1000
+        return lines, [_over_speed("tf5200_frict_comp.lis", self._rubbing, steps * unit, top, read)]
+
+    def servo_one(self) -> tuple[list[str], list[Left]]:
+        rated, top = self._rated, self.ratings.speed
+        ampere = 1.0 if self.unit == "A" else self.ratings.constant
+        lines: list[str] = []
+        left: list[Left] = []
+        if self.waves and ampere is not None:
+            current = self._cogging(np.arange(_KEBA_ENTRIES) * 2 * np.pi / _KEBA_ENTRIES) / ampere
+            lines += [f"380,{i},CON_TCoggAddTab,{x:.6g},A" for i, x in enumerate(current.tolist())]
+            name = "servo_one.csv (P 380)"
+            left.append(_over_a_turn(name, self._identified, self._cogging, _KEBA_ENTRIES, hold=True))
+        if self.friction and self.length == "rad" and rated is not None:
+            speeds = _three(self._rubbing, top)
+            read = _both_ways(self._rubbing, speeds)
+            steps = np.diff(read, prepend=0.0) * 100 / rated
+            lines += [f"386,{i},CON_SCON_TFric,{x:.6g},%" for i, x in enumerate(steps.tolist())]
+            lines += [f"387,{i},CON_SCON_TFricSpeed,{x:.6g},rpm" for i, x in enumerate((speeds / _RPM).tolist())]
+            left.append(_over_speed("servo_one.csv (P 386)", self._rubbing, speeds, top, read))
+        return (["parameter,index,name,value,unit", *lines] if lines else []), left
 
 
 def divided(axis: ServoAxis) -> tuple[list[Effect], list[Effect], list[Effect]]:
@@ -216,13 +257,6 @@ def torque_of(effects: list[Effect], position: Array, velocity: Array) -> Array:
     return np.asarray(sum(e.value(position=position, velocity=velocity) for e in effects))
 
 
-def _rated(ratings: Ratings, unit: str) -> float | None:
-    """The rated torque in the unit of the tables: a current if the drive is a current."""
-    if ratings.torque is None or unit != "A":
-        return ratings.torque
-    return None if ratings.constant is None else ratings.torque / ratings.constant
-
-
 def _rows(x: Array, y: Array) -> list[str]:
     return [f"{a:.9g},{b:.9g}" for a, b in zip(x.tolist(), y.tolist(), strict=True)]
 
@@ -230,14 +264,6 @@ def _rows(x: Array, y: Array) -> list[str]:
 def _both_ways(torque: Torque, speeds: Array) -> Array:
     """Half the difference between the two directions: a list of positive speeds is used for both."""
     return 0.5 * (torque(speeds) - torque(-speeds))
-
-
-def _tf5200(speeds: NDArray[np.int64], values: NDArray[np.int64]) -> list[str]:
-    """The compensation value list of an axis."""
-    lines = ["frict_comp.mode 3", f"frict_comp.table_entries {speeds.size}", "frict_comp.scaling_factor 1000"]
-    for i, (v, x) in enumerate(zip(speeds.tolist(), values.tolist(), strict=True)):
-        lines += [f"frict_comp.table[{i}].in {v}", f"frict_comp.table[{i}].out {x}"]
-    return lines
 
 
 def _three(torque: Torque, top: float) -> Array:

@@ -7,13 +7,10 @@ that comparison; they work on arrays only.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import f, gumbel_r, norm
 
-Array = NDArray[Any]
+from whsklearn.gap.record import Array
 
 # The gain of one superfluous number is chi-squared with one degree of freedom, and the largest of many such gains has a
 # Gumbel scale of 2: no spread over a scan is below that.

@@ -15,7 +15,7 @@ from whsklearn.gap.record import Array
 from whsklearn.gap.report import significant
 from whsklearn.logs.files import atomic_write
 from whsklearn.logs.units import factor_of
-from whsklearn.plot.page import html_of
+from whsklearn.plot.look import html_of
 
 SAID = {True: "would be named", False: "would not be named", None: "depends on the noise"}
 WIDTH, HEIGHT, MARGIN = 680.0, 130.0, 16.0  # px of a picture; the margin above and below holds a line of text

@@ -11,12 +11,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from whsklearn.filtering.gaussian import CUTOFF_SIGMA, HIGHEST_CUTOFF, decimation, filtered, gaussian_derivatives
+from whsklearn.gap.record import Array
 from whsklearn.validation.residuals import whiteness_test
 
-Array = NDArray[Any]
 WHITENING = 12  # order of the autoregression that whitens the errors of an axis
 
 

@@ -12,12 +12,11 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[Any]
+from whsklearn.gap.record import Array
+
 # Dampings tried from one point, each eight times the last: up to 1e5 of the curvature. If a valley of the cost bends
 # sharply (play, whose sides touch at one sample or the next), six dampings ended two fits of 26 at 2,300 times the
 # least sum of squares (benchmarks/least_squares.py).

@@ -13,7 +13,7 @@ from typing import Any
 from whsklearn.gap.diagnosis import Diagnosis, spoken
 from whsklearn.logs.files import atomic_write
 from whsklearn.models import ArmModel, AxisModel, ChainModel, save_model
-from whsklearn.plot.page import html_of
+from whsklearn.plot.look import html_of
 
 COLOURS = {
     "named": "#1b7f4d",

@@ -10,12 +10,10 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from whsklearn.gap.calibration import gain, least_lead, n_effective, p_value, separable, vuong
+from whsklearn.gap.record import Array
 from whsklearn.gap.tangent import Look
-
-Array = NDArray[Any]
 
 # Largest number of looks, among those that chance does not explain, that are fitted jointly with the model. A fit takes
 # a few tenths of a second, so this limits the cost. Whether the right one is ever below the sixth was not measured.

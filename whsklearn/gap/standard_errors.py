@@ -8,14 +8,12 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from whsklearn.gap.calibration import N_DRAWS
 from whsklearn.gap.diagnosis import Diagnosis
 from whsklearn.gap.plant import Linearised
-
-Array = NDArray[Any]
+from whsklearn.gap.record import Array
 
 
 def covariance(fit: Linearised) -> Array:

@@ -12,11 +12,9 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from whsklearn.gap.calibration import p_value
-
-Array = NDArray[Any]
+from whsklearn.gap.record import Array
 
 # Share of a column that must remain outside the span of the model's own: below it, only rounding errors are seen.
 VISIBLE = 1e-3

@@ -13,6 +13,7 @@ from sklearn.base import clone
 from threadpoolctl import threadpool_limits
 
 from whsklearn.effects import Coulomb, InputOffset, LoadFriction, Viscous
+from whsklearn.effects.base import Array
 from whsklearn.estimators.rls import RLSRegressor
 from whsklearn.lags.axis_rows import runs
 from whsklearn.lags.rigid_body import RigidBodyLags
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
 
     from whsklearn.effects import Effect
 
-    Array = NDArray[np.float64]
 
 # Blocks of a record, each omitted once for the spread of the numbers. Between two records of 14 unchanged arms of six
 # joints, numbers differ by 0.9 standard errors (rms), or by 1.9 if errors are taken to be white, with one in 37 beyond

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from whsklearn.effects import Coulomb, FlexibleCoupling, FrictionLaw, InputOffset, SpeedHinge, Viscous
+from whsklearn.effects.base import Array
 from whsklearn.filtering.between_samples import HOLDS
 from whsklearn.identification.axis_inverse import Start, inverse_starts, position_columns
 from whsklearn.identification.axis_numbers import axis_log, axis_residual, position_effects, shooting_log
@@ -35,11 +36,8 @@ from whsklearn.validation import whiteness_test
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
-
     from whsklearn.identification.view import View
 
-    Array = NDArray[np.float64]
 
 KNOTS = (0.1, 0.3, 0.6, 0.85)  # quantiles of speed at which a free law may bend
 SHOOTING = (

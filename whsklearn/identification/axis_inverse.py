@@ -7,15 +7,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from whsklearn.effects.base import Array
 from whsklearn.filtering.gaussian import filtered, gaussian_derivatives
 from whsklearn.recursion.batch.axis_free_run import AxisForm, dissipates, rising_at_last
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from whsklearn.identification.view import View
 
-    Array = NDArray[np.float64]
 
 # Standard deviations of the Gaussian in samples.  With a narrow one, encoder noise in the acceleration biases the
 # inertia towards zero (to a twentieth on a wrist logged at 100 Hz); a wide one removes the motion. Simulation decides

@@ -8,16 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from whsklearn.effects import CableSpring, FlexibleCoupling, GravityImbalance, HardeningSpring, SpeedHinge
+from whsklearn.effects.base import Array
 from whsklearn.recursion.batch.axis_free_run import AxisForm, AxisLog, axis_motion, settled
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from whsklearn.effects import Effect
     from whsklearn.identification.view import View
     from whsklearn.models import AxisModel
 
-    Array = NDArray[np.float64]
 
 PIECE = 2.0  # s, length of a free run whose position must stay accurate
 LEAST_PIECE = 100  # samples of such a free run

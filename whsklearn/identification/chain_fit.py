@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from whsklearn.effects import FrictionLaw, Hinge, Power, as_law
+from whsklearn.effects.base import Array
 from whsklearn.estimators import PEMRegressor
 from whsklearn.identification.linear_fit import input_output
 from whsklearn.models import ChainModel
@@ -15,12 +16,8 @@ from whsklearn.recursion.batch.best_linear import best_linear
 from whsklearn.recursion.batch.simulation_error import FittedChain, refine
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from whsklearn.identification.view import View
     from whsklearn.recursion.batch.best_linear import Ratio
-
-    Array = NDArray[np.float64]
 
 
 def fit_chain(log: View) -> ChainModel:

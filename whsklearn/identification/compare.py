@@ -13,6 +13,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from whsklearn._numba import compiling_seconds
+from whsklearn.effects.base import Array
 from whsklearn.identification.axis_fit import (
     fit_free_law_axis,
     fit_hanging_axis,
@@ -40,11 +41,10 @@ from whsklearn.logs.units import UNKNOWN, UNSTATED, factor_of
 from whsklearn.models import AxisModel, ChainModel
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
     from whsklearn.models.base import IdentifiedModel
 
-    Array = NDArray[np.float64]
 
 AS_GOOD = 1.075  # a simpler structure is preferred within 7.5 % of the least error: twins of one system differ by that
 AT_FLOOR = 1.3  # times the noise; no structure can be better, and the one with thirty parameters takes most of the time

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from whsklearn.effects.base import Array
 from whsklearn.filtering.between_samples import HOLDS
 from whsklearn.identification.axis_inverse import FEWEST, balance, inverse_starts, solved
 from whsklearn.identification.axis_numbers import shooting_log
@@ -18,11 +19,8 @@ from whsklearn.recursion.batch.axis_free_run import AxisForm, fit_pieces
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from numpy.typing import NDArray
-
     from whsklearn.identification.view import View
 
-    Array = NDArray[np.float64]
 
 # s: the oldest drive of a real log (pendulum rigs and arms reach -0.016 to 0.038 s)
 OLDEST = 0.06

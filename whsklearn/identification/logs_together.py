@@ -13,11 +13,8 @@ from whsklearn.identification.drive_lead import moved, skew, smoothing_width
 from whsklearn.recursion.batch.axis_free_run import AxisForm
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from whsklearn.identification.view import View
 
-    Array = NDArray[np.float64]
 
 OFFSET = 3  # of the columns of `whsklearn.identification.axis_inverse.balance`
 

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from sklearn.base import clone
 
+from whsklearn.effects.base import Array
 from whsklearn.identification.arm_fit import Known, blocks_of, fitted, updated, with_ages
 from whsklearn.systems._arm_kernels import N_BODY
 
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
     from whsklearn.identification.arm_fit import ArmFit
     from whsklearn.lags.rigid_body import RigidBodyLags
 
-    Array = NDArray[np.float64]
 
 SEEN = 1e-9  # share of a column's power that remains after what both records know: below it, rounding
 MASS = 4  # fitted parameters of a body, m and m c: on the AIRBOT all ten left the mass uncertain by 2 kg

@@ -14,7 +14,7 @@ from whsklearn.identification.windows import horizons, lead, window_errors
 from whsklearn.logs.files import atomic_write
 from whsklearn.logs.units import UNKNOWN, own_units, respelled
 from whsklearn.models import AxisModel, ChainModel, LinearModel, save_model
-from whsklearn.plot.page import html_of
+from whsklearn.plot.look import html_of
 
 if TYPE_CHECKING:
     import os

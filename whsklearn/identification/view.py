@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from whsklearn.effects.base import Array
 from whsklearn.filtering.between_samples import fine_drive
 from whsklearn.logs.errors import LogError
 from whsklearn.logs.units import UNKNOWN
@@ -17,7 +18,6 @@ from whsklearn.recursion.batch.best_linear import IOData, least_squares_arx
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    Array = NDArray[np.float64]
 
 HOLDOUT = 0.3
 LEAST_MOTION = (

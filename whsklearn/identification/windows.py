@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from whsklearn.effects.base import Array
 from whsklearn.identification.axis_numbers import axis_residual, axis_theta
 from whsklearn.identification.view import smooth
 from whsklearn.models import AxisModel, ChainModel, LinearModel
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
 
     from whsklearn.identification.view import View
 
-    Array = NDArray[np.float64]
 
 SECONDS = (0.1, 0.5, 2.0, 5.0)
 LEAD = 0.3  # s before a window over which its state is fitted

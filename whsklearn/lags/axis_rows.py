@@ -8,13 +8,12 @@ from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from whsklearn.effects import Effect, FrictionLaw, as_law, get_effect
+from whsklearn.effects.base import Array
 from whsklearn.filtering.records import Motion
 from whsklearn.filtering.streams import causal_delay, causal_motion
-
-Array = NDArray[np.float64]
 
 # Effects whose columns depend on the drive.
 DRIVEN = ("load_friction", "dead_zone", "saturation", "input_delay", "actuator_lag", "torque_ripple")

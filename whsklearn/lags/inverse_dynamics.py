@@ -16,6 +16,7 @@ from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import check_array, check_is_fitted
 
 from whsklearn.effects import Effect, FrictionLaw, PreslidingHysteresis
+from whsklearn.effects.base import Array
 from whsklearn.filtering.encoder import motion_cutoff
 from whsklearn.filtering.records import decimate, motion, velocity_noise, zero_phase
 from whsklearn.filtering.streams import causal_delay, causal_kernels, causal_motion, causal_window
@@ -31,8 +32,6 @@ from whsklearn.lags.axis_rows import (
     stack_columns,
 )
 from whsklearn.lags.motion_stream import MotionStream, validated
-
-Array = NDArray[np.float64]
 
 __all__ = ["InverseDynamicsLags"]
 

@@ -9,10 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from whsklearn.effects import PreslidingHysteresis
+from whsklearn.effects.base import Array
 from whsklearn.filtering.streams import causal_motion
 from whsklearn.lags.axis_rows import AT_START, RowState, advance, effect_terms, runs
-
-Array = NDArray[np.float64]
 
 
 class MotionStream:

@@ -19,6 +19,7 @@ from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import check_array, check_is_fitted, validate_data
 
 from whsklearn.effects import InputOffset, PreslidingHysteresis
+from whsklearn.effects.base import Array
 from whsklearn.filtering.encoder import motion_cutoff
 from whsklearn.filtering.records import Motion, central_difference, motion, velocity_noise, zero_phase
 from whsklearn.filtering.streams import causal_delay, causal_kernels, causal_motion, causal_window
@@ -35,7 +36,6 @@ if TYPE_CHECKING:
 
     from whsklearn.systems.arm import Arm
 
-    Array = NDArray[np.float64]
 
 __all__ = ["RigidBodyLags"]
 

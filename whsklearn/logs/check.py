@@ -6,13 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from whsklearn.logs.findings import SEVERITIES, Finding, LogReport, finding
+from whsklearn.logs.findings import SEVERITIES, Array, Finding, LogReport, finding
 from whsklearn.logs.lattice import lattice
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    Array = NDArray[np.float64]
 
 __all__ = ["check_log", "jitter"]
 

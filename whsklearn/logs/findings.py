@@ -8,10 +8,12 @@ from __future__ import annotations
 import html
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]  # a signal of a log, or its time stamps
 
 TITLES = {
     "LOG001": "Sampling is irregular",

@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from whsklearn.logs.check import ALLOWED_JITTER, GAP
-from whsklearn.logs.findings import Finding
+from whsklearn.logs.findings import Array, Finding
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    Array = NDArray[np.float64]
 
 MOTIONS = ("position", "reference", "command")
 

@@ -14,7 +14,7 @@ from whsklearn.logs import mend
 from whsklearn.logs.check import check_log
 from whsklearn.logs.current import TorqueConstant, factor_to_torque, is_current
 from whsklearn.logs.errors import ColumnError, LogError, LogWarning
-from whsklearn.logs.findings import Finding, LogReport
+from whsklearn.logs.findings import Array, Finding, LogReport
 from whsklearn.logs.formats import open_source
 from whsklearn.logs.grid import even
 from whsklearn.logs.source import Column, Source
@@ -24,7 +24,6 @@ from whsklearn.logs.units import UNKNOWN, integral_of, stated, symbol_of, time_u
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    Array = NDArray[np.float64]
 
 _MENDED = {"LOG001", "LOG002", "LOG003", "LOG004", "LOG010", "LOG011", "LOG013", "LOG014", "LOG018"}
 FEWEST = 3  # rows

@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from whsklearn.logs.errors import LogError
-from whsklearn.logs.findings import Finding, finding
+from whsklearn.logs.findings import Array, Finding, finding
 from whsklearn.logs.units import turn_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    Array = NDArray[np.float64]
 
 HUGE = 1e100  # no sensor gives larger values, and their squares overflow
 TINY = 1e-100  # a signal that never exceeds this is zero or in a wrong unit

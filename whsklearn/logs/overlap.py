@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+from whsklearn.logs.findings import Array
 
-    Array = NDArray[np.float64]
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
 
 # Samples in a row in which every signal agrees.  Two runs with the same reference differ by their noise: if nine
 # samples in ten of a coarse encoder agree by chance, one window in 40,000 does, and the drive has to agree as well.

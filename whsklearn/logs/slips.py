@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+from whsklearn.logs.findings import Array
 
-    Array = NDArray[np.float64]
+if TYPE_CHECKING:
+    pass
+
 
 MOST_ROWS = 50_000  # a mistake is in every row; more rows only take time
 SLOW = 0.2  # s; no axis is logged at five times a second, but ms taken as s look like that

@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from whsklearn.logs.errors import LogError
-from whsklearn.logs.findings import Finding, finding
+from whsklearn.logs.findings import Array, Finding, finding
 from whsklearn.logs.units import UNKNOWN, seconds_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    Array = NDArray[np.float64]
 
 LONG_GAP = 5.0  # periods; four lost samples can be interpolated, within more an axis may have reversed
 TURNED = 0.9  # share of steps backwards above which a log is written newest first

@@ -1,7 +1,12 @@
-"""The style that all displays share."""
+"""The look that displays share, and that of the HTML pages of `gap`, `identify` and `compare`.
+
+A page has one stylesheet, for screens in light and dark and for paper.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,6 +16,7 @@ Z95 = 1.959963984540054  # the two-sided 95 % point of the normal distribution
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7F7F7F", "#B8A000")
 STYLES = ("-", ":", "-.")  # the dashes are for the truth
 TRUTH = (0, (6, 4))  # the dashes of what is known, not estimated
+STYLE = Path(__file__).with_name("page.css")
 
 
 class Display:
@@ -35,3 +41,32 @@ class Display:
             ax.set_axisbelow(True)
         self.figure_, self.axes_ = axes[0].figure, axes
         return axes
+
+
+def html_of(template: Path, filters: Mapping[str, Callable[..., str]] | None = None, **values: Any) -> str:
+    """A page as text; the template puts ``style|safe`` into its head.
+
+    Parameters
+    ----------
+    template : Path
+        Of a jinja2 template; what is put into it is escaped.
+    filters : mapping of str to callable, optional
+        By the names that the template calls them.
+    **values
+        What the template shows.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = Path(folder, "page.html.j2")
+    ...     _ = file.write_text("<p>{{ unit }}</p>")
+    ...     html_of(file, unit="<Nm>")
+    '<p>&lt;Nm&gt;</p>'
+    """
+    from jinja2 import Environment
+
+    environment = Environment(autoescape=True)
+    environment.filters |= filters or {}
+    source = template.read_text(encoding="utf-8")
+    return environment.from_string(source).render(style=STYLE.read_text(encoding="utf-8"), **values)

@@ -18,6 +18,7 @@ import numpy as np
 from sklearn.utils import Bunch
 
 from whsklearn.effects import Effect, effect_names, get_effect
+from whsklearn.effects.base import Array
 from whsklearn.systems._arm_kernels import N_BODY, Links, fill_mass, fill_regressor, fill_torque
 from whsklearn.systems._arm_pass import DRIVE, MEASURED, N_SIGNALS, POSITION, VELOCITY, Axes, Course, run
 from whsklearn.systems._servo_torques import KAPPA, LIMIT, N_PARTS, RESOLUTION, plant_of
@@ -27,9 +28,8 @@ from whsklearn.systems.consistent_inertias import consistent_numbers
 from whsklearn.systems.servo_parts import PIDController
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
-    Array = NDArray[np.float64]
 
 NUMBERS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 

@@ -12,11 +12,11 @@ from xml.etree import ElementTree
 import numpy as np
 
 from whsklearn.effects import CableSpring, Coulomb, Effect, Viscous
+from whsklearn.effects.base import Array
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
-    Array = NDArray[np.float64]
 
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Array = NDArray[np.float64]
+from whsklearn.effects.base import Array
 
 # As a share of a column's length. The part that earlier columns leave unexplained is either rounding (1e-13 on random
 # motion) or above 1e-5 (random arms of 2 to 7 joints); the tolerance lies between.

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from whsklearn._numba import borrowed, njit, part
 from whsklearn.effects import codes as k
@@ -19,8 +18,6 @@ from whsklearn.effects.own import WHICH, address_of
 from whsklearn.effects.terms import term
 from whsklearn.effects.transmission import FlexibleCoupling
 from whsklearn.systems.chain_ports import added, arrived, driven, occupied, sensed, transmitted, unsensed
-
-Array = NDArray[np.float64]
 
 FAR = 1e30  # at which signals are clipped, so that an unstable trial ends in large errors and not in NaN
 

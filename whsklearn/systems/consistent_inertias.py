@@ -13,14 +13,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits
 
+from whsklearn.effects.base import Array
 from whsklearn.systems._arm_kernels import N_BODY
 from whsklearn.systems.arm_files import inertia_matrix
 from whsklearn.systems.base_parameters import BaseParameters
-
-Array = NDArray[np.float64]
 
 LEAST_MASS, LEAST_RADIUS = 1e-3, 1e-2  # kg and m: the initial body of a link for which the file gives none
 # Standard errors per unit of a logarithm: masses and sizes in the file are taken to be right within a factor of twenty.

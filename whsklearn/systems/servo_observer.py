@@ -11,8 +11,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from whsklearn.effects.base import Array
 from whsklearn.systems._servo_kernel import (
     DRIVE,
     LOAD,
@@ -28,8 +28,6 @@ from whsklearn.systems._servo_kernel import (
     torque_along,
 )
 from whsklearn.systems._servo_torques import Plant, plant_of
-
-Array = NDArray[np.float64]
 
 __all__ = [
     "DRIVE",

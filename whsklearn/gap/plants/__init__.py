@@ -9,10 +9,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from whsklearn.gap.data_check import UNEVEN
+from whsklearn.gap.record import Array
 from whsklearn.logs.timebase import LONG_GAP
 from whsklearn.logs.units import factor_of, own_units, unit_of
-
-Array = NDArray[Any]
 
 
 class Base(NamedTuple):

@@ -40,7 +40,7 @@ from whsklearn.gap.plants.servo_candidates import candidate
 from whsklearn.gap.plants.servo_evidence import OWN_MOTION
 from whsklearn.gap.plants.servo_inverse import negative_damping, never_free, too_large
 from whsklearn.gap.plants.servo_model import ServoTerm
-from whsklearn.gap.record import SPLIT, held_out_blocks, rms
+from whsklearn.gap.record import SPLIT, Array, held_out_blocks, rms
 from whsklearn.gap.search import STILL
 from whsklearn.gap.tangent import Family, Look, Tangent
 from whsklearn.identification.arm_fit import Known, blocks_of, fitted, suspicions, swapped, updated
@@ -52,7 +52,6 @@ from whsklearn.systems.arm import Arm
 from whsklearn.systems.arm_files import STANDARD_GRAVITY
 from whsklearn.systems.servo import FEWEST_STEPS
 
-Array = NDArray[Any]
 # Largest ratio, at one joint, of the torque of an effect to the residual that it removes.  With a larger one, like that
 # of a spring against gravity, the effect only cancels other terms.  The sum is then below one part in twenty, and the
 # columns of a real arm are no better than that (4 to 10 % on held-out blocks, `python -m benchmarks.arms`).

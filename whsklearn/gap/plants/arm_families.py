@@ -7,18 +7,17 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from whsklearn.effects import ContactStop
 from whsklearn.gap.nameless import nameless
 from whsklearn.gap.plants.arm_terms import AtJoint, JointTerm, Load
 from whsklearn.gap.plants.arm_view import LATEST, ArmView
+from whsklearn.gap.record import Array
 from whsklearn.gap.tangent import AT_ONCE, Family, Look, Tangent, strongest_lines
 from whsklearn.identification.drive_lead import OLDEST
 from whsklearn.identification.payload import place_of, point_load
 
-Array = NDArray[Any]
 Blocks = Iterator[tuple[Any, Array, Array | float]]
 N_STEPS, N_LIMITS, N_AGES = 25, 24, 16
 HIGHEST = 60.0  # order of a wave over a joint's angle

@@ -23,7 +23,7 @@ from whsklearn.gap.calibration import N_NULL, coloured, n_effective, null_rows, 
 from whsklearn.gap.plants.arm_terms import AtJoint, JointInertia, JointTerm, Load, Weight
 from whsklearn.gap.plants.servo_candidates import ColumnSignals
 from whsklearn.gap.plants.servo_own import N_RECORDS
-from whsklearn.gap.record import MAD, Segmented, rms
+from whsklearn.gap.record import MAD, Array, Segmented, rms
 from whsklearn.identification.arm_fit import SAME, Known, held_out
 from whsklearn.identification.drive_lead import OLDEST
 from whsklearn.identification.payload import MASS
@@ -31,8 +31,6 @@ from whsklearn.lags.rigid_body import RigidBodyLags
 from whsklearn.logs.lattice import lattice
 from whsklearn.systems._arm_kernels import N_BODY
 from whsklearn.systems.arm_files import STANDARD_GRAVITY, body_numbers
-
-Array = NDArray[Any]
 
 LATEST = 2.0  # samples: up to this age of a drive it is bookkeeping, beyond it a delay
 # At rest, dry friction may have any value between both signs, and the model uses one of them: it is off by up to twice

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from whsklearn.effects import FrictionLaw, Quantization, as_law, get_effect
+from whsklearn.effects.base import Array, Bools
 from whsklearn.effects.knots import has_knots
 from whsklearn.gap.calibration import GATE, p_value
 from whsklearn.gap.data_check import FEWEST_SAMPLES, FLAT, DataProblem, flat_share
@@ -42,7 +43,6 @@ from whsklearn.gap.plants.chain_model import ChainCandidate, ChainHypothesis, Re
 from whsklearn.gap.record import HELD_OUT, MAD, rms
 from whsklearn.gap.search import STILL, WORTH_FITTING
 from whsklearn.gap.tangent import Look
-from whsklearn.recursion.arrays import Array, Bools
 from whsklearn.systems.wiener_hammerstein import WienerHammersteinSystem
 
 if TYPE_CHECKING:

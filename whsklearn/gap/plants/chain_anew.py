@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from whsklearn.effects import FrictionLaw, Power
+from whsklearn.effects.base import Array
 from whsklearn.gap.plants import chain_model as cm
 from whsklearn.gap.plants.chain_fit import (
     SOFT,
@@ -34,7 +35,6 @@ from whsklearn.gap.plants.chain_model import ChainCandidate, ChainHypothesis, Ch
 from whsklearn.gap.record import rms
 from whsklearn.gap.search import WORTH_FITTING
 from whsklearn.gap.tangent import Look
-from whsklearn.recursion.arrays import Array
 from whsklearn.recursion.batch.best_linear import Ratio
 
 PROMISING = 4  # number of additive candidates of each look that are fitted

@@ -16,12 +16,12 @@ from collections.abc import Iterable
 import numpy as np
 
 from whsklearn.effects import FrictionLaw, Hinge, Power
+from whsklearn.effects.base import Array
 from whsklearn.effects.knots import has_knots, place_knots, placed
 from whsklearn.gap.calibration import gain
 from whsklearn.gap.least_squares import least_squares
 from whsklearn.gap.plants import chain_model as cm
 from whsklearn.gap.plants.chain_model import ChainHypothesis, ChainTerm, Record
-from whsklearn.recursion.arrays import Array
 from whsklearn.recursion.batch.best_linear import IOData, Ratio, best_linear
 from whsklearn.recursion.batch.block_split import Orders, divisions, exchanged, padded
 from whsklearn.recursion.memory.starts import random_stable

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from scipy.signal import lfilter
 
+from whsklearn.effects.base import Array
 from whsklearn.gap.calibration import N_NULL, gain
 from whsklearn.gap.nameless import without_name
 from whsklearn.gap.plants import chain_model as cm
@@ -21,7 +22,6 @@ from whsklearn.gap.plants.chain_fit import SOFT, climb, coloured, sharpened
 from whsklearn.gap.plants.chain_model import ChainCandidate, ChainHypothesis, ChainTerm, Record, Sizes, catalogue
 from whsklearn.gap.record import rms
 from whsklearn.gap.tangent import Family, Look, Tangent, strongest_lines, with_p_values
-from whsklearn.recursion.arrays import Array
 
 SLOPED = SOFT[-1]  # kappa times rms dx at which a sign has a slope
 VERY_SOFT = 8.0  # the same for a sign that still resolves an eighth of rms dx

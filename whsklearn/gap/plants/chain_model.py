@@ -22,6 +22,7 @@ from scipy.signal import lfilter
 
 from whsklearn._numba import njit
 from whsklearn.effects import FrictionLaw, Scales, codes, effect_names, get_effect
+from whsklearn.effects.base import Array, Bools, Integers
 from whsklearn.effects.chain import CHAIN_FORMS
 from whsklearn.effects.own import WHICH, address_of
 from whsklearn.effects.static import Power
@@ -30,7 +31,6 @@ from whsklearn.gap.plant import FittedTerm, with_vectors
 from whsklearn.gap.plants.variant import EffectVariant
 from whsklearn.gap.record import MAD, rms
 from whsklearn.logs.lattice import lattice
-from whsklearn.recursion.arrays import Array, Bools, Integers
 from whsklearn.recursion.batch.best_linear import stabilised
 from whsklearn.systems.chain import PackedChain, Ports, run
 

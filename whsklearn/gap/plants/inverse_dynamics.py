@@ -5,12 +5,11 @@ torque = J a + sum of terms is linear in the sizes, so a thousand candidates cos
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[Any]
+from whsklearn.gap.record import Array
+
 RIDGE = 3e-5  # per sample, for columns of unit rms: far below the information of any column worth naming
 
 

@@ -44,11 +44,10 @@ from whsklearn.gap.plants.servo_start import (
     unfold,
     with_earlier_drive,
 )
-from whsklearn.gap.record import SPLIT, ServoRecord, rms
+from whsklearn.gap.record import SPLIT, Array, ServoRecord, rms
 from whsklearn.gap.search import HALF
 from whsklearn.logs.units import inertia_unit
 
-Array = NDArray[Any]
 OVER_LITTLE_TRAVEL = {"input_offset": ("gravity_imbalance",), "asymmetric_coulomb": ("gravity_imbalance",),
                       "cable_spring": ("gravity_imbalance",), "gravity_imbalance": ("cable_spring",)}  # fmt: skip
 

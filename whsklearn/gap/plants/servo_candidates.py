@@ -12,13 +12,11 @@ from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from whsklearn.effects import Effect, Scales, codes, effect_names, get_effect
 from whsklearn.effects.base import shapes_of
 from whsklearn.gap.plants.variant import EffectVariant
-
-Array = NDArray[Any]
+from whsklearn.gap.record import Array
 
 # Read directly from the record (a grid, a folded sign), or equivalent to another zero or slope of the reference: no
 # torque is missing because of these.

@@ -20,7 +20,6 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from whsklearn.effects import codes as k
 from whsklearn.effects.quantity import ONE_PERIOD
@@ -36,10 +35,10 @@ from whsklearn.gap.plants.servo_candidates import TWO_MASS, Candidate, usable
 from whsklearn.gap.plants.servo_inverse import later, reaching
 from whsklearn.gap.plants.servo_model import ServoHypothesis, ServoTerm
 from whsklearn.gap.plants.servo_own import Own
+from whsklearn.gap.record import Array
 from whsklearn.gap.search import HALF, LEAST_SHARE
 from whsklearn.gap.tangent import AT_ONCE, Family, Look, Tangent, chance, strongest_lines, with_p_values
 
-Array = NDArray[Any]
 Blocks = Iterator[tuple[Any, Array, Array | float]]
 
 

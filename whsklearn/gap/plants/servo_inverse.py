@@ -27,10 +27,9 @@ from whsklearn.gap.plants import servo_stop as stop
 from whsklearn.gap.plants import servo_two_mass as two_mass
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, ColumnSignals
 from whsklearn.gap.plants.servo_model import ServoHypothesis, ServoTerm
-from whsklearn.gap.record import ServoRecord, rms
+from whsklearn.gap.record import Array, ServoRecord, rms
 from whsklearn.logs.lattice import lattice
 
-Array = NDArray[Any]
 KEPT = 40  # columns cached, because a polish moves one shape and not the others
 
 

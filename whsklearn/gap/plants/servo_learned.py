@@ -27,8 +27,7 @@ from whsklearn.gap.plants import inverse_dynamics as ols
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, Candidate, ColumnSignals
 from whsklearn.gap.plants.servo_model import ServoHypothesis, ServoTerm
-
-Array = NDArray[Any]
+from whsklearn.gap.record import Array
 
 # Learned curves of one record: each is a function of one or two signals (`benchmarks.learned`).
 MOST_CURVES = 2

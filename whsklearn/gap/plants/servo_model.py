@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from whsklearn.effects import Scales
 from whsklearn.effects import codes as k
 from whsklearn.effects.own import WHICH, address_of
 from whsklearn.gap.plant import FittedTerm, with_vectors
+from whsklearn.gap.record import Array
 from whsklearn.systems.servo_observer import (
     LOAD,
     LOAD_VELOCITY,
@@ -25,7 +24,6 @@ from whsklearn.systems.servo_observer import (
     follow,
 )
 
-Array = NDArray[Any]
 # Factor below the inertia of the first regression and above that or the model's own, whichever is larger; fits further
 # away had diverged. A regression without the gravity that is there finds far too little where J a and G sin q cancel.
 WIDEST = 5.0

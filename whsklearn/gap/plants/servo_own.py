@@ -13,18 +13,16 @@ import dataclasses
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from whsklearn.gap.calibration import N_DRAWS, coloured, n_effective, null_rows, smoothed_power
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants.servo_candidates import ColumnSignals as Motion
 from whsklearn.gap.plants.servo_model import HOLD, ServoHypothesis
+from whsklearn.gap.record import Array
 from whsklearn.identification.drive_lead import earlier
 from whsklearn.systems._servo_kernel import DRIVE, MEASURED, N_SIGNALS, How, PassInputs, run
 from whsklearn.systems._servo_torques import DELAY, RESOLUTION
 from whsklearn.systems.servo import FEWEST_STEPS
-
-Array = NDArray[Any]
 
 # Hz, of the soft loop: with a Stribeck curve in the model, 5 Hz leaves half as much as 2 and 15 Hz (a slower loop lets
 # the axis stick longer than it did, a stiffer one replaces the model's drive)

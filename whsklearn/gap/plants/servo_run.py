@@ -23,10 +23,9 @@ from whsklearn.gap.least_squares import Fit, gain_of, least_squares
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants.servo_candidates import Candidate
 from whsklearn.gap.plants.servo_model import LONGEST_STEP, ServoHypothesis, ServoTerm
-from whsklearn.gap.record import ServoRecord, held_out_blocks, rms
+from whsklearn.gap.record import Array, ServoRecord, held_out_blocks, rms
 from whsklearn.systems.servo import FEWEST_STEPS
 
-Array = NDArray[Any]
 STEP_ERROR = 0.01  # share of the tolerance by which a longer fine step may change the gap
 LOST = 1e3  # times the travel or the speed of the record: a run beyond that has diverged
 

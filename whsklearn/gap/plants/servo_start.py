@@ -19,12 +19,11 @@ from whsklearn.gap.plants.servo_candidates import candidate
 from whsklearn.gap.plants.servo_inverse import InverseView
 from whsklearn.gap.plants.servo_model import FASTEST_COUPLING, HOLD, ServoHypothesis, ServoTerm
 from whsklearn.gap.plants.servo_run import ObserverView
-from whsklearn.gap.record import ServoRecord, held_out_blocks, noise_level, rms
+from whsklearn.gap.record import Array, ServoRecord, held_out_blocks, noise_level, rms
 from whsklearn.gap.search import HALF
 from whsklearn.identification.drive_lead import drive_lead, earlier
 from whsklearn.logs.lattice import lattice
 
-Array = NDArray[Any]
 LOWEST_CUTOFF = 2.0  # Hz, of the search for the filter
 FIRST_CUTOFF = 8.0  # Hz, for the first guess of the inertia: above any reference, below most noise
 

@@ -20,9 +20,9 @@ from whsklearn.filtering.gaussian import CUTOFF_SIGMA
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, Candidate, variants
 from whsklearn.gap.plants.servo_model import ServoHypothesis, ServoTerm
+from whsklearn.gap.record import Array
 from whsklearn.gap.search import HALF
 
-Array = NDArray[Any]
 KINDS = variants(ContactStop)
 REWEIGHTINGS = 15
 AROUND = 3.5  # widths of the Gaussian over which a contact is blurred

@@ -17,13 +17,12 @@ from typing import Any
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from whsklearn.effects import codes as k
 from whsklearn.filtering.gaussian import CUTOFF_SIGMA, filtered, gaussian_derivatives
 from whsklearn.gap.plants.servo_model import INSIDE, ServoHypothesis, ServoTerm
+from whsklearn.gap.record import Array
 
-Array = NDArray[Any]
 STEPS = 8  # per period of the load on its spring; twice the damping ratio times as many, or the damper makes it diverge
 BOTH = (k.BACKLASH, k.FLEXIBLE_COUPLING)
 TURNS = (

@@ -21,10 +21,9 @@ from whsklearn.gap.least_squares import least_squares
 from whsklearn.gap.plant import FittedTerm, with_vectors
 from whsklearn.gap.plants.simulator_look import gone, sized_by_drive, smallest
 from whsklearn.gap.plants.variant import EffectVariant
+from whsklearn.gap.record import Array
 from whsklearn.gap.search import HALF
 from whsklearn.gap.tangent import Look
-
-Array = NDArray[Any]
 
 STEP = 1e-3  # of a logarithm, of a size relative to itself, of another number relative to a tenth at least
 PARTS = 6  # of the record that are excluded in turn: one more than the usual number of parameters of a rigid axis

@@ -19,9 +19,9 @@ import numpy as np
 
 from whsklearn._numba import njit, part
 from whsklearn.effects import Coulomb, FlexibleCoupling, InputOffset, Viscous
+from whsklearn.effects.base import Array, Bools, Integers
 from whsklearn.effects.equations import speed_hinge
 from whsklearn.effects.transmission import contact_stiffness
-from whsklearn.recursion.arrays import Array, Bools, Integers
 from whsklearn.recursion.batch.levenberg_marquardt import descend
 from whsklearn.systems._servo_step import implicit_gain
 from whsklearn.systems.servo_observer import POSITION, VELOCITY, How, bare_parts, follow, plant_of
@@ -399,7 +399,10 @@ def _of_position(e, hangs, force, slope):
 
 @njit(cache=True, error_model="numpy")
 def axis_pass(theta, form, u, bounds, start, dt, rows):
-    """Return velocity and position, (2, n); write the derivatives into rows (2, p + 2, n) unless it is empty."""
+    """Return velocity and position, (2, n); write the derivatives into rows (2, p + 2, n) unless it is empty.
+
+    One loop: motion and sensitivities of a step share its forces and their slopes, which are computed once.
+    """
     n_theta = theta.size
     n = n_theta + 2
     knots = form.knots

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from whsklearn.recursion.arrays import Array, Bools, Integers
+from whsklearn.effects.base import Array, Bools, Integers
 from whsklearn.recursion.batch.levenberg_marquardt import descend
 from whsklearn.recursion.batch.linear_filter import delayed_rows, filter_rows
 from whsklearn.systems.stability import is_stable

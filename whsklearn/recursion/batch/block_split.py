@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from whsklearn.recursion.arrays import Array
+from whsklearn.effects.base import Array
 from whsklearn.recursion.batch.best_linear import Ratio
 
 if TYPE_CHECKING:

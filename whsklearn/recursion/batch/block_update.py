@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from whsklearn.recursion.arrays import Array, Integers
+from whsklearn.effects.base import Array, Integers
 from whsklearn.recursion.batch.best_linear import IOData
 from whsklearn.recursion.batch.levenberg_marquardt import damped_step
 from whsklearn.recursion.batch.simulation_error import FittedChain, orthonormal, run, sensitivities

@@ -14,7 +14,7 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
-from whsklearn.recursion.arrays import Array
+from whsklearn.effects.base import Array
 
 FIRST = 1e-2  # initial damping, for normal equations with a unit diagonal
 TRIES = 8  # dampings tried from one point, each four times the previous one

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy.linalg import orth
 
-from whsklearn.recursion.arrays import Array
+from whsklearn.effects.base import Array
 from whsklearn.recursion.batch.block_split import reflections
 from whsklearn.recursion.batch.linear_filter import delayed_rows, filter_rows
 from whsklearn.recursion.batch.simulation_error import Fitted, FittedChain, refine, run, sensitivities

@@ -13,9 +13,9 @@ import numpy as np
 
 from whsklearn._numba import njit
 from whsklearn.effects import FrictionLaw
+from whsklearn.effects.base import Array
 from whsklearn.effects.knots import placed
 from whsklearn.effects.terms import term
-from whsklearn.recursion.arrays import Array
 from whsklearn.recursion.batch.best_linear import EDGE, IOData
 from whsklearn.recursion.batch.levenberg_marquardt import damped_step
 from whsklearn.recursion.batch.linear_filter import delayed_rows, filter_rows

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from whsklearn._numba import njit, part
-from whsklearn.recursion.arrays import Array, Bools, Integers
+from whsklearn.effects.base import Array, Bools, Integers
 from whsklearn.recursion.rows.predictor import clear, push
 
 LARGEST = 1e30  # bound of x, so that a diverging free run stays finite

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from whsklearn._numba import njit, part
-from whsklearn.recursion.arrays import Array, Bools, Integers
+from whsklearn.effects.base import Array, Bools, Integers
 from whsklearn.recursion.memory.predictor_block import (
     LENGTH,
     Segment,

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.recursion.arrays import Array, Integers
+from whsklearn.effects.base import Array, Integers
 from whsklearn.recursion.memory.gauss_newton import Memory, Work, new_work
 from whsklearn.recursion.memory.linearised import (
     CAPACITY,

@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 
 from whsklearn._numba import njit, part
+from whsklearn.effects.base import Array, Integers
 from whsklearn.effects.codes import COULOMB, STRIBECK_TANH, VISCOUS
 from whsklearn.effects.equations import coulomb, reduced_stribeck, smooth_sign, viscous
 from whsklearn.effects.terms import term
-from whsklearn.recursion.arrays import Array, Integers
 
 LENGTH = 128  # samples of a segment, few enough for all its signals to stay in the fastest cache
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from whsklearn._numba import njit
-from whsklearn.recursion.arrays import Array, Bools
+from whsklearn.effects.base import Array, Bools
 from whsklearn.recursion.memory.blocks import increment_rms
 from whsklearn.recursion.memory.gauss_newton import HUGE, Memory
 from whsklearn.recursion.memory.settings import Settings, State

@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from whsklearn.recursion.arrays import Array
+from whsklearn.effects.base import Array
 from whsklearn.recursion.memory import refit
 from whsklearn.recursion.memory.blocks import increment_rms
 from whsklearn.recursion.memory.gauss_newton import (

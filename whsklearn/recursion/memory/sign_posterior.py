@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from whsklearn._numba import njit, part
-from whsklearn.recursion.arrays import Array, Integers
+from whsklearn.effects.base import Array, Integers
 from whsklearn.recursion.memory.linearised import Signs
 from whsklearn.recursion.rows.covariance import factors_of_inverse, times
 from whsklearn.systems.stability import is_stable

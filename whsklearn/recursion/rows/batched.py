@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from whsklearn._inputs import real_array
 from whsklearn._numba import njit, part
-from whsklearn.recursion.arrays import Array
+from whsklearn.effects.base import Array
 from whsklearn.recursion.rows.covariance import WIND_UP
 
 __all__ = ["least_squares_of_many"]

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from whsklearn._numba import njit, part
+from whsklearn.effects.base import Array
 from whsklearn.effects.codes import VISCOUS
 from whsklearn.effects.terms import term
-from whsklearn.recursion.arrays import Array
 from whsklearn.recursion.rows.covariance import inflate, measurement_update
 from whsklearn.recursion.rows.predictor import push
 
@@ -135,6 +135,8 @@ def run_pseudolinear(model, recent, since, forgetting, ceiling, law, p, mode, sa
     auxiliary state before its first sample.  The weights are those of the paper, 1 per innovation,
     times the user's.  ``law`` is (dims, codes, shapes, key).  ``recent`` and ``samples`` are
     `Samples`, the former newest first.
+
+    The three modes share one loop over a window, so that they differ in the update alone.
     """
     theta, ud, before, loss, power = model
     recent_u, recent_y, recent_weight = recent

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn._numba import njit, part
-from whsklearn.recursion.arrays import Array
+from whsklearn.effects.base import Array
 from whsklearn.recursion.rows.covariance import inflate, measurement_update
 from whsklearn.recursion.rows.predictor import Law, advance, by_block, copy_past, past_of, predict, respond, with_room
 from whsklearn.systems.stability import is_stable
