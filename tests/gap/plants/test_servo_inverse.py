@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -11,6 +12,7 @@ import pytest
 from benchmarks.blind_logs import servo
 from whsklearn.effects import GravityImbalance, LuGre
 from whsklearn.gap import GapFinder
+from whsklearn.gap.plants.servo import ServoPlant
 from whsklearn.gap.plants.servo_candidates import candidate
 from whsklearn.gap.plants.servo_inverse import too_large
 from whsklearn.gap.plants.servo_model import ServoTerm
@@ -136,3 +138,17 @@ def test_a_drive_that_loses_all_its_effect_is_no_explanation(change, objected):
     _, base = start_of(ServoRecord(r.time, r.drive, r.position), ("viscous",), 0.004)
     gain = replace(candidate("parameter_change"), choice=(("parameter", "gain"),))
     assert bool(too_large(base.with_term(ServoTerm(gain, (change, 3.0))), len(base.terms))) is objected
+
+
+def test_a_change_of_the_gain_takes_no_credit_for_the_gravity_that_it_takes_away():
+    """Where gravity is most of the drive, half of the drive gone is half of the gap gone, but half of the whole too."""
+    axis = ServoAxis(inertia=0.05, law="viscous", effects=[GravityImbalance(1.5, 0.3)], sample_rate=RATE)
+    r = axis.simulate(reference=0.4 * np.sin(0.6 * TIME) + 0.2 * np.sin(1.9 * TIME), random_state=1)
+    plant = ServoPlant(ServoRecord(r.time, r.drive, r.position), ("viscous",), None, 0.004)
+    base = plant.base(np.random.default_rng(0))
+    plant.n_effective = plant.inverse.n_effective
+    gain = replace(candidate("parameter_change"), choice=(("parameter", "gain"),))
+    terms = {"gain": ServoTerm(gain, (0.0, 3.0)), "gravity": ServoTerm(candidate("gravity_imbalance"), (0.0, 0.0))}
+    look = SimpleNamespace(swapped=False)
+    size = {name: plant.explained(base, base.with_term(term), look)[1] for name, term in terms.items()}
+    assert size["gain"] < 0.5 * size["gravity"]

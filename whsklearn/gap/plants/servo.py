@@ -231,9 +231,10 @@ class ServoPlant(Plant):
 
     def explained(self, model: ServoHypothesis, grown: ServoHypothesis, look: Any) -> tuple[float, float]:
         """(gain, size) of a fitted effect, in the direction of regression in which it was found."""
-        if not look.swapped:
-            return super().explained(model, grown, look)
         before = self.errors(model)
+        if not look.swapped:
+            after = self.inverse.taken_off(grown) * self.errors(grown)
+            return gain(float(before @ before), float(after @ after), self.n_effective), self.size(before, after)
         g, share = servo_families.explained_acceleration(self.inverse, model, grown)
         return g, max(self.size(before, self.errors(grown)), self.rms(before) * float(np.sqrt(share)))
 

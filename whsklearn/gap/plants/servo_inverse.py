@@ -304,6 +304,20 @@ class InverseView:
         left = target - stop.without_pushes(model, x) @ sizes
         return stop.outside(left[self.at], stop.away(self, model))
 
+    def taken_off(self, model: ServoHypothesis) -> float:
+        """Rms of the drive over that of what terms leave of it which multiply it (see `target`).
+
+        They multiply the torque of the model; where it does not predict one, the drive, and with that they take away
+        whatever else is missing: half of the drive was called a change of the gain, in place of an arm's gravity.
+        """
+        multiplies = [t.kind.driven for t in model.terms for _ in range(t.kind.linear)]
+        if not any(multiplies) or self.torque(model) is not None:
+            return 1.0
+        _, x, target, sizes, _ = self.solved(model)
+        i = 1 + np.flatnonzero(multiplies)
+        reaches = target - x[:, i] @ sizes[i]
+        return self.rms(target[self.at]) / max(self.rms(reaches[self.at]), 1e-300)
+
     def left(self, model: ServoHypothesis, torque: Array | None = None) -> Array:
         """Drive that the model leaves unexplained at its own numbers, which are not solved for."""
         x, _ = self.columns(model, self.torque(model) if torque is None else torque)
