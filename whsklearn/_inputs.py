@@ -120,10 +120,7 @@ def starts(groups: ArrayLike | None, n: int, first: bool, last: object = None) -
 def real_array(values: Any, name: str) -> NDArray[np.float64]:
     """A float array of any shape; complex numbers, dates and text are refused, not converted.
 
-    Raises
-    ------
-    ValueError
-        If ``values`` are not real numbers or rows have different lengths.
+    Raises ValueError if ``values`` are not real numbers or rows have different lengths.
     """
     try:
         array = np.asarray(values)

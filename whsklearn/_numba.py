@@ -306,16 +306,10 @@ class Part:
 def njit(*signature: Any, cache: bool = True, short: bool = False, **options: Any) -> Any:
     """`numba.njit` with the cache on and keyed on all that is inlined; used in the same ways.
 
-    Parameters
-    ----------
-    *signature : function, or a Numba signature
-        The function itself where the decorator has no brackets.
-    cache : bool
-        False for functions that kernels call: they are compiled within them and live in their entries (`Part`).
-    short : bool
-        True for kernels whose inner loops are short, over a handful of parameters (`SHORT`).
-    **options
-        Of `numba.njit`.
+    ``*signature``: the function itself where the decorator has no brackets.
+    ``cache``: False for functions that kernels call: they are compiled within them and live in their entries (`Part`).
+    ``short``: True for kernels whose inner loops are short, over a handful of parameters (`SHORT`).
+    ``**options``: of `numba.njit`.
     """
     if len(signature) == 1 and callable(signature[0]) and hasattr(signature[0], "__code__"):
         return njit(cache=cache, short=short, **options)(signature[0])

@@ -67,17 +67,6 @@ class ComparedRecord:
 class ComparedModel:
     """An estimator to be compared.
 
-    Attributes
-    ----------
-    name : str
-        Of the estimator in tables.
-    model : estimator
-        Not fitted.
-    reading : str
-        Which reading of the article it follows; a dash if there is only one.
-    stream : bool
-        Whether its parameters are updated sample by sample, so that their paths are drawn.
-
     Examples
     --------
     >>> from whsklearn import PEMRegressor
@@ -85,10 +74,10 @@ class ComparedModel:
     '-'
     """
 
-    name: str
-    model: Any
-    reading: str = "-"
-    stream: bool = True
+    name: str  # of the estimator in tables
+    model: Any  # not fitted
+    reading: str = "-"  # which reading of the article it follows; a dash if there is only one
+    stream: bool = True  # whether its parameters are updated sample by sample, so that their paths are drawn
 
 
 PUBLISHED: dict[str, Any] = {
@@ -132,21 +121,6 @@ def candidates(
 class Outcome:
     """The result of one candidate.
 
-    Attributes
-    ----------
-    candidate : ComparedModel
-    seconds : float
-        Of its fit.
-    indices : dict
-        ``nmse``, ``mu_e``, ``rmse`` of the free runs, mean over the test records; ``delta`` if the truth is known.
-    fitted : estimator
-    predictions : list of ndarray of shape (n,)
-        One free run per test record.
-    paths : tuple, optional
-        (samples, name -> parameter at them) of a stream.
-    failure : str
-        The error message if it could not be fitted; empty otherwise.
-
     Examples
     --------
     >>> from whsklearn import PEMRegressor
@@ -156,12 +130,14 @@ class Outcome:
     """
 
     candidate: ComparedModel
-    seconds: float = 0.0
+    seconds: float = 0.0  # of its fit
+    # ``nmse``, ``mu_e``, ``rmse`` of the free runs, mean over the test records; ``delta`` if the truth is known
     indices: dict[str, float] = field(default_factory=dict)
     fitted: Any = None
-    predictions: list[NDArray[np.float64]] = field(default_factory=list)
+    predictions: list[NDArray[np.float64]] = field(default_factory=list)  # (n,): one free run per test record
+    # (samples, name -> parameter at them) of a stream
     paths: tuple[NDArray[np.int64], dict[str, NDArray[np.float64]]] | None = None
-    failure: str = ""
+    failure: str = ""  # the error message if it could not be fitted; empty otherwise
 
 
 def compare(
@@ -175,12 +151,8 @@ def compare(
 ) -> list[Outcome]:
     """Fit, judge and record every candidate; a failure is reported and does not affect the others.
 
-    Raises
-    ------
-    ValueError
-        If no candidate can be fitted.
-    TrackingError
-        If the record is lost: after all candidates are fitted and their table is printed.
+    Raises ValueError if no candidate can be fitted. Raises TrackingError if the record is lost: after all candidates
+    are fitted and their table is printed.
     """
     compile_once(candidates, train)
     outcomes: list[Outcome] = []

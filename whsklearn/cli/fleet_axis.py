@@ -21,10 +21,7 @@ OUTLYING = 6.0  # robust standard deviations from the median; of normal numbers 
 def axes_of(folder: Path, axis: str) -> list[str]:
     """Names of the axes of a Parquet folder partitioned as ``axis=NAME/``, in order.
 
-    Raises
-    ------
-    ValueError
-        If the folder has no such partition.
+    Raises ValueError if the folder has no such partition.
     """
     names = sorted(p.name.split("=", 1)[1] for p in folder.glob(f"{axis}=*") if p.is_dir())
     if not names:
@@ -37,10 +34,7 @@ def read_axis(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """X (n, n_inputs) and y (n,) of one axis, sorted by time, or in the order of files and rows.
 
-    Raises
-    ------
-    ValueError
-        If the axis has no rows, a column is missing or not numeric, or a time stamp is repeated.
+    Raises ValueError if the axis has no rows, a column is missing or not numeric, or a time stamp is repeated.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq

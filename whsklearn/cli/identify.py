@@ -170,10 +170,7 @@ def track(run: Run, found: Identification, folder: Path, column: str) -> None:
 def together(logs: list[Bunch]) -> Bunch:
     """Join the logs into one with holes between them, in the units of the first.
 
-    Raises
-    ------
-    ValueError
-        If rates or kinds of units differ, or two logs hold the same samples.
+    Raises ValueError if rates or kinds of units differ, or two logs hold the same samples.
     """
     import numpy as np
 

@@ -141,10 +141,7 @@ def root() -> Path:
 def writable_folder(path: str | os.PathLike[str]) -> Path:
     """Create the folder if necessary and check that files can be written to it, before the work and not after.
 
-    Raises
-    ------
-    OSError
-        If nothing can be written there.
+    Raises OSError if nothing can be written there.
     """
     folder = Path(path)
     probe = folder / f".whsklearn-{os.getpid()}"
@@ -161,12 +158,7 @@ def writable_folder(path: str | os.PathLike[str]) -> Path:
 def writable_file(path: str | os.PathLike[str]) -> Path:
     """The path of a file to write; its folder is created if necessary. See `whsklearn.state.check_writable`.
 
-    Raises
-    ------
-    ValueError
-        If it is a folder, or cannot be written.
-    OSError
-        If the folder cannot be made.
+    Raises ValueError if it is a folder, or cannot be written. Raises OSError if the folder cannot be made.
     """
     from whsklearn.logs.files import check_writable
 
@@ -181,10 +173,7 @@ def writable_file(path: str | os.PathLike[str]) -> Path:
 def progress_bar(**options: Any) -> Iterator[Any]:
     """A progress bar if stderr is a terminal; log messages appear above it, errors below.
 
-    Parameters
-    ----------
-    **options
-        As `tqdm.tqdm` takes them.
+    ``**options``: as `tqdm.tqdm` takes them.
     """
     import logging
 

@@ -12,10 +12,8 @@ from whsklearn.effects import Effect, effect_names, get_effect
 def load_effects(path: str | Path) -> tuple[type[Effect], ...]:
     """Run a Python file, check every effect that it defines against the contract, and include them in the search.
 
-    Raises
-    ------
-    ValueError
-        If the file cannot be run, defines no effect, uses a name of the library, or an effect breaks the contract.
+    Raises ValueError if the file cannot be run, defines no effect, uses a name of the library, or an effect breaks the
+    contract.
     """
     from whsklearn.checks import check_effect
 

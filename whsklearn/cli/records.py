@@ -31,10 +31,8 @@ def roles_of(
 ) -> dict[str, str]:
     """The column of every role: as given, by its usual name, or recognised by its name, with a note.
 
-    Raises
-    ------
-    ColumnError
-        If a required role has no column or several, or if the column found for the drive is a current or an effort.
+    Raises ColumnError if a required role has no column or several, or if the column found for the drive is a current or
+    an effort.
     """
     from whsklearn.logs.current import doubt, is_current
     from whsklearn.logs.errors import ColumnError
@@ -124,10 +122,7 @@ TWICE = "so these samples would count twice; give logs of different runs"
 def refuse_shared(train: Bunch, test: Bunch, why: str = TESTED) -> None:
     """Raise if a log contains samples of another one, whatever the file names; ``why`` says why this is refused.
 
-    Raises
-    ------
-    LogError
-        With the span that both contain.
+    Raises LogError: with the span that both contain.
     """
     import numpy as np
 
@@ -163,10 +158,7 @@ SHORTEST_SEGMENT = 2.0  # s; in shorter segments a filter of 2 Hz and an observe
 def long_segments(log: Bunch) -> Bunch:
     """All segments of a log of at least two seconds, in order, with a note on what is left out.
 
-    Raises
-    ------
-    LogError
-        If the segments between holes are too short for a diagnosis.
+    Raises LogError if the segments between holes are too short for a diagnosis.
     """
     import numpy as np
 

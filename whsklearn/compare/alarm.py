@@ -99,10 +99,7 @@ def evenly(side: Side, by: float) -> list[list[Array]]:
 
     Where the clock restarted, the time goes on behind that of the experiment before.
 
-    Raises
-    ------
-    ValueError
-        If no experiment has enough samples.
+    Raises ValueError if no experiment has enough samples.
     """
     experiments, rows = side
     step = float(np.median(np.diff(rows[:, 0])))

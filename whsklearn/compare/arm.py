@@ -54,16 +54,7 @@ class ArmLog(NamedTuple):
 def arm_rows(records: Sequence[ArmLog], arm: Arm, labels: Sequence[str]) -> list[Rows]:
     """Every record behind the lowest of their cut-offs, with the same weights of the joints.
 
-    Parameters
-    ----------
-    records : sequence of ArmLog
-    arm : Arm
-    labels : sequence of str
-
-    Raises
-    ------
-    ValueError
-        If a record cannot be used.
+    Raises ValueError if a record cannot be used.
     """
     lags = [RigidBodyLags(arm, r.sample_rate, law=",".join(LAW)) for r in records]
     for k, r in zip(lags, records, strict=True):

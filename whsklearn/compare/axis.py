@@ -48,14 +48,7 @@ class OneWay(ValueError):
 def axis_rows(records: list[ServoRecord], labels: list[str], alpha: float, rng: np.random.Generator) -> list[Rows]:
     """Every record with the columns that any of them needs.
 
-    Parameters
-    ----------
-    records : list of ServoRecord
-    labels : list of str
-    alpha : float
-        Probability of adding a column that no record needs.
-    rng : Generator
-        Draws the random rows.
+    ``alpha``: probability of adding a column that no record needs. ``rng``: draws the random rows.
     """
     views, models = alike(records)
     for _ in range(MOST_EFFECTS):

@@ -71,28 +71,15 @@ def degrees_of(parts: Sequence[Part], to: Array) -> float:
 
 @dataclass(frozen=True)
 class Estimate:
-    """Numbers of a record.
-
-    Attributes
-    ----------
-    label : str
-    values : ndarray of shape (p,)
-    parts : tuple of Part
-        Of the covariance.
-    left : float
-        Rms of the residual, as a share of the rms drive.
-    drift : dict
-        Number -> rms by which it drifts within the record, beyond noise.
-    courses : dict
-        Number -> its half waves along the record, as fitted, from the longest on; none of an offset that walks, whose
-        course does not come again.
-    """
+    """Numbers of a record."""
 
     label: str
-    values: Array
-    parts: tuple[Part, ...]
-    left: float
-    drift: dict[int, float]
+    values: Array  # (p,)
+    parts: tuple[Part, ...]  # of the covariance
+    left: float  # rms of the residual, as a share of the rms drive
+    drift: dict[int, float]  # number -> rms by which it drifts within the record, beyond noise
+    # number -> its half waves along the record, as fitted, from the longest on; none of an offset that walks, whose
+    # course does not come again
     courses: dict[int, Array] = field(default_factory=dict)
 
     @cached_property

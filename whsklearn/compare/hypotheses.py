@@ -41,37 +41,19 @@ N_GAINS = 61  # of the grid from which the best gain is sought: a tenth apart
 
 @dataclass(frozen=True)
 class Difference:
-    """The second estimate minus the first.
+    """The second estimate minus the first."""
 
-    Attributes
-    ----------
-    names : tuple of str
-        Names of the p numbers.
-    covers : dict
-        Name -> names of numbers that change with it.
-    first, second : Estimate
-        The second is the difference itself if both records follow one path.
-    mean, errors : ndarray of shape (p,)
-        The numbers themselves, pooled, and their standard errors.
-    sizes : ndarray of shape (p,)
-        Rms drive per unit of each number, as a share of the rms drive at which it is paid.
-    changes : dict
-        Name -> directions in which a change moves the numbers; if empty, every named number may change.
-    one_path : bool
-    gain : float
-        Factor on the first estimate.
-    """
-
-    names: tuple[str, ...]
-    covers: dict[str, tuple[str, ...]]
-    first: Estimate
+    names: tuple[str, ...]  # names of the p numbers
+    covers: dict[str, tuple[str, ...]]  # name -> names of numbers that change with it
+    first: Estimate  # first, second: the second is the difference itself if both records follow one path
     second: Estimate
-    mean: Array
+    mean: Array  # mean, errors (p,): the numbers themselves, pooled, and their standard errors
     errors: Array
-    sizes: Array
+    sizes: Array  # (p,): rms drive per unit of each number, as a share of the rms drive at which it is paid
+    # name -> directions in which a change moves the numbers; if empty, every named number may change
     changes: dict[str, Array] = field(default_factory=dict)
     one_path: bool = False
-    gain: float = 1.0
+    gain: float = 1.0  # factor on the first estimate
 
     @cached_property
     def forces(self) -> Array:
@@ -111,59 +93,27 @@ class Difference:
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """One possible change.
-
-    Attributes
-    ----------
-    name : str
-    basis : ndarray of shape (p, k)
-        Directions in which the numbers change.
-    body : ndarray of shape (p, 10), optional
-        Of a load: what the mass, the moments and the inertias of a link change.
-    """
+    """One possible change."""
 
     name: str
-    basis: Array
-    body: Array | None = None
+    basis: Array  # (p, k): directions in which the numbers change
+    body: Array | None = None  # (p, 10): of a load: what the mass, the moments and the inertias of a link change
 
 
 @dataclass(frozen=True)
 class Found:
-    """A hypothesis, fitted together with others.
-
-    Attributes
-    ----------
-    hypothesis : Hypothesis
-    step : ndarray of shape (k,)
-        Step along its basis.
-    errors : ndarray of shape (k,)
-        Standard errors.
-    chi2 : float
-        Improvement in chi-squared of the difference.
-    evidence : float
-        In nats, after subtracting the price of its numbers.
-    degrees : float
-        Degrees of freedom of the step's covariance.
-    p_value : float
-        Probability of such an improvement by chance, for one hypothesis.
-    size : float
-        Rms of the change in the drive, as a share of the rms drive.
-    taken : ndarray of shape (k,)
-        The part of the step that ``after`` no longer holds: all of a gain, nothing of another change.
-    after : Difference
-        The difference less that part.
-    """
+    """A hypothesis, fitted together with others."""
 
     hypothesis: Hypothesis
-    step: Array
-    errors: Array
-    chi2: float
-    evidence: float
-    degrees: float
-    p_value: float
-    size: float
-    taken: Array
-    after: Difference
+    step: Array  # (k,): step along its basis
+    errors: Array  # (k,): standard errors
+    chi2: float  # improvement in chi-squared of the difference
+    evidence: float  # in nats, after subtracting the price of its numbers
+    degrees: float  # degrees of freedom of the step's covariance
+    p_value: float  # probability of such an improvement by chance, for one hypothesis
+    size: float  # rms of the change in the drive, as a share of the rms drive
+    taken: Array  # (k,): the part of the step that ``after`` no longer holds: all of a gain, nothing of another change
+    after: Difference  # the difference less that part
 
 
 def hypotheses(d: Difference) -> list[Hypothesis]:

@@ -15,11 +15,7 @@ from whsklearn.compare.rows import Array, Rows, difference
 def between(rows: list[Rows], first: list[Estimate], second: list[Estimate]) -> Difference:
     """The difference of two groups of estimates, or of two single records themselves if they share one path.
 
-    Parameters
-    ----------
-    rows : list of Rows
-        Rows of all records.
-    first, second : list of Estimate
+    ``rows``: rows of all records.
     """
     a, b = pooled(first), pooled(second)
     every = pooled([a, b])

@@ -26,70 +26,34 @@ OVERLAP = 0.8  # of the shorter record that must lie on the same path
 
 @dataclass(frozen=True)
 class Rows:
-    """One record as a linear regression.
+    """One record as a linear regression."""
 
-    Attributes
-    ----------
-    label : str
-        Name of the record.
-    names, units : tuple of str
-        Names and units of the p numbers; several numbers may share a name.
-    parts : tuple of str
-        What tells numbers of one name apart, such as ``cos 12 q`` of a wave; empty if nothing needs to.
-    columns : ndarray of shape (n, p)
-        Drive per unit of each number.
-    target : ndarray of shape (n,)
-        The logged drive.
-    at : ndarray of int of shape (n,)
-        Indices of these samples on an even grid.
-    step : float
-        Step of that grid (s).
-    time, path : ndarray of shape (n,)
-        Time since the record's start (s) and position.
-    block : ndarray of int of shape (n,)
-        Parts of the record between reversals, numbered from zero.
-    nuisances : ndarray of shape (n, m)
-        Slow changes of some numbers along the record.
-    of : tuple of int
-        The number that each nuisance belongs to.
-    scale : ndarray of shape (n_joints,)
-        Root of the mean over all samples of each joint's drive squared; of an axis its rms drive.
-    slowest : float
-        Frequency (Hz) below which there is practically no motion.
-    covers : dict
-        Name -> names of numbers that change with it: a spring changes the offset too, by its rest position.
-    positive : frozenset of str
-        Names of numbers that must be positive by physics.
-    to_si : tuple of float
-        Factor from each unit to SI; empty if all are SI.
-    channel : ndarray of int of shape (n,), optional
-        The joint that each sample belongs to, one joint after the other; an axis has one.
-    changes : dict
-        Name -> directions (p, k) in which a change moves the numbers; if empty, every named number may change.
-    walk : tuple of float, one for each joint
-        Variance of a sample's step of an offset that walks, over that of the noise; empty if it stays.
-    """
-
-    label: str
-    names: tuple[str, ...]
+    label: str  # name of the record
+    names: tuple[str, ...]  # names, units: names and units of the p numbers; several numbers may share a name
     units: tuple[str, ...]
-    columns: Array
-    target: Array
-    at: NDArray[np.intp]
-    step: float
-    time: Array
+    columns: Array  # (n, p): drive per unit of each number
+    target: Array  # (n,): the logged drive
+    at: NDArray[np.intp]  # (n,): indices of these samples on an even grid
+    step: float  # step of that grid (s)
+    time: Array  # time, path (n,): time since the record's start (s) and position
     path: Array
-    block: NDArray[np.intp]
-    nuisances: Array
-    of: tuple[int, ...]
+    block: NDArray[np.intp]  # (n,): parts of the record between reversals, numbered from zero
+    nuisances: Array  # (n, m): slow changes of some numbers along the record
+    of: tuple[int, ...]  # the number that each nuisance belongs to
+    # (n_joints,): root of the mean over all samples of each joint's drive squared; of an axis its rms drive
     scale: Array
-    slowest: float
+    slowest: float  # frequency (Hz) below which there is practically no motion
+    # name -> names of numbers that change with it: a spring changes the offset too, by its rest position
     covers: dict[str, tuple[str, ...]]
-    positive: frozenset[str] = frozenset()
-    to_si: tuple[float, ...] = ()
+    positive: frozenset[str] = frozenset()  # names of numbers that must be positive by physics
+    to_si: tuple[float, ...] = ()  # factor from each unit to SI; empty if all are SI
+    # (n,): the joint that each sample belongs to, one joint after the other; an axis has one
     channel: NDArray[np.intp] | None = None
+    # name -> directions (p, k) in which a change moves the numbers; if empty, every named number may change
     changes: dict[str, Array] = field(default_factory=dict)
+    # variance of a sample's step of an offset that walks, over that of the noise; empty if it stays
     walk: tuple[float, ...] = ()
+    # what tells numbers of one name apart, such as ``cos 12 q`` of a wave; empty if nothing needs to
     parts: tuple[str, ...] = ()
 
     def channels(self) -> list[NDArray[np.intp]]:
@@ -117,12 +81,7 @@ class Rows:
 def blocks_between(reversals: NDArray[np.intp], n: int) -> NDArray[np.intp]:
     """5 to 10 blocks of about equal length that end at reversals; equal blocks if reversals are too rare.
 
-    Parameters
-    ----------
-    reversals : ndarray of int
-        Samples before which the speed changes sign.
-    n : int
-        Total number of samples.
+    ``reversals``: samples before which the speed changes sign. ``n``: total number of samples.
 
     Examples
     --------
@@ -162,19 +121,8 @@ def slowest_of(path: Array, time: Array) -> float:
 def drifting(columns: Array, names: tuple[str, ...], time: Array, slowest: float) -> tuple[Array, tuple[int, ...]]:
     """Slow changes of offset and friction: the column times cosine half waves over the record.
 
-    Parameters
-    ----------
-    columns : ndarray of shape (n, p)
-    names : tuple of str
-    time : ndarray of shape (n,)
-    slowest : float
-        Frequency (Hz) of the slowest motion.
-
-    Returns
-    -------
-    nuisances : ndarray of shape (n, m)
-    of : tuple of int
-        The number that each belongs to.
+    ``columns`` is (n, p). ``time`` is (n,). ``slowest``: frequency (Hz) of the slowest motion. Returns ``nuisances``
+    (n, m). Returns ``of``: the number that each belongs to.
     """
     span = max(float(np.ptp(time)), 1e-300)
     phase = np.pi * (time - time.min()) / span
@@ -192,12 +140,7 @@ def difference(a: Rows, b: Rows, values: Array) -> Rows | None:
 
     What no model explains is the same in both records and cancels.
 
-    Parameters
-    ----------
-    a, b : Rows
-        With the same columns.
-    values : ndarray of shape (p,)
-        Numbers about which both records are linearised.
+    ``a``, ``b``: with the same columns. ``values`` (p,): numbers about which both records are linearised.
     """
     pairs = list(zip(a.channels(), b.channels(), strict=True))
     shift = _shift(a, b, pairs)

@@ -63,12 +63,8 @@ def course(values: Array, variances: Array, alpha: float) -> Course:
     Errors of the slope are widened by Birge's ratio, so that records which scatter show no trend.  Of a line and a step
     the one with the lower BIC is told; a step has one number more, its place.
 
-    Parameters
-    ----------
-    values, variances : ndarray of shape (n_records,)
-        In the order of time.
-    alpha : float
-        Probability of a word other than ``neither`` although the number stays.
+    ``values``, ``variances`` (n_records,): in the order of time. ``alpha``: probability of a word other than
+    ``neither`` although the number stays.
 
     References
     ----------

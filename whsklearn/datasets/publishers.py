@@ -21,23 +21,14 @@ _KR300_FILES = f"https://raw.githubusercontent.com/JonasWeigand/Robot_Identifica
 
 @dataclass(frozen=True)
 class Publication:
-    """The records of one publisher.
+    """The records of one publisher."""
 
-    Attributes
-    ----------
-    name, wanted, page : str
-        What they are called, the files that a folder should hold, and where a person gets them.
-    folders : tuple of str
-        Where the files may be below the user's folder; they may also lie directly in it.
-    fetch : callable
-        From pooch to the folder of the files, or None.
-    """
-
+    # name, wanted, page: what they are called, the files that a folder should hold, and where a person gets them
     name: str
     wanted: str
     page: str
-    folders: tuple[str, ...]
-    fetch: Callable[[Any], Path | None]
+    folders: tuple[str, ...]  # where the files may be below the user's folder; they may also lie directly in it
+    fetch: Callable[[Any], Path | None]  # from pooch to the folder of the files, or None
 
     def folder(self, given: str | os.PathLike[str] | None, download: bool, complete: Callable[[Path], object]) -> Path:
         """The first folder for which ``complete`` is true, or that of the files which the publisher sends.

@@ -578,10 +578,7 @@ def get_effect(name: str) -> type[Effect]:
 def shapes_of(name: str) -> tuple[type[Effect], ...]:
     """The class of a canonical name, and further classes of that name that a search tries.
 
-    Parameters
-    ----------
-    name : str
-        Such as ``presliding_hysteresis``.
+    ``name``: such as ``presliding_hysteresis``.
 
     Examples
     --------

@@ -26,10 +26,7 @@ def static_terms(name: str) -> tuple[StaticEffect, ...] | None:
     ``linear``, ``offset``, ``polynomial`` (with offset; ``polynomial:5`` up to the fifth degree), ``piecewise_linear``
     (``piecewise_linear:12`` with 12 kinks), ``cubic_spline`` (``cubic_spline:8`` with 8 knots).
 
-    Raises
-    ------
-    ValueError
-        If what follows a colon is no number from 1 to 40, or fewer than the 3 knots of a spline.
+    Raises ValueError if what follows a colon is no number from 1 to 40, or fewer than the 3 knots of a spline.
     """
     kind, colon, number = name.partition(":")
     least = 3 if kind == "cubic_spline" else 1
@@ -70,17 +67,8 @@ def place_knots(x: Array, count: int) -> Array:
     Quantiles alone would leave none at the ends, where a saturation is; an even grid alone would waste most knots where
     there is no data.
 
-    Parameters
-    ----------
-    x : ndarray of shape (n,)
-        Values that the law meets.
-    count : int
-        Number of knots, 3 or more.
-
-    Returns
-    -------
-    ndarray of shape (count,)
-        Increasing, even where values repeat.
+    ``x`` (n,): values that the law meets. ``count``: number of knots, 3 or more. Returns (count,): increasing, even
+    where values repeat.
     """
     low, high = np.quantile(x, [0.0005, 0.9995])
     if not high > low:

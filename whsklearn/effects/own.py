@@ -24,10 +24,7 @@ SIGNATURE = types.float64(
 def compiled(cls: Any) -> Any:
     """The compiled ``evaluate`` of a subclass of `Effect`, to be called by Numba.
 
-    Raises
-    ------
-    ValueError
-        If the class has none, or if it is not written with numbers and the math module only.
+    Raises ValueError if the class has none, or if it is not written with numbers and the math module only.
     """
     if cls.evaluate is None:
         raise ValueError(

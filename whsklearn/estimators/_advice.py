@@ -117,18 +117,11 @@ def of_scale(X: Array, y: Array) -> str | None:
 def of_an_axis(names: list[str], theta: Array, covariance: Array, n_rows: int, path: Array) -> str | None:
     """The warning for parameters that no real axis can have, with the likely mistake.
 
-    Parameters
-    ----------
-    names : list of str
-        Names of the columns.
-    theta : ndarray of shape (n_columns,)
-        Weights.
-    covariance : ndarray of shape (n_columns, n_columns)
-        Covariance of the weights.
-    n_rows : int
-        Number of independent rows after the filters.
-    path : ndarray of shape (n,)
-        The signal that was given as the position.
+    ``names``: names of the columns.
+    ``theta`` (n_columns,): weights.
+    ``covariance`` (n_columns, n_columns): covariance of the weights.
+    ``n_rows``: number of independent rows after the filters.
+    ``path`` (n,): the signal that was given as the position.
     """
     if n_rows < FEWEST_ROWS * len(theta):
         return (

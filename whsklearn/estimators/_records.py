@@ -64,19 +64,11 @@ def joined(
 ) -> Given:  # fmt: skip
     """Join the records of a list, each an experiment of its own; return anything else unchanged.
 
-    Parameters
-    ----------
-    X : array-like, or list of array-like of shape (n_i, n_features)
-    y, sample_weight : array-like or list of array-like of shape (n_i,), optional
-    groups : array-like, optional
-        Not allowed together with a list.
-    first : int
-        Label of the first experiment.
-
-    Raises
-    ------
-    ValueError
-        If the lists differ in length, or are given together with groups.
+    ``X`` is (n_i, n_features).
+    ``y``, ``sample_weight`` are (n_i,).
+    ``groups``: not allowed together with a list.
+    ``first``: label of the first experiment.
+    Raises ValueError if the lists differ in length, or are given together with groups.
     """
     if not is_list_of_records(X):
         return Given(X, y, groups, sample_weight)
@@ -115,17 +107,8 @@ def _stacked(X: Any) -> Any:
 def checked_weights(sample_weight: ArrayLike | None, n: int, *, some: bool) -> Array | None:
     """Weights as a float array; None if all are one.
 
-    Parameters
-    ----------
-    sample_weight : array-like of shape (n,), a number, or None
-    n : int
-    some : bool
-        Whether at least one must be above zero.
-
-    Raises
-    ------
-    ValueError
-        If they have another shape, are not finite, are negative, or are all zero.
+    ``sample_weight`` is (n,), a number, or None. ``some``: whether at least one must be above zero. Raises ValueError
+    if they have another shape, are not finite, are negative, or are all zero.
     """
     if sample_weight is None:
         return None

@@ -60,16 +60,10 @@ def from_record(
 ) -> SimulationFit:
     """Fit a record.
 
-    Parameters
-    ----------
-    lags : WienerHammersteinLags or None
-        Orders and law; None searches for orders, with a cubic spline or a polynomial.
-    u, y, restart : ndarray of shape (n, m), (n,), (n,)
-        The record.
-    start : ndarray or None
-        A natural vector to start from; None divides the best linear model into blocks.
-    weights : ndarray of shape (n,), optional
-        Weights of the squared errors.
+    ``lags``: orders and law; None searches for orders, with a cubic spline or a polynomial.
+    ``u``, ``y``, ``restart`` (n, m), (n,), (n,): the record.
+    ``start``: a natural vector to start from; None divides the best linear model into blocks.
+    ``weights`` (n,): weights of the squared errors.
     """
     law = law_of(lags)
     delays = (0, 0) if lags is None else tuple(int(d) for d in lags.delays)

@@ -16,20 +16,11 @@ QUANTILE = 1.959963984540054  # of the normal distribution: 95 % lie within
 
 @dataclass(frozen=True)
 class Summary:
-    """What `summary` of an estimator returns; ``print`` it, or let a notebook show it.
+    """What `summary` of an estimator returns; ``print`` it, or let a notebook show it."""
 
-    Attributes
-    ----------
-    title : str
-        The estimator and the kind of model.
-    facts : dict of str
-        Structure, samples, poles and noise, in words.
-    table : pandas.DataFrame
-        One row per parameter: ``value``, ``standard_error``, and ``low`` and ``high`` of the 95 % interval.
-    """
-
-    title: str
-    facts: dict[str, str]
+    title: str  # the estimator and the kind of model
+    facts: dict[str, str]  # structure, samples, poles and noise, in words
+    # one row per parameter: ``value``, ``standard_error``, and ``low`` and ``high`` of the 95 % interval
     table: DataFrame
 
     def __str__(self) -> str:

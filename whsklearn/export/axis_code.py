@@ -33,23 +33,17 @@ class Part:
 
 @dataclass
 class AxisCode:
-    """The input of a template for an axis.
+    """The input of a template for an axis."""
 
-    Attributes
-    ----------
-    reading, substep : Part
-        The measured position as a function of the state; one fine step under the drive ``u`` at the time ``t``.
-    states : dict of str to int
-        Names and lengths of the variables kept between samples.
-    older, newer, share : list
-        For each fine step, the past samples that act (0 is the newest), and the share of the older one.
-    """
-
+    # reading, substep: the measured position as a function of the state; one fine step under the drive ``u`` at the
+    # time ``t``
     reading: Part
     substep: Part
-    states: dict[str, int]
+    states: dict[str, int]  # names and lengths of the variables kept between samples
     dt: float
     substeps: int
+    # older, newer, share: for each fine step, the past samples that act (0 is the newest), and the share of the older
+    # one
     older: list[int]
     newer: list[int]
     share: list[float]
@@ -96,18 +90,10 @@ def axis_code(
 ) -> AxisCode:
     """Specialise the integrator to one axis.
 
-    Parameters
-    ----------
-    axis : ServoAxis
-    language : Language
-    state : callable
-        ``state(name, index)``: how the language reads a number kept between samples.
-    velocity : bool
-        Whether to return the velocity instead of the encoder's reading.
-    remember : bool
-        Whether to compute sines and cosines of the motion from the previous ones, stored in ``wave``.
-    out : float
-        Factor from the unit of the result to SI.
+    ``state``: ``state(name, index)``: how the language reads a number kept between samples.
+    ``velocity``: whether to return the velocity instead of the encoder's reading.
+    ``remember``: whether to compute sines and cosines of the motion from the previous ones, stored in ``wave``.
+    ``out``: factor from the unit of the result to SI.
     """
     plant = pack(axis)
     law = _arranged(plant.codes, plant.p, axis)

@@ -57,14 +57,8 @@ def _steady(effect: Any) -> bool:
 def c_files(model: Exported, name: str, what: str = "model", real: str = "double") -> dict[str, str]:
     """Header and source by file name.
 
-    Parameters
-    ----------
-    model : Exported
-    name : str
-        Prefix of all functions, and name of the files.
-    what : {"model", "compensator"}
-        The compensator is the function NAME_torque alone.
-    real : {"double", "float"}
+    ``name``: prefix of all functions, and name of the files. ``what`` {"model", "compensator"}: the compensator is the
+    function NAME_torque alone. ``real`` is {"double", "float"}.
     """
     lang = C(real)
 

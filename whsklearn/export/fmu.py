@@ -47,11 +47,7 @@ def write_fmu(model: Exported, out: Path) -> tuple[Path, list[Loss]]:
     The input is ``drive``, the output ``y``; one step is one sample. ``y`` of an axis is its position at the end of
     the step; that of a chain belongs to the sample in which the input acted.
 
-    Returns
-    -------
-    path : Path
-    losses : list of Loss
-        With one more entry if no binary could be built.
+    Returns ``losses``: with one more entry if no binary could be built.
     """
     path = out if out.suffix == ".fmu" else out / "model.fmu"
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -19,23 +19,13 @@ from whsklearn.systems.wiener_hammerstein import WienerHammersteinSystem
 
 @dataclass(frozen=True)
 class Exported:
-    """A model ready for export.
-
-    Attributes
-    ----------
-    axis : ServoAxis or None
-    chain : CodedChain or None
-        One of the two.
-    units : dict of str to str
-        Of the columns ``input`` and ``output`` of the generated code; empty if unknown. The numbers are in SI.
-    logged : str
-        The output of the model: position, velocity or output.
-    """
+    """A model ready for export."""
 
     axis: ServoAxis | None = None
-    chain: CodedChain | None = None
+    chain: CodedChain | None = None  # one of the two
+    # of the columns ``input`` and ``output`` of the generated code; empty if unknown. The numbers are in SI.
     units: dict[str, str] = field(default_factory=dict)
-    logged: str = "position"
+    logged: str = "position"  # the output of the model: position, velocity or output
 
     @property
     def factors(self) -> tuple[float, float]:
@@ -111,10 +101,7 @@ def as_exported(model: Any) -> Exported:
     """Convert a model to `Exported`: a file for `load_model`, a `ServoAxis`, a `WienerHammersteinSystem`, an identified
     model.
 
-    Raises
-    ------
-    ValueError
-        If it is none of them.
+    Raises ValueError if it is none of them.
     """
     if isinstance(model, str | os.PathLike):
         from whsklearn.models import load_model

@@ -20,15 +20,7 @@ def ranges_of(comparison: dict[str, Any]) -> dict[str, dict[str, Any]]:
     The range is the mean plus or minus two standard deviations; the variance is that between records beyond that within
     them, plus the uncertainty of the mean.
 
-    Parameters
-    ----------
-    comparison : dict
-        ``compare.json``.
-
-    Raises
-    ------
-    ValueError
-        If it does not contain numbers of several records.
+    ``comparison``: ``compare.json``. Raises ValueError if it does not contain numbers of several records.
 
     Examples
     --------

@@ -98,10 +98,7 @@ class Left(NamedTuple):
 def write_tables(model: Exported, out: Path, ratings: Ratings) -> tuple[list[Path], list[Loss], list[Left]]:
     """Write ``cogging.csv``, ``friction.csv`` and, where ratings are given, the lists of TF5200 and ServoOne.
 
-    Raises
-    ------
-    ValueError
-        If the model is a chain, or has neither cogging nor friction.
+    Raises ValueError if the model is a chain, or has neither cogging nor friction.
     """
     axis = model.need_axis("A table for a drive")
     unit, length = model.si

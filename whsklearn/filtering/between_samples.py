@@ -21,16 +21,8 @@ def fine_drive(u: Array, steps: int, hold: str = "zero", bounds: NDArray[np.int6
     ``cubic`` is the spline through the samples of each segment, which is off a sine of a ninth of the sampling rate by
     1e-4 of it; held, that sine loses 2 % and comes half a sample late.
 
-    Parameters
-    ----------
-    u : ndarray of shape (n,)
-        The drive.
-    steps : int
-        Fine steps a sample.
-    hold : {"zero", "cubic"}, default="zero"
-        What is between two samples.
-    bounds : ndarray of int, optional
-        First sample of every segment, and the number of samples.
+    ``u`` (n,): the drive. ``steps``: fine steps a sample. ``hold`` {"zero", "cubic"}: what is between two samples.
+    ``bounds``: first sample of every segment, and the number of samples.
 
     Examples
     --------

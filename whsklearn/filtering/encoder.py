@@ -32,17 +32,9 @@ FEWEST_PERIODS = 8.0  # of the cut-off in a record, at least
 def encoder_noise(position: ArrayLike, sample_rate: float) -> float:
     """Standard deviation of the measurement noise of a position, in its unit.
 
-    Parameters
-    ----------
-    position : array-like of shape (n,)
-    sample_rate : float
-        In Hz.
-
-    Returns
-    -------
-    float
-        What is seen above a tenth of the sampling rate, where no axis moves, taken for white; on a lattice of step q
-        at least q / sqrt(12), since a slow axis stays on one count for long and shows less.
+    ``position`` is (n,), ``sample_rate`` in Hz. The noise is what it shows above a tenth of the sampling rate,
+    where no axis moves, taken for white; on a lattice of step q at least q / sqrt(12), since a slow axis stays on one
+    count for long and shows less.
 
     Examples
     --------
@@ -68,12 +60,7 @@ def motion_cutoff(position: ArrayLike, sample_rate: float, order: int = 4) -> fl
     `HIGHEST_SHARE`, where less than `KEPT` of the acceleration would pass.  Where none is low enough, the one with the
     least share; a tenth of the sampling rate without noise.
 
-    Parameters
-    ----------
-    position, sample_rate
-        As for `encoder_noise`.
-    order : int, default=4
-        Of the zero-phase Butterworth filter.
+    ``position``, ``sample_rate``: as for `encoder_noise`. ``order``: of the zero-phase Butterworth filter.
 
     Examples
     --------

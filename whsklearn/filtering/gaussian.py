@@ -21,17 +21,8 @@ PER_CUTOFF = 5.0  # samples per period of the cut-off that decimation keeps
 def gaussian_derivatives(sigma: float, dt: float) -> tuple[Array, Array, Array]:
     """Kernels that smooth, differentiate once and differentiate twice, exact on polynomials up to degree two.
 
-    Parameters
-    ----------
-    sigma : float
-        Width of the Gaussian in s.
-    dt : float
-        Sampling time in s.
-
-    Returns
-    -------
-    g, g1, g2 : ndarray of shape (2 m + 1,)
-        For convolution: sum g = 1; sum g1 = 0 and -sum k dt g1 = 1; sum g2 = 0 and sum (k dt)^2 g2 / 2 = 1.
+    ``sigma``: width of the Gaussian in s. ``dt``: sampling time in s. Returns ``g``, ``g1``, ``g2`` (2 m + 1,): for
+    convolution: sum g = 1; sum g1 = 0 and -sum k dt g1 = 1; sum g2 = 0 and sum (k dt)^2 g2 / 2 = 1.
 
     Examples
     --------

@@ -24,11 +24,7 @@ N_BLOCKS = 40  # per record: errors of neighbouring samples depend on each other
 def n_effective(residual: Array, most: float = np.inf) -> float:
     """Independent samples in a coloured residual, (sum S)^2 / sum S^2 of its spectrum S, at most ``most``.
 
-    Parameters
-    ----------
-    residual : ndarray of shape (n,)
-    most : float
-        For example 2 f_c T, after a filter with the cut-off f_c.
+    ``residual`` is (n,). ``most``: for example 2 f_c T, after a filter with the cut-off f_c.
 
     References
     ----------
@@ -64,16 +60,10 @@ def p_value(g: float, null: Array, families: int = 1, degrees: float = 0.0) -> f
     gain gives c, and the ratio to it follows Snedecor's F.  If several columns see noise of different sizes, the
     degrees of freedom are those of their spread (Satterthwaite 1946, Biometrics Bulletin 2(6), 110-114).
 
-    Parameters
-    ----------
-    g : float
-        Gain in the record.
-    null : ndarray of shape (m,)
-        Gains of the same scan in the model's own records.
-    families : int
-        Number of families tried (Bonferroni).
-    degrees : float
-        Number of columns of one shape, or half for a column whose size has a fixed sign; zero after a scan.
+    ``g``: gain in the record.
+    ``null`` (m,): gains of the same scan in the model's own records.
+    ``families``: number of families tried (Bonferroni).
+    ``degrees``: number of columns of one shape, or half for a column whose size has a fixed sign; zero after a scan.
 
     References
     ----------
@@ -104,10 +94,7 @@ def vuong(worse: Array, better: Array) -> float:
 
     Neither model need be right. If both are equally good, this is a standard normal deviate.
 
-    Parameters
-    ----------
-    worse, better : ndarray of shape (n,)
-        Errors of the two models at the same samples.
+    ``worse``, ``better`` (n,): errors of the two models at the same samples.
 
     References
     ----------
@@ -134,13 +121,8 @@ def rival_leads(before: Array, taken: Array, other: Array, n: float, rng: np.ran
     A record of the rival contains what the rival explains, and noise with the colour of its residual. To first order,
     either explanation fits such a record along what it explains in the real one.
 
-    Parameters
-    ----------
-    before, taken, other : ndarray of shape (n,)
-        Errors of the model without either, with the one taken, with the rival.
-    n : float
-        Independent samples.
-    rng : Generator
+    ``before``, ``taken``, ``other`` (n,): errors of the model without either, with the one taken, with the rival.
+    ``n``: independent samples.
 
     References
     ----------
@@ -176,15 +158,8 @@ def separable(lead: float, z: float, rival_leads: Array, alpha: float) -> bool:
     Three conditions must hold: the lead is at least 2 ln(1 / alpha), it is significant over blocks (Vuong), and records
     simulated with the *rival* give no such lead (Cox).
 
-    Parameters
-    ----------
-    lead : float
-        Gain of the better minus the gain of the rival.
-    z : float
-        `vuong` of the two.
-    rival_leads : ndarray of shape (m,)
-        The same lead in records simulated with the rival; empty if there are none.
-    alpha : float
+    ``lead``: gain of the better minus the gain of the rival. ``z``: `vuong` of the two. ``rival_leads`` (m,): the same
+    lead in records simulated with the rival; empty if there are none.
 
     References
     ----------
@@ -248,16 +223,9 @@ def smoothed_power(x: Array) -> Array:
 def null_rows(rest: Array, apart: Array, count: int, rng: np.random.Generator, share: float = 1.0) -> Array:
     """Residuals by chance with the colour of ``rest``, shape (count, n): encoder noise plus coloured noise.
 
-    Parameters
-    ----------
-    rest : ndarray of shape (n,)
-        Residual of the record without artefacts.
-    apart : ndarray of shape (k, n)
-        Encoder noise in the residuals of k records simulated with the model, taken in turn.
-    count : int
-    rng : Generator
-    share : float
-        Share of the samples that count; ``rest`` is zero at the others.
+    ``rest`` (n,): residual of the record without artefacts.
+    ``apart`` (k, n): encoder noise in the residuals of k records simulated with the model, taken in turn.
+    ``share``: share of the samples that count; ``rest`` is zero at the others.
     """
     noise = np.mean([smoothed_power(a) for a in apart], axis=0)
     excess = np.maximum(smoothed_power(rest) - noise, 0.0) / share

@@ -42,17 +42,6 @@ class Limits(NamedTuple):
 class Design:
     """A reference, and what it would show.
 
-    Attributes
-    ----------
-    time, reference, drive : ndarray of shape (n,)
-        In s, rad or m, and Nm or N; the drive is that of the simulated axis.
-    reached : Limits
-        What the simulated axis needs for it.
-    named : dict
-        Rival -> whether it would be named first, or beside its alias; None where that depends on the noise.
-    factors : dict
-        Rival that is not named -> the factor on the limits at which it would be; None if no factor that was tried does.
-
     References
     ----------
     Atkinson and Fedorov 1975, The design of experiments for discriminating between two rival models, Biometrika
@@ -67,11 +56,13 @@ class Design:
     Within these limits cogging would be named, cable spring would not; to see cable spring allow 1.65 Nm.
     """
 
-    time: Array
+    time: Array  # time, reference, drive (n,): in s, rad or m, and Nm or N; the drive is that of the simulated axis
     reference: Array
     drive: Array
-    reached: Limits
+    reached: Limits  # what the simulated axis needs for it
+    # rival -> whether it would be named first, or beside its alias; None where that depends on the noise
     named: dict[str, bool | None]
+    # rival that is not named -> the factor on the limits at which it would be; None if no factor that was tried does
     factors: dict[str, float | None]
 
     def advice(self, unit: str, by: float = 1.0) -> str:
@@ -103,10 +94,7 @@ def reference_within(axis: ServoAxis, limits: Limits, seed: int = 0) -> tuple[Ar
     """The library's rich reference, as large as the limits allow on this axis, the drive that it takes, and the limits
     that both reach.
 
-    Raises
-    ------
-    ValueError
-        If the axis cannot be moved within the limits.
+    Raises ValueError if the axis cannot be moved within the limits.
     """
     rate = axis.sample_rate
     shape = reference_signal("rich", limits.seconds, rate, amplitude=1.0, random_state=seed)
@@ -155,25 +143,11 @@ def design(
 ) -> Design:  # fmt: skip
     """The next reference within limits, and which rivals it would distinguish.
 
-    Parameters
-    ----------
-    axis : ServoAxis
-        Fitted, without the rivals.
-    rivals : sequence of Effect or str
-        As fitted, or by name; an effect given by name has a size of ``share`` of the rms drive.
-    law : str
-        Friction of the base model that the finder is given.
-    limits : Limits
-    share : float
-    noise : float
-        Standard deviation on the position (rad or m).
-    alpha : float
-    seed : int
-
-    Raises
-    ------
-    ValueError
-        If the axis cannot be moved within the limits.
+    ``axis``: fitted, without the rivals.
+    ``rivals``: as fitted, or by name; an effect given by name has a size of ``share`` of the rms drive.
+    ``law``: friction of the base model that the finder is given.
+    ``noise``: standard deviation on the position (rad or m).
+    Raises ValueError if the axis cannot be moved within the limits.
     """
     axis = closed_loop(axis, noise)
     reference, drive, reached = reference_within(axis, limits, seed)

@@ -26,20 +26,8 @@ def write_design(
 ) -> Path:
     """Write ``reference.csv``, ``design.json`` and ``design.html``.
 
-    Parameters
-    ----------
-    made : Design
-    limits : Limits
-        As given, in ``units``.
-    folder : str or path
-        Created if it does not exist.
-    units : tuple of two str
-        Of drive and position; empty where the log states none.
-
-    Returns
-    -------
-    path
-        Path of the page.
+    ``limits``: as given, in ``units``. ``folder``: created if it does not exist. ``units``: of drive and position;
+    empty where the log states none. Returns the path of the page.
 
     Examples
     --------

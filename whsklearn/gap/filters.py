@@ -21,24 +21,12 @@ WHITENING = 12  # order of the autoregression that whitens the errors of an axis
 
 @dataclass(frozen=True)
 class ResidualFilter:
-    """The filter, its rate and the samples to which it is applied.
+    """The filter, its rate and the samples to which it is applied."""
 
-    Attributes
-    ----------
-    taps : ndarray
-        Impulse response from e to missing torque.
-    every : int
-        Decimation.
-    gains : tuple of float
-        Corrections of position and velocity by one innovation.
-    cutoff : float
-        Hz.
-    """
-
-    taps: Array
-    every: int
-    gains: tuple[float, float]
-    cutoff: float
+    taps: Array  # impulse response from e to missing torque
+    every: int  # decimation
+    gains: tuple[float, float]  # corrections of position and velocity by one innovation
+    cutoff: float  # Hz
     dt: float
 
     def torque(self, innovation: Array) -> Array:
@@ -71,12 +59,8 @@ def residual_filter(
 ) -> ResidualFilter:
     """The filter whose floor from white position noise is ``goal`` times the rms drive, between 4 and 40 Hz.
 
-    Parameters
-    ----------
-    dt, inertia, noise, torque : float
-        Sampling time, inertia, standard deviation of position noise, rms drive.
-    tracking : float
-        Bandwidth of the observer, Hz.
+    ``dt``, ``inertia``, ``noise``, ``torque``: sampling time, inertia, standard deviation of position noise, rms drive.
+    ``tracking``: bandwidth of the observer, Hz.
     """
     gains = observer_gains(tracking, dt)
     best = None

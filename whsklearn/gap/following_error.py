@@ -23,10 +23,7 @@ def following_error(record: ServoRecord) -> tuple[Array, float]:
     command that is time-stamped when it is sent acts later.  The delay used is the one at which inertia, viscous and
     dry friction, a constant and gravity explain the error best.  Neither the delay nor a filter reaches across a hole.
 
-    Parameters
-    ----------
-    record : ServoRecord
-        Its reference is the command; its drive is not used.
+    ``record``: its reference is the command; its drive is not used.
 
     Examples
     --------

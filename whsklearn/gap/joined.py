@@ -20,20 +20,9 @@ APART = 1.0  # s between the end of a record and the start of the next; the valu
 def joined(records: Sequence[ServoRecord]) -> ServoRecord:
     """One record with each given one as a segment, whose drives are moved to their mean offset and to one age.
 
-    Parameters
-    ----------
-    records : sequence of ServoRecord
-        Records of one axis, in the order of time.
-
-    Returns
-    -------
-    ServoRecord
-        With ``starts`` at every record's first sample.
-
-    Raises
-    ------
-    ValueError
-        If there is none, if one cannot be used, or if sampling rates or kinds of drive and motion differ.
+    ``records``: records of one axis, in the order of time. The result has ``starts`` at every record's
+    first sample.
+    Raises ValueError if there is none, if one cannot be used, or if sampling rates or kinds of drive and motion differ.
 
     Examples
     --------

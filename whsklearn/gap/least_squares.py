@@ -30,22 +30,12 @@ AS_FORETOLD = (0.7, 1.3)
 
 @dataclass
 class Fit:
-    """Result of a minimisation.
+    """Result of a minimisation."""
 
-    Attributes
-    ----------
-    x : ndarray of shape (n,)
-    residual : ndarray of shape (m,)
-    jacobian : ndarray of shape (m, n)
-        At the last accepted point (or one step before it).
-    cost : float
-        Sum of squares.
-    """
-
-    x: Array
-    residual: Array
-    jacobian: Array
-    cost: float
+    x: Array  # (n,)
+    residual: Array  # (m,)
+    jacobian: Array  # (m, n): at the last accepted point (or one step before it)
+    cost: float  # sum of squares
 
 
 def jacobian(

@@ -39,14 +39,8 @@ SETTLED = 3.0  # time constants before the estimates count
 def locate(axes: dict[str, tuple[Array, str]], gap: Array, rng: np.random.Generator) -> list[Place]:
     """All axes that were examined, the most informative first.
 
-    Parameters
-    ----------
-    axes : dict
-        Name -> (signal of shape (n,), unit).
-    gap : ndarray of shape (n,)
-        What is missing, at the same samples.
-    rng : Generator
-        Draws the shifts.
+    ``axes``: name -> (signal of shape (n,), unit). ``gap`` (n,): what is missing, at the same samples. ``rng``: draws
+    the shifts.
     """
     found = [_one_axis(name, x, unit, gap, rng) for name, (x, unit) in axes.items() if np.ptp(x) > 0]
     adjusted = false_discovery_control([p.p_value for p in found]) if found else []

@@ -63,13 +63,8 @@ def without_name(columns: Array, **fields: Any) -> Family:
 def nameless(scene: Scales, position: Array, speed: Array, drive: Array, **fields: Any) -> Iterator[Family]:
     """A family for each block of the basis.
 
-    Parameters
-    ----------
-    scene : Scales
-    position, speed, drive : ndarray of shape (n,)
-        At the samples of the tangent.
-    **fields : object
-        Of every `Family`, such as its place.
+    ``position``, ``speed``, ``drive`` (n,): at the samples of the tangent. ``**fields``: of every `Family`, such as its
+    place.
     """
     for signal, block in generic_basis(scene, position, speed, drive):
         yield without_name(block / (block.std(axis=0) + 1e-12), signal=signal, **fields)

@@ -42,16 +42,9 @@ LEARNED_SHARE = 0.1
 
 @dataclass(frozen=True)
 class FittedTerm:
-    """A candidate with its numbers.
+    """A candidate with its numbers."""
 
-    Attributes
-    ----------
-    kind : object
-        An object with ``name``, ``effect(q)``, ``ratios(i)`` and ``free``, the numbers that a fit moves.
-    q : tuple of float
-    """
-
-    kind: Any
+    kind: Any  # an object with ``name``, ``effect(q)``, ``ratios(i)`` and ``free``, the numbers that a fit moves
     q: tuple[float, ...]
 
     @property
@@ -88,59 +81,31 @@ def with_vectors(terms: tuple[Any, ...], x: Array) -> tuple[Any, ...]:
 
 
 class Linearised(NamedTuple):
-    """A fitted vector with its residual and derivatives.
+    """A fitted vector with its residual and derivatives."""
 
-    Attributes
-    ----------
-    x, low, high : ndarray of shape (p,)
-    residual : ndarray of shape (n,)
-    jacobian : ndarray of shape (n, p)
-    rebuild : callable
-        x -> model.
-    covariance : ndarray of shape (p, p), optional
-        Given if more is known about the errors than that the residual is white.
-    """
-
-    x: Array
+    x: Array  # x, low, high (p,)
     low: Array
     high: Array
-    residual: Array
-    jacobian: Array
-    rebuild: Any
-    covariance: Any = None
+    residual: Array  # (n,)
+    jacobian: Array  # (n, p)
+    rebuild: Any  # x -> model
+    covariance: Any = None  # (p, p): given if more is known about the errors than that the residual is white
 
 
 class Learned(NamedTuple):
-    """A model with its learned nameless torques, and their curves.
-
-    Attributes
-    ----------
-    model : object
-    curves : tuple of Curve
-        Empty if the plant has no picture of them.
-    """
+    """A model with its learned nameless torques, and their curves."""
 
     model: Any
-    curves: tuple[Curve, ...]
+    curves: tuple[Curve, ...]  # empty if the plant has no picture of them
 
 
 class Gap(NamedTuple):
-    """The residual of a model along the record, and the signals that it may follow.
+    """The residual of a model along the record, and the signals that it may follow."""
 
-    Attributes
-    ----------
-    left : ndarray of shape (n,)
-    step : float
-        Seconds between its samples.
-    signals : dict
-        Name -> (signal of shape (n,), unit).
-    columns : dict
-        Name of a constant of the base model that may drift -> (its value, its column of shape (n,)).
-    """
-
-    left: Array
-    step: float
-    signals: dict[str, tuple[Array, str]]
+    left: Array  # (n,)
+    step: float  # seconds between its samples
+    signals: dict[str, tuple[Array, str]]  # name -> (signal of shape (n,), unit)
+    # name of a constant of the base model that may drift -> (its value, its column of shape (n,))
     columns: dict[str, tuple[float, Array]]
 
 
@@ -155,42 +120,24 @@ class Figures(NamedTuple):
 
 @dataclass(frozen=True)
 class Reading:
-    """What a record shows before any model is fitted.
+    """What a record shows before any model is fitted."""
 
-    Attributes
-    ----------
-    effects : list of NamedEffect
-        Read from the record itself, besides those of a model: a coarse grid, a lost sign.
-    shortfall : str
-        Sentence on what the base model itself lacks (order, shape of a law), if that causes the gap and no effect does.
-    given : (Plant, Model), optional
-        The record as it was given and its base model, if the plant has repaired a reading.
-    """
-
+    # read from the record itself, besides those of a model: a coarse grid, a lost sign
     effects: list[Any] = field(default_factory=list)
+    # sentence on what the base model itself lacks (order, shape of a law), if that causes the gap and no effect does
     shortfall: str = ""
+    # the record as it was given and its base model, if the plant has repaired a reading
     given: tuple[Any, Any] | None = None
 
 
 @dataclass(frozen=True)
 class Told:
-    """What a plant adds to the report.
+    """What a plant adds to the report."""
 
-    Attributes
-    ----------
-    tests : list of dict
-        Rows of the table of residual tests.
-    notes : list of str
-        Remarks on how the record was used.
-    pictures : dict
-        Series that the page draws (`whsklearn.gap.pictures`).
-    joints : list of dict
-        For an arm, what is missing from each drive, before and after.
-    """
-
-    tests: list[dict[str, Any]]
-    notes: list[str]
-    pictures: dict[str, Any]
+    tests: list[dict[str, Any]]  # rows of the table of residual tests
+    notes: list[str]  # remarks on how the record was used
+    pictures: dict[str, Any]  # series that the page draws (`whsklearn.gap.pictures`)
+    # for an arm, what is missing from each drive, before and after
     joints: list[dict[str, Any]] = field(default_factory=list)
 
 

@@ -99,22 +99,11 @@ def prove(
 def on_second_record(finder: Any, log: Any, **columns: str | None) -> list[dict[str, float]]:
     """Free-run errors of the base and the repaired model on another record, one row per horizon.
 
-    Parameters
-    ----------
-    finder : GapFinder
-        Fitted, with a plant of the engine's own (a servo axis or a simulator).
-    log : record or DataFrame
-        As `GapFinder.fit` takes it.
-
-    Returns
-    -------
-    list of dict
-        ``horizon`` (s), ``before`` and ``after`` (RMSE in the unit of the first record's position).
-
-    Raises
-    ------
-    ValueError
-        If the record cannot be used or contains samples of the fitted one, or if there is no model to transfer.
+    ``finder``: fitted, with a plant of the engine's own (a servo axis or a simulator).
+    ``log``: as `GapFinder.fit` takes it.
+    Returns ``horizon`` (s), ``before`` and ``after`` (RMSE in the unit of the first record's position).
+    Raises ValueError if the record cannot be used or contains samples of the fitted one, or if there is no model to
+        transfer.
     """
     found = getattr(finder, "found_", None)
     if found is None:

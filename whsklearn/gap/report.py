@@ -121,12 +121,8 @@ def render(diagnosis: Diagnosis) -> str:
 def as_model(system: Any, units: tuple[str, str] = ("Nm", "rad")) -> AxisModel | ChainModel | ArmModel | None:
     """A repaired `ServoAxis` or `WienerHammersteinSystem` as an identified model; None for a user's simulator.
 
-    Parameters
-    ----------
-    system : object
-        The ``model_`` of a finder.
-    units : tuple of str
-        Of drive (or input) and position (or output), as logged; empty if the log states none.
+    ``system``: the ``model_`` of a finder. ``units``: of drive (or input) and position (or output), as logged; empty if
+    the log states none.
 
     Examples
     --------

@@ -116,12 +116,8 @@ def with_drive_error(diagnosis: Diagnosis, relative: float) -> None:
     A relative error of the scale causes the same relative error in inertia, friction and amplitudes, and none in
     orders, phases, delays and speeds.  The two errors are independent, so their variances add (JCGM 100:2008, eq. 10).
 
-    Parameters
-    ----------
-    diagnosis : Diagnosis
-        Changed in place.
-    relative : float
-        Standard deviation of the torque constant as a share of it; 0 changes nothing.
+    ``diagnosis``: changed in place. ``relative``: standard deviation of the torque constant as a share of it; 0 changes
+    nothing.
 
     Examples
     --------

@@ -27,85 +27,40 @@ ALL = slice(None)
 
 @dataclass(frozen=True)
 class Family:
-    """One candidate with all shapes that are tried.
+    """One candidate with all shapes that are tried."""
 
-    Attributes
-    ----------
-    name : str
-        Canonical name of the effect; empty for the nameless basis.
-    blocks : callable
-        (tangent) -> triples of (shapes, columns, shares): s shapes, their columns of shape (n, s, k), and the factor by
-        which each reduces the whole, shape (s,) (one if it takes nothing off the drive).
-    start : callable
-        (shape, sizes of shape (k,)) -> the start of a refit.
-    n_numbers : int
-        Free numbers, shape included.
-    positive : bool
-        Whether its one size must be positive.
-    offset : bool
-        Whether the columns are not scaled, because the effect has no size: it is present or absent.
-    rows : slice
-        Rows on which the columns are not zero.
-    place : frozenset of str
-        Where the effect acts; effects without a common place are not rivals.  If empty, it acts everywhere.
-    signal : str
-        The one signal of which it is a function; empty if of several.
-    """
-
-    name: str
+    name: str  # canonical name of the effect; empty for the nameless basis
+    # (tangent) -> triples of (shapes, columns, shares): s shapes, their columns of shape (n, s, k), and the factor by
+    # which each reduces the whole, shape (s,) (one if it takes nothing off the drive)
     blocks: Callable[[Tangent], Iterable[tuple[Any, Array, Array | float]]]
-    start: Callable[[Any, Array], Any]
-    n_numbers: int = 1
-    positive: bool = False
-    offset: bool = False
-    rows: slice = field(default_factory=lambda: ALL)
+    start: Callable[[Any, Array], Any]  # (shape, sizes of shape (k,)) -> the start of a refit
+    n_numbers: int = 1  # free numbers, shape included
+    positive: bool = False  # whether its one size must be positive
+    offset: bool = False  # whether the columns are not scaled, because the effect has no size: it is present or absent
+    rows: slice = field(default_factory=lambda: ALL)  # rows on which the columns are not zero
+    # where the effect acts; effects without a common place are not rivals. If empty, it acts everywhere.
     place: frozenset[str] = frozenset()
-    signal: str = ""
+    signal: str = ""  # the one signal of which it is a function; empty if of several
 
 
 @dataclass(frozen=True)
 class Look:
-    """What one family explains at its best shape.
-
-    Attributes
-    ----------
-    name : str
-    gain : float
-        g = n ln(RSS without / RSS with) of the record.
-    null : ndarray of shape (m,)
-        The same for the model's own records, each at its own best shape.
-    start : object
-        The start of a refit.
-    n_numbers : int
-    size : float
-        Rms of what it explains, in the unit of the residual.
-    visible : float
-        Share of its columns outside the span of the model's own.
-    p_value : float
-        Probability that chance reaches the gain, corrected for the number of families.
-    place : frozenset of str
-    signal : str
-        Of its family.
-    degrees : float
-        See `whsklearn.gap.calibration.p_value`.
-    swapped : bool
-        Whether the gain is that of a regression the other way round (`whsklearn.gap.plants.servo_families`).
-    explained : ndarray of shape (n,), optional
-        What it explains of the record, outside the subspace.
-    """
+    """What one family explains at its best shape."""
 
     name: str
-    gain: float
-    null: Array = field(repr=False)
-    start: Any = None
+    gain: float  # g = n ln(RSS without / RSS with) of the record
+    null: Array = field(repr=False)  # (m,): the same for the model's own records, each at its own best shape
+    start: Any = None  # the start of a refit
     n_numbers: int = 1
-    size: float = 0.0
-    visible: float = 1.0
-    p_value: float = 1.0
+    size: float = 0.0  # rms of what it explains, in the unit of the residual
+    visible: float = 1.0  # share of its columns outside the span of the model's own
+    p_value: float = 1.0  # probability that chance reaches the gain, corrected for the number of families
     place: frozenset[str] = frozenset()
-    signal: str = ""
-    degrees: float = 0.0
+    signal: str = ""  # of its family
+    degrees: float = 0.0  # see `whsklearn.gap.calibration.p_value`
+    # whether the gain is that of a regression the other way round (`whsklearn.gap.plants.servo_families`)
     swapped: bool = False
+    # (n,): what it explains of the record, outside the subspace
     explained: Array | None = field(default=None, repr=False)
 
     @property
@@ -116,30 +71,15 @@ class Look:
 
 @dataclass
 class Tangent:
-    """The residuals of a model in a record and in records of its own, with its own columns projected out.
+    """The residuals of a model in a record and in records of its own, with its own columns projected out."""
 
-    Parameters
-    ----------
-    left : ndarray of shape (n,)
-        Residual of the fitted model in the record.
-    null : ndarray of shape (m, n)
-        Its residuals in records that it simulated itself.
-    columns : ndarray of shape (n, p)
-        Derivatives by its own numbers.
-    n : float
-        Independent samples among the n.
-    weight : ndarray of shape (n,), optional
-        Of every sample; zero if it is excluded.
-    known : ndarray of shape (r, p), optional
-        Rows from another record: their product with the model's own numbers is zero with the variance of a weighted
-        sample.  The numbers then explain less than everything in their span, as in any generalised least squares.
-    """
-
-    left: Array
-    null: Array
-    columns: Array
-    n: float
-    weight: Array | None = None
+    left: Array  # (n,): residual of the fitted model in the record
+    null: Array  # (m, n): its residuals in records that it simulated itself
+    columns: Array  # (n, p): derivatives by its own numbers
+    n: float  # independent samples among the n
+    weight: Array | None = None  # (n,): of every sample; zero if it is excluded
+    # (r, p): rows from another record: their product with the model's own numbers is zero with the variance of a
+    # weighted sample. The numbers then explain less than everything in their span, as in any generalised least squares.
     known: Array | None = None
 
     def __post_init__(self) -> None:
@@ -230,16 +170,8 @@ class Tangent:
 def strongest_lines(rows: Array, kept: Array, step: float, low: float, high: float) -> list[float]:
     """Frequencies (Hz) of the strongest line of every row of residuals, each once: where a tone may be.
 
-    Parameters
-    ----------
-    rows : ndarray of shape (n, m)
-        `Tangent.rows`.
-    kept : ndarray of bool
-        Samples of an even grid to which they belong; the others count as zero.
-    step : float
-        Of that grid (s).
-    low, high : float
-        Lowest and highest frequency (Hz).
+    ``rows`` (n, m): `Tangent.rows`. ``kept``: samples of an even grid to which they belong; the others count as zero.
+    ``step``: of that grid (s). ``low``, ``high``: lowest and highest frequency (Hz).
     """
     whole = np.zeros((rows.shape[1], kept.size))
     whole[:, kept] = rows.T
@@ -260,15 +192,11 @@ def strongest_lines(rows: Array, kept: Array, step: float, low: float, high: flo
 def with_p_values(looks: list[Look], least: float = 0.0) -> list[Look]:
     """The looks with their p-values, corrected for the number of families, the best score first.
 
-    Parameters
-    ----------
-    looks : list of Look
-    least : float
-        Size below which an effect is not worth naming, in the unit of `Look.size`; not used for nameless functions.
-        The null hypothesis is then an effect of at most this size, not of size zero.  A model's own records contain
-        only what the model describes, so with enough samples anything becomes significant, even a hundredth of a
-        percent of the drive.  The gain of an effect of size s grows with its square; the part beyond the largest effect
-        of the hypothesis is g (1 - least / s)^2.
+    ``least``: size below which an effect is not worth naming, in the unit of `Look.size`; not used for nameless
+    functions. The null hypothesis is then an effect of at most this size, not of size zero. A model's own records
+    contain only what the model describes, so with enough samples anything becomes significant, even a hundredth of a
+    percent of the drive. The gain of an effect of size s grows with its square; the part beyond the largest effect of
+    the hypothesis is g (1 - least / s)^2.
 
     References
     ----------

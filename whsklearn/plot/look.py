@@ -46,14 +46,8 @@ class Display:
 def html_of(template: Path, filters: Mapping[str, Callable[..., str]] | None = None, **values: Any) -> str:
     """A page as text; the template puts ``style|safe`` into its head.
 
-    Parameters
-    ----------
-    template : Path
-        Of a jinja2 template; what is put into it is escaped.
-    filters : mapping of str to callable, optional
-        By the names that the template calls them.
-    **values
-        What the template shows.
+    ``template``: of a jinja2 template; what is put into it is escaped. ``filters``: by the names that the template
+    calls them. ``**values``: what the template shows.
 
     Examples
     --------

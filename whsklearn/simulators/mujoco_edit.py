@@ -48,12 +48,8 @@ HELD = (
 def hold(spec: Any, axis: Axis, effects: tuple[Effect, ...], inertia: float = 1.0) -> Any:
     """A copy of the spec with the effects in it; ``inertia`` about the joint is what a limit's solver divides by.
 
-    Raises
-    ------
-    NotImplementedError
-        If MuJoCo has nothing like one of them.
-    ValueError
-        If a number of an effect cannot be held.
+    Raises NotImplementedError if MuJoCo has nothing like one of them. Raises ValueError if a number of an effect cannot
+    be held.
     """
     out = spec.copy()
     j = out.joint(axis.joint)
@@ -87,10 +83,7 @@ def _limited(j: Any) -> bool:
 def _limit(j: Any, e: ContactStop, inertia: float) -> None:
     """A stop as the joint's limit: within it MuJoCo's push is J (B v + K d) with solref = (-K, -B), but for ``solimp``.
 
-    Raises
-    ------
-    ValueError
-        If the contact would pull, or give energy.
+    Raises ValueError if the contact would pull, or give energy.
     """
     if e.stiffness <= 0.0 or e.relaxation < 0.0:
         raise ValueError(f"a contact of {e.stiffness:.3g} with a relaxation of {e.relaxation:.3g} s cannot be held")

@@ -30,10 +30,7 @@ class NotImported(ValueError):
 def encode(value: Any, arrays: list[NDArray[Any]], where: str = "value") -> Any:
     """A JSON-able form of ``value``; its arrays are appended to ``arrays``.
 
-    Raises
-    ------
-    ValueError
-        If a value is of a type that a saved state cannot hold, naming the place.
+    Raises ValueError if a value is of a type that a saved state cannot hold, naming the place.
     """
     if isinstance(value, np.generic) and value.dtype.kind in "biufU":
         value = value.item()
@@ -70,10 +67,7 @@ def encode(value: Any, arrays: list[NDArray[Any]], where: str = "value") -> Any:
 def decode(coded: Any, arrays: list[NDArray[Any]]) -> Any:
     """The value that `encode` was given.
 
-    Raises
-    ------
-    ValueError
-        If the coded form is none of `encode`'s, or names a class that is not imported.
+    Raises ValueError if the coded form is none of `encode`'s, or names a class that is not imported.
     """
     if isinstance(coded, list):
         return [decode(v, arrays) for v in coded]

@@ -19,11 +19,8 @@ PRINTED = 1 << 16  # bytes at the beginning and before the current position that
 def check_files(source: str, out: Path | None, kept: Path, fresh: bool) -> None:
     """Reject a set of files that would destroy one of the user's files, or fail later.
 
-    Raises
-    ------
-    ValueError
-        If two of the files are the same, if the checkpoint would replace a file that is not a checkpoint, or if a
-        file cannot be written.
+    Raises ValueError if two of the files are the same, if the checkpoint would replace a file that is not a checkpoint,
+    or if a file cannot be written.
     """
     named = {"the source": Path(source) if source != "-" else None, "--out": out, "--checkpoint": kept}
     files = {name: path for name, path in named.items() if path is not None}
@@ -45,10 +42,7 @@ def check_files(source: str, out: Path | None, kept: Path, fresh: bool) -> None:
 def alone(*paths: Path | None) -> Iterator[None]:
     """Hold locks on files for as long as the stream runs; the system releases them if the process is killed.
 
-    Raises
-    ------
-    ValueError
-        If another stream holds a lock on one of them.
+    Raises ValueError if another stream holds a lock on one of them.
     """
     with contextlib.ExitStack() as stack:
         for path in paths:

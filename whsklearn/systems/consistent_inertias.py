@@ -31,9 +31,7 @@ OFF_DIAGONAL = (0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)
 def pseudo_inertia(numbers: Array) -> Array:
     """The pseudo-inertia J (4, 4) of ten numbers.
 
-    Parameters
-    ----------
-    numbers : ndarray of shape (10,)
+    ``numbers`` is (10,).
 
     Examples
     --------
@@ -91,10 +89,7 @@ def consistent_numbers(
 
     The armature is None if no base number holds one.
 
-    Raises
-    ------
-    ValueError
-        If ``values`` does not have one number per base parameter.
+    Raises ValueError if ``values`` does not have one number per base parameter.
     """
     from scipy.linalg import block_diag
     from scipy.optimize import least_squares

@@ -336,10 +336,7 @@ def parts_of(axis: ServoAxis) -> NDArray[np.float64]:
 def pack(axis: ServoAxis) -> Plant:
     """The axis as flat arrays; effects of neutral size are left out, so they change nothing.
 
-    Raises
-    ------
-    ValueError
-        If the drive would act early, or a user-defined effect cannot be simulated.
+    Raises ValueError if the drive would act early, or a user-defined effect cannot be simulated.
     """
     plant = plant_of([e for e in (*axis.law.terms, *axis.effects) if e.magnitude != e.neutral], parts_of(axis))
     delay = chain_of(plant).delay

@@ -52,14 +52,8 @@ _NOTHING = np.zeros(0)
 def bare_parts(inertia: float, delay: float = 0.0, *, on_load: bool = False) -> Array:
     """`Plant.parts` of an axis with these values; everything else is in its effects.
 
-    Parameters
-    ----------
-    inertia : float
-        Inertia (kg m2).
-    delay : float
-        Delay between the logged drive and its action (s); below zero it acts early.
-    on_load : bool
-        Whether the encoder sits behind the transmission.
+    ``inertia``: inertia (kg m2). ``delay``: delay between the logged drive and its action (s); below zero it acts
+    early. ``on_load``: whether the encoder sits behind the transmission.
     """
     return np.array([inertia, math.inf, 1.0, math.inf, delay, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, float(on_load)])
 
@@ -67,25 +61,14 @@ def bare_parts(inertia: float, delay: float = 0.0, *, on_load: bool = False) -> 
 def follow(plant: Plant, drive: Array, measured: Array, how: How, *, start: tuple[float, float] | None = None) -> Array:
     """One pass along a log.
 
-    Parameters
-    ----------
-    plant : Plant
-        The axis: `plant_of` a sequence of effects and `bare_parts`, `whsklearn.systems.servo.pack`, or arrays of a
-        fit of its own.
-    drive : ndarray of shape (n,)
-        The drive as logged (Nm).
-    measured : ndarray of shape (2, n) or (4, n)
-        Position and velocity on the encoder's side (rad, rad/s), and, if a restart needs them, the twist of the
-        coupling and its rate.
-    how : How
-        Sample time, fine steps, samples between restarts, the observer's gains.
-    start : tuple of two floats, optional
-        Position and velocity at the first sample; those measured by default.
-
-    Returns
-    -------
-    ndarray of shape (7, n)
-        Rows ``DRIVE MEASURED POSITION VELOCITY TORQUE LOAD LOAD_VELOCITY``; ``MEASURED`` is y_hat.
+    ``plant``: the axis: `plant_of` a sequence of effects and `bare_parts`, `whsklearn.systems.servo.pack`, or arrays of
+        a fit of its own.
+    ``drive`` (n,): the drive as logged (Nm).
+    ``measured`` (2, n) or (4, n): position and velocity on the encoder's side (rad, rad/s), and, if a restart needs
+        them, the twist of the coupling and its rate.
+    ``how``: sample time, fine steps, samples between restarts, the observer's gains.
+    ``start``: position and velocity at the first sample; those measured by default.
+    Returns (7, n): rows ``DRIVE MEASURED POSITION VELOCITY TORQUE LOAD LOAD_VELOCITY``; ``MEASURED`` is y_hat.
 
     Examples
     --------

@@ -89,10 +89,8 @@ def experiment(
 ) -> Experiment:
     """Check and complete the caller's experiment.
 
-    Raises
-    ------
-    ValueError
-        If both or none of reference (n,) in rad and drive (n,) in Nm are given, or a signal has another length.
+    Raises ValueError if both or none of reference (n,) in rad and drive (n,) in Nm are given, or a signal has another
+    length.
     """
     if (reference is None) == (drive is None):
         raise ValueError("Give either a reference (closed loop) or a drive (open loop), not both and not neither.")

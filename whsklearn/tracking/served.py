@@ -80,11 +80,7 @@ def _load_pyfunc(path: str) -> Served:
 def input_example(model: Any, rows: ArrayLike) -> Any:
     """Rows as a frame with the estimator's feature names, or ``u``, or ``u1``, ``u2``, ... for several columns.
 
-    Parameters
-    ----------
-    model : estimator
-        Fitted.
-    rows : array-like of shape (n, n_features)
+    ``model``: fitted. ``rows`` is (n, n_features).
 
     Examples
     --------

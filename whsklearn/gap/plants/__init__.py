@@ -15,30 +15,17 @@ from whsklearn.logs.units import factor_of, own_units, unit_of
 
 
 class Base(NamedTuple):
-    """The settings of a base model.
+    """The settings of a base model."""
 
-    Attributes
-    ----------
-    law : str, optional
-        Friction law.
-    orders : tuple of int, optional
-        (n_a, n_b, n_c, n_d) of a chain.
-    direct : int
-        The number of blocks of a chain, of two, that have a direct path.
-    """
-
-    law: Any = None
-    orders: tuple[int, ...] | None = None
-    direct: int = 0
+    law: Any = None  # friction law
+    orders: tuple[int, ...] | None = None  # (n_a, n_b, n_c, n_d) of a chain
+    direct: int = 0  # the number of blocks of a chain, of two, that have a direct path
 
 
 def make_plant(model: Any, log: Any, y: Any, base: Base, *, tolerance: float, columns: dict[str, Any]) -> Any:
     """Make the plant for a kind of model.
 
-    Raises
-    ------
-    ValueError
-        If the kind is not known.
+    Raises ValueError if the kind is not known.
     """
     from whsklearn.models.arm import ArmModel
     from whsklearn.systems.arm import Arm

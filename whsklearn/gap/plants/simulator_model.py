@@ -82,23 +82,13 @@ STILL = ("exponent", "elements", "load_share", "damping_ratio")
 
 @dataclass(frozen=True)
 class SimulatorModel:
-    """The simulator with effects, refitted, and its error on the record.
+    """The simulator with effects, refitted, and its error on the record."""
 
-    Attributes
-    ----------
-    simulator : object or None
-        None until it is built.
-    terms : tuple of EffectTerm
-    error : ndarray of shape (n,)
-        Measured minus simulated position.
-    n_base : int
-        Always zero, because the simulator itself is the base model.
-    """
-
-    simulator: Any
+    simulator: Any  # None until it is built
     terms: tuple[EffectTerm, ...] = ()
+    # (n,): measured minus simulated position
     error: Array = dataclasses.field(default_factory=lambda: np.zeros(0), compare=False, repr=False)
-    n_base: int = 0
+    n_base: int = 0  # always zero, because the simulator itself is the base model
 
     def without(self, index: int) -> SimulatorModel:
         """The model without one term, not built yet; see `SimulatorFit.built`."""
@@ -116,25 +106,13 @@ class SimulatorModel:
 
 @dataclass
 class SimulatorFit:
-    """Refits and simulates a simulator on one record.
+    """Refits and simulates a simulator on one record."""
 
-    Parameters
-    ----------
-    core : object
-        The simulator without effects, refitted.
-    record : ServoRecord
-    train : ndarray of bool, shape (n,)
-    given : object
-        The simulator as it was given, not refitted.
-    scales : Scales
-        Of the record.
-    """
-
-    core: Any
+    core: Any  # the simulator without effects, refitted
     record: Any
-    train: NDArray[np.bool_]
-    given: Any = None
-    scales: Scales = dataclasses.field(default_factory=Scales)
+    train: NDArray[np.bool_]  # (n,)
+    given: Any = None  # the simulator as it was given, not refitted
+    scales: Scales = dataclasses.field(default_factory=Scales)  # of the record
     _given: dict[tuple[EffectTerm, ...], SimulatorModel] = dataclasses.field(default_factory=dict, repr=False)
     _cache: dict[tuple[EffectTerm, ...], SimulatorModel] = dataclasses.field(default_factory=dict, repr=False)
     _tangents: dict[tuple[EffectTerm, ...], Array] = dataclasses.field(default_factory=dict, repr=False)

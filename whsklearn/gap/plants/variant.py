@@ -16,18 +16,10 @@ WAVE_STEP = 0.2 * np.pi  # rad of phase over half the travel between two waves t
 
 @dataclass(frozen=True)
 class EffectVariant:
-    """What a plant tries as one name; its numbers are the linear ones, then those of its shape.
+    """What a plant tries as one name; its numbers are the linear ones, then those of its shape."""
 
-    Attributes
-    ----------
-    cls : type
-        The library's effect.
-    choice : tuple of (str, str)
-        Its text fields, the port among them.
-    """
-
-    cls: type[Effect]
-    choice: tuple[tuple[str, str], ...] = ()
+    cls: type[Effect]  # the library's effect
+    choice: tuple[tuple[str, str], ...] = ()  # its text fields, the port among them
 
     @classmethod
     def of(cls, effect: type[Effect]) -> list[Self]:

@@ -132,19 +132,8 @@ def sensitivities(theta: Array, log: AxisLog, *, of_states: bool = False) -> tup
 def fit_axis(theta: Array, log: AxisLog, *, iterations: int = 40) -> AxisFit:
     """Levenberg-Marquardt on the free-run error, with fixed initial states of the pieces.
 
-    Parameters
-    ----------
-    theta : ndarray of shape (p,)
-        Initial parameters.
-    log : AxisLog
-        The record.
-    iterations : int, default=40
-        Largest number of iterations.
-
-    Returns
-    -------
-    AxisFit
-        The fit; its cost is infinite if the free run diverges.
+    ``theta`` (p,): initial parameters. ``log``: the record. ``iterations``: largest number of iterations. Returns the
+    fit; its cost is infinite if the free run diverges.
     """
 
     def run_of(trial: Array, log: AxisLog) -> _Run:
@@ -223,19 +212,8 @@ def fit_pieces(theta: Array, log: AxisLog, *, iterations: int = 25) -> AxisFit:
     e-fold in every sqrt(J / G).  A piece that lasts a few times as long is still informative; a run of the whole
     record is not (Bock 1981).
 
-    Parameters
-    ----------
-    theta : ndarray of shape (p,)
-        Initial parameters.
-    log : AxisLog
-        The record in pieces.
-    iterations : int, default=25
-        Largest number of iterations.
-
-    Returns
-    -------
-    AxisFit
-        The fit; its cost is infinite if the run diverges.
+    ``theta`` (p,): initial parameters. ``log``: the record in pieces. ``iterations``: largest number of iterations.
+    Returns the fit; its cost is infinite if the run diverges.
     """
 
     def run_of(trial: Array, before: AxisLog) -> _Run:

@@ -31,12 +31,8 @@ class Orders(NamedTuple):
 def divisions(ratio: Ratio, orders: Orders) -> Iterator[tuple[Ratio, Ratio]]:
     """All pairs of blocks whose product has the zeros and poles of the ratio; conjugate pairs stay together.
 
-    Parameters
-    ----------
-    ratio : Ratio
-        The linear model.
-    orders : Orders
-        Orders of the blocks.  A block with more zeros than poles is skipped, except for one zero without a pole.
+    ``ratio``: the linear model. ``orders``: orders of the blocks. A block with more zeros than poles is skipped, except
+    for one zero without a pole.
     """
     zeros, poles = _groups(np.roots(ratio.b)), _groups(np.roots(ratio.a))
     found = 0
@@ -103,17 +99,9 @@ def _polynomial(roots: NDArray[np.complex128]) -> Array:
 def exchanged(theta: Array, dims: tuple[int, ...]) -> list[Array]:
     """theta with zeros of L1 and L2 exchanged, with poles exchanged, and with both exchanged.
 
-    Parameters
-    ----------
-    theta : ndarray of shape (n_parameters,)
-        a_2 ..., b_1 ..., weights of the law, c_2 ..., d_1 ...
-    dims : tuple of int
-        n_a, n_b, n_c, n_d and the number of the law's terms.
-
-    Returns
-    -------
-    list of ndarray
-        The new starts, without ``theta`` itself; the weights of the law are unchanged.
+    ``theta`` (n_parameters,): a_2 ..., b_1 ..., weights of the law, c_2 ..., d_1 ...
+    ``dims``: n_a, n_b, n_c, n_d and the number of the law's terms.
+    Returns the new starts, without ``theta`` itself; the weights of the law are unchanged.
 
     Examples
     --------

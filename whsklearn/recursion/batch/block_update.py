@@ -57,23 +57,12 @@ def block_update(
 ) -> tuple[FittedChain, Array, float]:
     """The chain after a block.
 
-    Parameters
-    ----------
-    chain : FittedChain
-        The estimate so far.
-    information : ndarray of shape (p, p)
-        R.
-    data : IOData
-        The block, preceded by samples that do not count but determine the state.
-    at : Coordinates
-        Coordinates of theta.
-
-    Returns
-    -------
-    chain : FittedChain
-    information : ndarray of shape (p, p)
-    loss : float
-        Sum of squared errors of the block before the update.
+    ``chain``: the estimate so far.
+    ``information`` (p, p): R.
+    ``data``: the block, preceded by samples that do not count but determine the state.
+    ``at``: coordinates of theta.
+    Returns ``information`` (p, p).
+    Returns ``loss``: sum of squared errors of the block before the update.
     """
     gone = np.zeros(len(information))
     error, rows = at.rows(chain, data)

@@ -41,18 +41,12 @@ def descend(
 ) -> Point:
     """The point of least cost reached from ``point`` (Levenberg 1944, Marquardt 1963).
 
-    Parameters
-    ----------
-    point : object with a ``cost``
-        The start.
-    equations : callable
-        Maps a point to its normal equations J J' (p, p) and J e (p,); None if the descent cannot continue there.
-    moved : callable
-        Maps (point, step of shape (p,)) to another point; None if the step is rejected.
-    iterations : int
-        Largest number of iterations.
-    enough : float
-        The descent ends after an iteration that lowers the cost by a smaller share than this.
+    ``point``: the start.
+    ``equations``: maps a point to its normal equations J J' (p, p) and J e (p,); None if the descent cannot continue
+        there.
+    ``moved``: maps (point, step of shape (p,)) to another point; None if the step is rejected.
+    ``iterations``: largest number of iterations.
+    ``enough``: the descent ends after an iteration that lowers the cost by a smaller share than this.
     """
     damping = FIRST
     for _ in range(iterations):

@@ -11,18 +11,8 @@ from whsklearn._numba import njit
 def filter_rows(b, a, rows, bounds):
     """Apply b(q)/a(q) to every row, from rest at each of the bounds.
 
-    Parameters
-    ----------
-    b, a : ndarray
-        Coefficients in powers of the delay, a[0] = 1.
-    rows : ndarray of shape (m, n)
-        Signals.
-    bounds : ndarray of int
-        First samples of the experiments, and n at the end.
-
-    Returns
-    -------
-    ndarray of shape (m, n)
+    ``b``, ``a``: coefficients in powers of the delay, a[0] = 1. ``rows`` (m, n): signals. ``bounds``: first samples of
+    the experiments, and n at the end. Returns (m, n).
     """
     order = max(b.size, a.size) - 1
     num = np.zeros(order + 1)

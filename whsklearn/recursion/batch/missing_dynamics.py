@@ -45,16 +45,8 @@ def denominators() -> list[Array]:
 def missing_poles(fitted: Fitted, data: IOData, largest: int, kept: int) -> list[Promise]:
     """The most promising locations in each block, best first; none if the residual looks like noise.
 
-    Parameters
-    ----------
-    fitted : Fitted
-        A chain at a minimum for these data.
-    data : IOData
-        The record.
-    largest : int
-        Largest number of poles of a block.
-    kept : int
-        Number of locations returned for each block.
+    ``fitted``: a chain at a minimum for these data. ``data``: the record. ``largest``: largest number of poles of a
+    block. ``kept``: number of locations returned for each block.
     """
     chain = fitted.chain
     signals = run(chain, data)
@@ -114,12 +106,7 @@ def improved(fitted: Fitted, data: IOData) -> Fitted:
     Zeros are reflected at the unit circle.  One round of moves is always made; there is no further round once the error
     shows that no pole is missing.
 
-    Parameters
-    ----------
-    fitted : Fitted
-        A chain with one input, at a minimum for these data.
-    data : IOData
-        The record.
+    ``fitted``: a chain with one input, at a minimum for these data. ``data``: the record.
     """
     short = data.head(SHORT)
     for i in range(ROUNDS):

@@ -149,17 +149,11 @@ def sensitivities(chain: FittedChain, data: IOData) -> tuple[Array, Array]:
 def refine(chain: FittedChain, data: IOData, iterations: int, *, free: bool = True) -> Fitted:
     """Levenberg-Marquardt on the free-run error; steps to a pole beyond radius 0.9999 are rejected.
 
-    Parameters
-    ----------
-    chain : FittedChain
-        The starting point; its weights may be arbitrary.
-    data : IOData
-        The record.
-    iterations : int
-        Largest number of iterations.
-    free : bool, default=True
-        Whether the scale of x is free.  If it is, x is scaled to unit standard deviation and the knots of the law
-        follow it.  Otherwise b1[0] and b2[0] stay as they are, which laws such as tanh(dx) need.
+    ``chain``: the starting point; its weights may be arbitrary.
+    ``data``: the record.
+    ``iterations``: largest number of iterations.
+    ``free``: whether the scale of x is free. If it is, x is scaled to unit standard deviation and the knots of the law
+        follow it. Otherwise b1[0] and b2[0] stay as they are, which laws such as tanh(dx) need.
     """
     best = least = solve_law(chain, data)
     if free:

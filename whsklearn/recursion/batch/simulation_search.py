@@ -40,12 +40,8 @@ def simplest(candidates: list[Fitted], later: IOData) -> Fitted:
     The best one counts as different if its held-out error is lower by 3 % or by two standard errors.  Any lower error
     is enough if its additional parameters gain more on the data of the fit than chance would (likelihood ratio).
 
-    Parameters
-    ----------
-    candidates : list of Fitted
-        Fits to the same data, the simplest first.
-    later : IOData
-        The record, in which only the samples that the fits have not seen count.
+    ``candidates``: fits to the same data, the simplest first. ``later``: the record, in which only the samples that the
+    fits have not seen count.
     """
     with np.errstate(over="ignore", invalid="ignore"):
         squares = [((later.y - run(f.chain, later).y) * later.scale)[later.counts] ** 2 for f in candidates]
@@ -118,15 +114,10 @@ def record(
 def search(data: IOData, law: FrictionLaw, structures: tuple[SearchedOrders, ...] = UNKNOWN) -> Fitted:
     """The chain with the least free-run error; held-out data decide between structures.
 
-    Parameters
-    ----------
-    data : IOData
-        The record.
-    law : FrictionLaw
-        A law in x; its knots are placed again.
-    structures : tuple of SearchedOrders
-        Simplest first.  If there are several, the blocks may grow beyond them, and a polynomial replaces the law if
-        held-out data cannot distinguish the two.
+    ``data``: the record.
+    ``law``: a law in x; its knots are placed again.
+    ``structures``: simplest first. If there are several, the blocks may grow beyond them, and a polynomial replaces the
+        law if held-out data cannot distinguish the two.
     """
     if len(structures) == 1:
         return finish(halving(data, law, structures[0]).chain, data)

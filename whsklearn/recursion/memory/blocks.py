@@ -26,21 +26,13 @@ def increment_rms(theta: Array, dims: Integers, u: Array, restart: Bools) -> flo
 def first_block(theta: Array, dims: Integers, u: Array, restart: Bools, spread: Array) -> tuple[Array, float]:
     """x, dx = x(t) - x(t-1), and |E sign(dx)| if (a, b) has the covariance ``spread``; and the size of dx.
 
-    Parameters
-    ----------
-    theta : ndarray of shape (n,)
-        Natural parameters, of which only (a, b) is used.
-    dims : ndarray of shape (5,)
-    u : ndarray of shape (n, n_inputs)
-    restart : ndarray of bool, shape (n,)
-        Where an experiment begins; its past is unknown.
-    spread : ndarray of shape (n_1, n_1) or (0, 0)
-
-    Returns
-    -------
-    signals : ndarray of shape (3, n), or (2, n) without a covariance
-    increment_rms : float
-        Root mean square of dx.
+    ``theta`` (n,): natural parameters, of which only (a, b) is used.
+    ``dims`` is (5,).
+    ``u`` is (n, n_inputs).
+    ``restart`` (n,): where an experiment begins; its past is unknown.
+    ``spread`` is (n_1, n_1) or (0, 0).
+    Returns ``signals`` (3, n), or (2, n) without a covariance.
+    Returns ``increment_rms``: root mean square of dx.
     """
     signals = np.empty((3 if len(spread) else 2, len(u)))
     return signals, float(_fill(signals, theta, dims, u, restart, spread))

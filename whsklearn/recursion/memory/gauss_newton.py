@@ -45,58 +45,31 @@ AT, TOTAL, BUDGET, PHASE, ITERATION, DAMPING, COST, SPENT, SIZE = range(9)
 
 
 class Memory(NamedTuple):
-    """Samples as a re-run reads them.
+    """Samples as a re-run reads them."""
 
-    Attributes
-    ----------
-    origin : ndarray of shape (n_state,)
-        State before the first sample.
-    u, y : ndarrays of shape (history + m, n_inputs), (history + m,)
-        The first ``history`` precede the first sample, which is ``u[history]``.
-    restart : ndarray of bool, shape (m,)
-        Where an experiment begins.
-    fill, history : int
-        The number of samples to read, and the number that precede them.
-    tail : int
-        The last ``tail - 1`` samples count only in part, as far as the windows of p samples have used them.
-    weights : ndarray of shape (fill,)
-        Weight of each sample: the user's, reduced by forgetting.
-    """
-
-    origin: Array
+    origin: Array  # (n_state,): state before the first sample
+    # u, y (history + m, n_inputs), (history + m,): the first ``history`` precede the first sample, which is
+    # ``u[history]``
     u: Array
     y: Array
-    restart: Bools
-    fill: int
+    restart: Bools  # (m,): where an experiment begins
+    fill: int  # fill, history: the number of samples to read, and the number that precede them
     history: int
-    tail: int
-    weights: Array
+    tail: int  # the last ``tail - 1`` samples count only in part, as far as the windows of p samples have used them
+    weights: Array  # (fill,): weight of each sample: the user's, reduced by forgetting
 
 
 class Work(NamedTuple):
-    """The progress of a re-run.
+    """The progress of a re-run."""
 
-    Attributes
-    ----------
-    at : ndarray of shape (SIZE,)
-        The numbers named above.
-    segment : Segment
-        Signals of the samples that are being read, preceded by those before them.
-    weighted : ndarray of shape (3, LENGTH)
-        Weights, weighted errors, and a weighted row of psi.
-    slope, trial, trial_slope : ndarrays of shape (n,)
-    trial_information : ndarray of shape (n, n)
-    trial_state : ndarray of shape (n_state,)
-    """
-
-    at: Array
-    segment: Segment
-    weighted: Array
-    slope: Array
+    at: Array  # (SIZE,): the numbers named above
+    segment: Segment  # signals of the samples that are being read, preceded by those before them
+    weighted: Array  # (3, LENGTH): weights, weighted errors, and a weighted row of psi
+    slope: Array  # slope, trial, trial_slope (n,)
     trial: Array
     trial_slope: Array
-    trial_information: Array
-    trial_state: Array
+    trial_information: Array  # (n, n)
+    trial_state: Array  # (n_state,)
 
 
 def new_work(dims: Integers, n_inputs: int) -> Work:

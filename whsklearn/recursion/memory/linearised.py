@@ -52,32 +52,18 @@ class Rows(NamedTuple):
 
 
 class Signs(NamedTuple):
-    """The signs in doubt, one entry each.
+    """The signs in doubt, one entry each."""
 
-    Attributes
-    ----------
-    dx, sign, scale : ndarrays of shape (E,)
-        dx at theta_0, the sign frozen in the rows, and the square root of the sample's weight.
-    gradient : ndarray of shape (E, n_1)
-        d dx / d(a, b).
-    curvature : ndarray of shape (E, n_1, n_1)
-        d^2 dx / d(a, b)^2.
-    height : ndarray of shape (E, K)
-        Value of each term of the law at sign 1.
-    rows : ndarray of shape (E, n_c, n + 1)
-        Weighted [psi, e] of the samples that v(t) enters.
-    at : ndarray of shape (E, n_c)
-        Indices of those samples, counted from the start of the stream; -1 for none, -2 - i for sample i of the next
-        page, whose row is not known yet.
-    """
-
+    # dx, sign, scale (E,): dx at theta_0, the sign frozen in the rows, and the square root of the sample's weight
     dx: Array
     sign: Array
     scale: Array
-    gradient: Array
-    curvature: Array
-    height: Array
-    rows: Array
+    gradient: Array  # (E, n_1): d dx / d(a, b)
+    curvature: Array  # (E, n_1, n_1): d^2 dx / d(a, b)^2
+    height: Array  # (E, K): value of each term of the law at sign 1
+    rows: Array  # (E, n_c, n + 1): weighted [psi, e] of the samples that v(t) enters
+    # (E, n_c): indices of those samples, counted from the start of the stream; -1 for none, -2 - i for sample i of the
+    # next page, whose row is not known yet
     at: Integers
 
     def take(self, chosen: NDArray[np.intp]) -> Signs:

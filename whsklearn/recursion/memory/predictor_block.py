@@ -21,24 +21,14 @@ LENGTH = 128  # samples of a segment, few enough for all its signals to stay in 
 
 
 class Segment(NamedTuple):
-    """Arrays for the signals of a segment.
+    """Arrays for the signals of a segment."""
 
-    Attributes
-    ----------
-    signals : ndarray of shape (n_inputs + 3 + 2 n_1 + K, past + LENGTH)
-        One row each: u, x, its gradients with respect to (a, b), v, its gradients with respect to (a, b, w), y.  The
-        past comes first, oldest sample first.
-    psi : ndarray of shape (n + 1, LENGTH)
-        d y_hat / d theta, and below it the prediction error.
-    slopes : ndarray of shape (2, LENGTH)
-        f_x + f_dx and -f_dx.
-    places : ndarray of int64, shape (2, n_state)
-        Row and column of ``signals`` that hold each number of the flat state of `predictor`.
-    """
-
+    # (n_inputs + 3 + 2 n_1 + K, past + LENGTH): one row each: u, x, its gradients with respect to (a, b), v, its
+    # gradients with respect to (a, b, w), y. The past comes first, oldest sample first.
     signals: Array
-    psi: Array
-    slopes: Array
+    psi: Array  # (n + 1, LENGTH): d y_hat / d theta, and below it the prediction error
+    slopes: Array  # (2, LENGTH): f_x + f_dx and -f_dx
+    # (2, n_state): row and column of ``signals`` that hold each number of the flat state of `predictor`
     places: Integers
 
 

@@ -21,44 +21,20 @@ FIRST_RERUN = 128
 
 @dataclass(frozen=True)
 class Settings:
-    """The settings that stay constant during a stream.
+    """The settings that stay constant during a stream."""
 
-    Parameters
-    ----------
-    dims : ndarray of shape (5,)
-        n_a, n_b, n_c, n_d and the number of weights of the law.
-    codes, shapes : ndarrays
-        Terms of the law.
-    p : int
-        Innovation length.
-    p0 : float
-        Initial variance of the parameters, relative to the noise variance.
-    forgetting : float
-        Final forgetting factor.
-    n_starts, memory : int
-        Number of parallel starts; number of samples kept.
-    frozen : bool
-        True for the block update of (7)-(9), False for sub-innovations.
-    seed : int
-        Seed of all random starts.
-    n_inputs : int
-        Columns of u.
-    theta0 : ndarray of shape (n,), optional
-        A given start, in addition to the random ones.
-    """
-
-    dims: NDArray[np.int64]
-    codes: NDArray[np.int64]
+    dims: NDArray[np.int64]  # (5,): n_a, n_b, n_c, n_d and the number of weights of the law
+    codes: NDArray[np.int64]  # codes, shapes: terms of the law
     shapes: NDArray[np.float64]
-    p: int
-    p0: float
-    forgetting: float
-    n_starts: int
+    p: int  # innovation length
+    p0: float  # initial variance of the parameters, relative to the noise variance
+    forgetting: float  # final forgetting factor
+    n_starts: int  # n_starts, memory: number of parallel starts; number of samples kept
     memory: int
-    frozen: bool
-    seed: int
-    n_inputs: int = 1
-    theta0: NDArray[np.float64] | None = None
+    frozen: bool  # True for the block update of (7)-(9), False for sub-innovations
+    seed: int  # seed of all random starts
+    n_inputs: int = 1  # columns of u
+    theta0: NDArray[np.float64] | None = None  # (n,): a given start, in addition to the random ones
 
     # computed once: a row needs them a dozen times, and a NumPy number takes ten times as long as a Python number
     @cached_property

@@ -28,44 +28,22 @@ RADIUS = 0.999  # largest radius of the poles of L1
 
 
 class SignProblem(NamedTuple):
-    """Arguments of `log_density`: the signs of `linearised.Signs`, and the rows that they enter, each row once.
+    """Arguments of `log_density`: the signs of `linearised.Signs`, and the rows that they enter, each row once."""
 
-    Attributes
-    ----------
-    matrix : ndarray of shape (n + 1, n + 1)
-        [J e]' W [J e] with the signs frozen.
-    theta : ndarray of shape (n,)
-        Parameters at which it is linearised.
-    dims : ndarray of shape (5,)
-        As in `predictor`.
-    count : float
-        Number of samples after forgetting.
-    dx, sign, scale, gradient, curvature, height
-        As in `Signs`.
-    rows : ndarray of shape (R, n + 1)
-        Rows of [J e] that a sign in doubt enters.
-    row : ndarray of shape (E, n_c)
-        Indices of the rows that each sign enters; -1 for none.
-    reach : ndarray of shape (E,)
-        How far (a, b) may move, measured by ``metric``, before a sign can flip; in ascending order.
-    metric : ndarray of shape (n_1, n_1)
-        Defines the distance sqrt(delta' metric delta).
-    """
-
-    matrix: Array
-    theta: Array
-    dims: Integers
-    count: float  # type: ignore[assignment]  # number of samples; the tuple's own method of this name is not used
-    dx: Array
+    matrix: Array  # (n + 1, n + 1): [J e]' W [J e] with the signs frozen
+    theta: Array  # (n,): parameters at which it is linearised
+    dims: Integers  # (5,): as in `predictor`
+    count: float  # type: ignore[assignment]  # samples after forgetting; the tuple's own is not used
+    dx: Array  # dx, sign, scale, gradient, curvature, height: as in `Signs`
     sign: Array
     scale: Array
     gradient: Array
     curvature: Array
     height: Array
-    rows: Array
-    row: Integers
-    reach: Array
-    metric: Array
+    rows: Array  # (R, n + 1): rows of [J e] that a sign in doubt enters
+    row: Integers  # (E, n_c): indices of the rows that each sign enters; -1 for none
+    reach: Array  # (E,): how far (a, b) may move, measured by ``metric``, before a sign can flip; in ascending order
+    metric: Array  # (n_1, n_1): defines the distance sqrt(delta' metric delta)
 
 
 def posed(matrix: Array, theta: Array, dims: Integers, count: float, signs: Signs) -> SignProblem:
@@ -241,14 +219,8 @@ def frozen(matrix: Array, theta: Array, count: float) -> Gaussian | None:
 def sample(problem: SignProblem, start: Gaussian, rng: np.random.Generator, *, rough: bool = False) -> Gaussian | None:
     """Mean and covariance over the signs in doubt; None if the particles did not reach the posterior.
 
-    Parameters
-    ----------
-    problem : SignProblem
-    start : Gaussian
-        As returned by `frozen`.
-    rng : numpy.random.Generator
-    rough : bool, default=False
-        Use fewer sweeps, for a mean that only serves as the next starting point.
+    ``start``: as returned by `frozen`. ``rough``: use fewer sweeps, for a mean that only serves as the next starting
+    point.
     """
     n1 = problem.gradient.shape[1]
     if not n1 or not problem.dx.size:
@@ -275,24 +247,12 @@ def sample(problem: SignProblem, start: Gaussian, rng: np.random.Generator, *, r
 
 
 class Swarm(NamedTuple):
-    """Particles, one entry each, and scratch space.
+    """Particles, one entry each, and scratch space."""
 
-    Attributes
-    ----------
-    delta : ndarray of shape (S, n)
-        phi of each particle and the best other parameters for it, relative to theta_0.
-    numbers : ndarray of shape (S, 3)
-        log p(phi), the sum of squares S, and the log density of the first particles.
-    low : ndarray of shape (S, n_r, n_r)
-        Cholesky factor of H.
-    matrix, change, touched
-        Scratch space of `turn`.
-    """
-
-    delta: Array
-    numbers: Array
-    low: Array
-    matrix: Array
+    delta: Array  # (S, n): phi of each particle and the best other parameters for it, relative to theta_0
+    numbers: Array  # (S, 3): log p(phi), the sum of squares S, and the log density of the first particles
+    low: Array  # (S, n_r, n_r): Cholesky factor of H
+    matrix: Array  # matrix, change, touched: scratch space of `turn`
     change: Array
     touched: Integers
 

@@ -79,26 +79,14 @@ def least_squares_of_many(
 
 
 class Abreast(NamedTuple):
-    """Axes that are processed together.  The axis is the last index, so that inner loops run over axes.
+    """Axes that are processed together.  The axis is the last index, so that inner loops run over axes."""
 
-    Attributes
-    ----------
-    theta, gain : ndarrays of shape (n, L)
-        Estimates and scratch space.
-    x, e : ndarrays of shape (TOGETHER, n, L), (TOGETHER, L)
-        Rows of regressors and targets, which become innovations.
-    ud : ndarray of shape (n (n + 1) / 2, L)
-        The rows of `covariance` up to the diagonal, one after the other.
-    f, g, alpha, shift : ndarrays of shape (L,)
-        Scratch.
-    """
-
-    theta: Array
-    x: Array
+    theta: Array  # theta, gain (n, L): estimates and scratch space
+    x: Array  # x, e (TOGETHER, n, L), (TOGETHER, L): rows of regressors and targets, which become innovations
     gain: Array
-    ud: Array
+    ud: Array  # (n (n + 1) / 2, L): the rows of `covariance` up to the diagonal, one after the other
     e: Array
-    f: Array
+    f: Array  # f, g, alpha, shift (L,): scratch
     g: Array
     alpha: Array
     shift: Array

@@ -33,29 +33,15 @@ def _silent(recent, targets):
 def run_rows(theta, ud, loss, recent, targets, since, forgetting, ceiling, p, variance, rows, y):
     """Update theta and P by each row and the p - 1 before it; all state arrays change in place.
 
-    Parameters
-    ----------
-    theta, ud : ndarrays of shape (n,), (n, n)
-        Parameters and factorised covariance.
-    loss : ndarray of shape (2,)
-        Weighted sum of squared innovations, and sum of the weights.
-    recent, targets : ndarrays of shape (p, n), (p,)
-        The latest rows and targets, at index t mod p.
-    since : int
-        Number of rows since the experiment began.
-    forgetting : float
-        Forgetting factor.
-    ceiling : float
-        Limit up to which forgetting inflates P.
-    variance : float
-        Noise variance of one update: p if a row is to count once in all, 1 for the published equations.
-    rows, y : ndarrays of shape (m, n), (m,)
-        New rows and targets, in time order.
-
-    Returns
-    -------
-    int
-        ``since`` after the last row.
+    ``theta``, ``ud`` (n,), (n, n): parameters and factorised covariance.
+    ``loss`` (2,): weighted sum of squared innovations, and sum of the weights.
+    ``recent``, ``targets`` (p, n), (p,): the latest rows and targets, at index t mod p.
+    ``since``: number of rows since the experiment began.
+    ``forgetting``: forgetting factor.
+    ``ceiling``: limit up to which forgetting inflates P.
+    ``variance``: noise variance of one update: p if a row is to count once in all, 1 for the published equations.
+    ``rows``, ``y`` (m, n), (m,): new rows and targets, in time order.
+    Returns ``since`` after the last row.
     """
     gain = np.empty(theta.size)
     phi = np.empty(theta.size)
@@ -209,16 +195,8 @@ def run_gradient(theta, loss, recent, targets, since, power, forgetting, p, rows
 def block_update(theta, p_matrix, phi, y, variance=1.0):
     """(7)-(9) to the letter: theta(t) and P(t) from theta(t-1), P(t-1), phi(p, t) and Y(p, t).
 
-    Parameters
-    ----------
-    theta, p_matrix : ndarrays of shape (n,), (n, n)
-        theta(t-1) and P(t-1).
-    phi : ndarray of shape (n, p)
-        The p regressors as columns.
-    y : ndarray of shape (p,)
-        Y(p, t).
-    variance : float
-        Replaces the entries of I_p in (8).
+    ``theta``, ``p_matrix`` (n,), (n, n): theta(t-1) and P(t-1). ``phi`` (n, p): the p regressors as columns. ``y``
+    (p,): Y(p, t). ``variance``: replaces the entries of I_p in (8).
     """
     s = variance * np.eye(y.size) + phi.T @ p_matrix @ phi
     gain = np.linalg.solve(s, phi.T @ p_matrix).T

@@ -38,19 +38,11 @@ ROWS = 64  # rows of a line along a record before the line starts over
 
 
 class Past(NamedTuple):
-    """The required past, newest first; a line has room for new samples in front of it (`with_room`).
+    """The required past, newest first; a line has room for new samples in front of it (`with_room`)."""
 
-    Attributes
-    ----------
-    x, x_by : ndarrays of shape (nx,), (nx, n_1)
-        x(t-1), ... and d x / d (a, b).
-    v, v_by : ndarrays of shape (nc,), (nc, n_1 + K)
-        v(t-1), ... and d v / d (a, b, w).
-    """
-
-    x: Array
+    x: Array  # x, x_by (nx,), (nx, n_1): x(t-1), ... and d x / d (a, b)
     x_by: Array
-    v: Array
+    v: Array  # v, v_by (nc,), (nc, n_1 + K): v(t-1), ... and d v / d (a, b, w)
     v_by: Array
 
 

@@ -61,58 +61,32 @@ def mark_still(repeats, recent_u, recent_y, known, kept, u, y, still):
 
 
 class Models(NamedTuple):
-    """Models that run in parallel, one row each.
+    """Models that run in parallel, one row each."""
 
-    Attributes
-    ----------
-    theta, ud, before : ndarrays of shape (S, n), (S, n, n), (S, n_state)
-        Parameters, factorised covariance and the state before the window.
-    loss : ndarray of shape (S, 2)
-        Weighted sum of squared innovations, and their number.
-    motion : ndarray of shape (S, 2)
-        The same for dx, which sets the scale of kappa.
-    sharpness : ndarray of shape (S,)
-        kappa.
-    """
-
+    # theta, ud, before (S, n), (S, n, n), (S, n_state): parameters, factorised covariance and the state before the
+    # window
     theta: Array
     ud: Array
     before: Array
-    loss: Array
-    motion: Array
-    sharpness: Array
+    loss: Array  # (S, 2): weighted sum of squared innovations, and their number
+    motion: Array  # (S, 2): the same for dx, which sets the scale of kappa
+    sharpness: Array  # (S,): kappa
 
 
 class Samples(NamedTuple):
-    """Samples in time order, or the latest ones, newest first.
+    """Samples in time order, or the latest ones, newest first."""
 
-    Attributes
-    ----------
-    u, y, weight : ndarrays
-        Input, of shape (m, n_inputs) or flat; output; weight of its squared error.
-    """
-
-    u: Array
+    u: Array  # u, y, weight: input, of shape (m, n_inputs) or flat; output; weight of its squared error
     y: Array
     weight: Array
 
 
 class Schedule(NamedTuple):
-    """Settings that depend on the number of samples seen.
+    """Settings that depend on the number of samples seen."""
 
-    Attributes
-    ----------
-    forgetting : ndarray of shape (3,)
-        Current value, final value, and the rate at which the first approaches the second.
-    ceiling : float
-        Limit up to which forgetting inflates P.
-    sharpest : float
-        If positive, kappa rises to this value (relative to dx) with the samples seen.
-    """
-
-    forgetting: Array
-    ceiling: float
-    sharpest: float
+    forgetting: Array  # (3,): current value, final value, and the rate at which the first approaches the second
+    ceiling: float  # limit up to which forgetting inflates P
+    sharpest: float  # if positive, kappa rises to this value (relative to dx) with the samples seen
 
 
 def run_windows(
@@ -121,32 +95,17 @@ def run_windows(
 ) -> int:  # fmt: skip
     """Run every model through the samples; all state arrays change in place.
 
-    Parameters
-    ----------
-    models : Models
-    recent : Samples
-        The latest samples, newest first: u of shape ((p + lags) * n_inputs,), y and weights of shape (p + lags,).
-    since : int
-        Number of samples since the experiment began.
-    seen : int
-        Number of samples in all.
-    schedule : Schedule
-    law : tuple of ndarrays
-        dims, codes, shapes.
-    p : int
-        Innovation length.
-    frozen : bool
-        Whether all rows of a window are evaluated at the parameters before it.
-    samples : Samples
-        The new samples.
-    still : ndarray of shape (m,)
-        From `mark_still`: a STILL sample advances the state and changes nothing else; nothing is forgotten at an
-        IDLE one.
-
-    Returns
-    -------
-    int
-        ``since`` after the last sample.
+    ``recent``: the latest samples, newest first: u of shape ((p + lags) * n_inputs,), y and weights of shape (p +
+        lags,).
+    ``since``: number of samples since the experiment began.
+    ``seen``: number of samples in all.
+    ``law``: dims, codes, shapes.
+    ``p``: innovation length.
+    ``frozen``: whether all rows of a window are evaluated at the parameters before it.
+    ``samples``: the new samples.
+    ``still`` (m,): from `mark_still`: a STILL sample advances the state and changes nothing else; nothing is forgotten
+        at an IDLE one.
+    Returns ``since`` after the last sample.
     """
     # plain tuples: Numba takes twice as long to unpack named ones, which was a third of a row
     return _run_windows(
