@@ -53,10 +53,7 @@ def joint_columns(text: str) -> dict[str, tuple[str, str]]:
 def guessed_columns(joints: Sequence[str], names: Sequence[str]) -> dict[str, tuple[str, str]]:
     """The same without `--joints`, from columns that contain the joint's name or its number.
 
-    Raises
-    ------
-    ValueError
-        If a joint has not exactly one column of each kind.
+    Raises ValueError if a joint has not exactly one column of each kind.
 
     Examples
     --------

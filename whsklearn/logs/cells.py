@@ -94,12 +94,7 @@ def is_plain(cell: str, decimal: str = ".") -> bool:
 def as_numbers(values: pd.Series, decimal: str) -> tuple[pd.Series, str, list[str]]:
     """Floats of cells, their common unit, and notes on conversions; NaN if a cell is not a number.
 
-    Parameters
-    ----------
-    values : Series of str, shape (n,)
-        Cells, or NaN for missing ones.
-    decimal : str
-        ``.`` or ``,``.
+    ``values`` (n,): cells, or NaN for missing ones. ``decimal``: ``.`` or ``,``.
 
     Examples
     --------

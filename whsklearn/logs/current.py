@@ -60,10 +60,7 @@ class TorqueConstant(NamedTuple):
 def factor_to_torque(constant: TorqueConstant, unit: str, column: str) -> float:
     """The factor that converts the drive to Nm (or N); a drive without a known unit is taken to be in amperes.
 
-    Raises
-    ------
-    ColumnError
-        If the drive is not a current.
+    Raises ColumnError if the drive is not a current.
 
     Examples
     --------

@@ -29,15 +29,7 @@ def atomic_write(path: str | os.PathLike[str], data: bytes) -> None:
     then the folder is flushed too. A replaced file keeps its mode, a symbolic link keeps pointing to the replaced file,
     and if several threads or processes write at once, the last one wins. Devices and pipes are written to directly.
 
-    Parameters
-    ----------
-    path : str or path
-    data : bytes
-
-    Raises
-    ------
-    OSError
-        If the file cannot be written; it names ``path``, which is unchanged.
+    Raises OSError if the file cannot be written; it names ``path``, which is unchanged.
 
     Examples
     --------
@@ -78,15 +70,8 @@ def atomic_write(path: str | os.PathLike[str], data: bytes) -> None:
 def check_writable(path: str | os.PathLike[str]) -> None:
     """Raise now if `atomic_write` could not write ``path`` later, before hours of work are spent.
 
-    Parameters
-    ----------
-    path : str or path
-        Path of the file, which need not exist.
-
-    Raises
-    ------
-    ValueError
-        If ``path`` is a folder, its folder is missing, or nothing can be written there.
+    ``path``: path of the file, which need not exist. Raises ValueError if ``path`` is a folder, its folder is missing,
+    or nothing can be written there.
 
     Examples
     --------

@@ -35,14 +35,8 @@ def even(time: Array, signals: dict[str, Array], segment: NDArray[np.int64]) -> 
     replaced. Otherwise motions are interpolated by cubic splines and other signals linearly: linear interpolation of a
     motion is off by h^2 a / 8, at 100 Hz more than an encoder's noise, and its acceleration is a train of pulses.
 
-    Parameters
-    ----------
-    time : ndarray of shape (n,)
-        Increasing stamps in s.
-    signals : dict of str to ndarray of shape (n,)
-        By role.
-    segment : ndarray of int, shape (n,)
-        Number of the segment of each row.
+    ``time`` (n,): increasing stamps in s. ``signals``: by role. ``segment`` (n,): number of the segment of each
+    row.
     """
     step = np.diff(time)
     inside = np.diff(segment) == 0

@@ -47,14 +47,8 @@ class Head(NamedTuple):
 def headings(above: list[list[str]], width: int, apart: bool = False) -> Head | None:
     """The header formed by the rows of words above a table of `width` columns; None if they form none.
 
-    Parameters
-    ----------
-    above : list of list of str
-        Cells of the rows, from the top of the file to the first row of data.
-    width : int
-        Columns of the table.
-    apart : bool
-        Whether the first column contains the labels of the header and no data.
+    ``above``: cells of the rows, from the top of the file to the first row of data. ``width``: columns of the table.
+    ``apart``: whether the first column contains the labels of the header and no data.
 
     Examples
     --------

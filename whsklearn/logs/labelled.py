@@ -45,10 +45,7 @@ def is_labelled(head: bytes) -> bool:
 def open_labelled(path: Path) -> Source:
     """A text of labelled numbers as a source of columns; lines with other labels are ignored.
 
-    Raises
-    ------
-    LogError
-        If it is damaged.
+    Raises LogError if it is damaged.
     """
     try:
         with opened(path) as file:

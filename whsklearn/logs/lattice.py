@@ -18,11 +18,8 @@ DISTINCT = 0.9
 def lattice(readings: ArrayLike, distinct: float = DISTINCT) -> float:
     """Step of the grid on which all readings lie, 0 if there is none.
 
-    Parameters
-    ----------
-    readings : array-like of shape (n,)
-    distinct : float, default=0.9
-        Share of distinct values above which there is no grid worth knowing; 1 finds also one finer than the noise.
+    ``readings`` is (n,). ``distinct``: share of distinct values above which there is no grid worth knowing; 1 finds
+    also one finer than the noise.
 
     Examples
     --------

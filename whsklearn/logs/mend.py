@@ -27,10 +27,7 @@ BRAKED = 0.5  # s; an axis that stops sooner after its drive fell was braked, on
 def missing_rows(signals: dict[str, Array], columns: dict[str, str]) -> tuple[NDArray[np.bool_], Finding | None]:
     """Rows without a usable number in some column, and the finding that reports them.
 
-    Raises
-    ------
-    LogError
-        If fewer than three rows are left, or if all values of a signal are implausibly large.
+    Raises LogError if fewer than three rows are left, or if all values of a signal are implausibly large.
     """
     bad = np.zeros(len(next(iter(signals.values()))), dtype=bool)
     for values in signals.values():
@@ -70,10 +67,7 @@ def no_value(values: Array) -> NDArray[np.bool_]:
 def too_small(role: str, column: str, values: Array) -> None:
     """Refuse a signal that is almost zero throughout.
 
-    Raises
-    ------
-    LogError
-        If its largest value is below `TINY` and not zero.
+    Raises LogError if its largest value is below `TINY` and not zero.
     """
     top = float(np.max(np.abs(values))) if values.size else 0.0
     if 0.0 < top < TINY:

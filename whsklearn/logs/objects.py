@@ -32,10 +32,7 @@ def is_json(head: bytes) -> bool:
 def open_json(path: Path) -> Source:
     """A JSON file as a source of columns.
 
-    Raises
-    ------
-    LogError
-        If it is truncated or damaged, or contains no vectors.
+    Raises LogError if it is truncated or damaged, or contains no vectors.
     """
     try:
         with opened(path) as file:

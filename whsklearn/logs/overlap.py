@@ -25,10 +25,7 @@ def shared_run(first: ArrayLike, second: ArrayLike) -> tuple[int, int, int] | No
 
     Contents are compared, not names: a copy, a part of the other record, or an overlapping record.
 
-    Parameters
-    ----------
-    first, second : array-like of shape (n, k) and (m, k)
-        Signals of the two records, in the same units.
+    ``first``, ``second`` (n, k) and (m, k): signals of the two records, in the same units.
 
     Examples
     --------

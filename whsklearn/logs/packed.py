@@ -37,10 +37,7 @@ def is_packed(head: bytes) -> bool:
 def members(path: Path) -> list[str]:
     """The files in a ZIP archive, without the metadata of file managers.
 
-    Raises
-    ------
-    LogError
-        If the archive is damaged.
+    Raises LogError if the archive is damaged.
     """
     try:
         with zipfile.ZipFile(path) as archive:
@@ -53,10 +50,7 @@ def members(path: Path) -> list[str]:
 def member(path: Path) -> str:
     """The one log in a ZIP archive.
 
-    Raises
-    ------
-    LogError
-        If there is none, or more than one file.
+    Raises LogError if there is none, or more than one file.
     """
     names = members(path)
     if "[Content_Types].xml" in names:

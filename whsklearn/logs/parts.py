@@ -180,10 +180,7 @@ def _ids(values: Any) -> Any:
 def open_folder(path: Path, opener: Callable[[Path], Source]) -> Source:
     """A folder of text tables, one per signal, each with or without its own time; columns are named after the files.
 
-    Raises
-    ------
-    LogError
-        If there is no table, only some have a time, or their times are in different units.
+    Raises LogError if there is no table, only some have a time, or their times are in different units.
     """
     files = sorted(f for f in path.iterdir() if f.is_file() and f.suffix.lower() in _TEXTS and f.name[0] != ".")
     if not files:

@@ -41,10 +41,7 @@ _ROLE_OF_UNIT = {
 def guess(source: Source, role: str) -> str | None:
     """The one column whose name or unit identifies it as `role`; None if there is none.
 
-    Raises
-    ------
-    ColumnError
-        If several columns match equally well.
+    Raises ColumnError if several columns match equally well.
 
     Examples
     --------

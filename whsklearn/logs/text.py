@@ -38,10 +38,7 @@ _DATE = r".*\d[-/:.T]\d.*"
 def open_text(path: Path) -> Source:
     """A text file as a source of columns.
 
-    Raises
-    ------
-    LogError
-        If it is empty, damaged, binary, or not a table of numbers.
+    Raises LogError if it is empty, damaged, binary, or not a table of numbers.
     """
     head, encoding, clean, layout = _begin(path)
     if layout is None:

@@ -40,10 +40,7 @@ class Stamps(NamedTuple):
 def to_seconds(values: NDArray[Any], unit: str, column: str) -> tuple[Array, tuple[Finding, ...]]:
     """Seconds since the first stamp, from numbers in `unit`, ticks since 1970, dates or times of the day.
 
-    Raises
-    ------
-    LogError
-        If a stamp is none of these; the row is named.
+    Raises LogError if a stamp is none of these; the row is named.
 
     Examples
     --------
@@ -173,24 +170,11 @@ def _read_as_dates(column: str) -> Finding:
 def in_order(time: Array, same_rows: NDArray[np.bool_], rows: NDArray[np.intp]) -> Stamps:
     """The rows sorted by time, without duplicates and stray stamps, in segments without long holes.
 
-    Parameters
-    ----------
-    time : ndarray of shape (n,)
-        Finite stamps in s, as logged.
-    same_rows : ndarray of bool, shape (n,)
-        Rows that equal the row before in every signal.
-    rows : ndarray of int, shape (n,)
-        Row numbers in the file.
-
-    Returns
-    -------
-    Stamps
-        A clock that restarts begins a new segment, whose stamps continue from the one before.
-
-    Raises
-    ------
-    LogError
-        If fewer than three stamps increase.
+    ``time`` (n,): finite stamps in s, as logged.
+    ``same_rows`` (n,): rows that equal the row before in every signal.
+    ``rows`` (n,): row numbers in the file.
+    A clock that restarts begins a new segment, whose stamps continue from the one before.
+    Raises LogError if fewer than three stamps increase.
     """
     found: list[Finding] = []
     logged = time

@@ -196,10 +196,7 @@ def factor_between(source: str, target: str) -> float:
 
     An unknown unit is taken to be SI.
 
-    Raises
-    ------
-    ValueError
-        If the two measure different things, such as A and Nm.
+    Raises ValueError if the two measure different things, such as A and Nm.
 
     Examples
     --------
@@ -217,12 +214,7 @@ def factor_between(source: str, target: str) -> float:
 def respelled(unit: str, own: Mapping[str, str]) -> tuple[float, str]:
     """(factor to SI, spelling) of a compound SI unit in which some symbols are replaced.
 
-    Parameters
-    ----------
-    unit : str
-        Such as ``Nm s2/rad2``.
-    own : mapping of str to str
-        SI symbol -> its replacement, such as ``{"Nm": "mNm", "rad": "deg"}``.
+    ``unit``: such as ``Nm s2/rad2``. ``own``: SI symbol -> its replacement, such as ``{"Nm": "mNm", "rad": "deg"}``.
 
     Examples
     --------
@@ -331,10 +323,7 @@ def seconds_of(symbol: str) -> float:
 def stated(units: dict[str, str] | None) -> dict[str, str]:
     """Units by role, with roles and symbols in the spelling of the library.
 
-    Raises
-    ------
-    ValueError
-        If a unit's role is not known.
+    Raises ValueError if a unit's role is not known.
     """
     roles = {"input": "drive", "output": "position"}
     out = {}

@@ -23,41 +23,21 @@ FAR = 1e30  # at which signals are clipped, so that an unstable trial ends in la
 
 
 class PackedChain(NamedTuple):
-    """The chain that a record passes through, without the parameters theta.
+    """The chain that a record passes through, without the parameters theta."""
 
-    Attributes
-    ----------
-    dims : ndarray of int64, shape (5,)
-        Sizes of a, b, c, d and of the law.
-    law, shapes : ndarray of shape (n_terms,), (n_terms, 3)
-        Codes and shape numbers of the law's terms.
-    kappa : float
-        Sharpness of sign(dx); infinite for the sign itself.
-    dt : float
-        Sampling time.
-    """
-
-    dims: Any
-    law: Any
+    dims: Any  # (5,): sizes of a, b, c, d and of the law
+    law: Any  # law, shapes (n_terms,), (n_terms, 3): codes and shape numbers of the law's terms
     shapes: Any
-    kappa: float
-    dt: float
+    kappa: float  # sharpness of sign(dx); infinite for the sign itself
+    dt: float  # sampling time
 
 
 class Ports(NamedTuple):
-    """The effects of a chain.
+    """The effects of a chain."""
 
-    Attributes
-    ----------
-    codes, rows : ndarray of shape (n_effects,), (n_effects, 8)
-        Codes and numbers of the effects.
-    own : callable
-        User-defined effects, see `whsklearn.effects.own.address_of`.
-    """
-
-    codes: Any
+    codes: Any  # codes, rows (n_effects,), (n_effects, 8): codes and numbers of the effects
     rows: Any
-    own: Any
+    own: Any  # user-defined effects, see `whsklearn.effects.own.address_of`
 
 
 @njit(nogil=True, error_model="numpy")
@@ -138,10 +118,7 @@ def _pass(theta, chain, ports, free, given, found, inner, memory):
 def packed(effects: Sequence[Effect]) -> Ports | None:
     """Effects as `run` takes them.
 
-    Raises
-    ------
-    ValueError
-        If an effect has no place in a Wiener-Hammerstein chain.
+    Raises ValueError if an effect has no place in a Wiener-Hammerstein chain.
     """
     for e in effects:
         if not isinstance(e, Effect) or e.code < 0:
