@@ -90,8 +90,9 @@ def hide(root: ET.Element, kind: str, joint: int, rng: np.random.Generator, scal
         high = np.quantile(scale["path"][:, joint], rng.uniform(0.8, 0.92))
         j.set("range", f"-3 {high:.5f}")
         j.set("limited", "true")
-        stiff = 20.0 * torque / reach / inertia
-        j.set("solreflimit", f"{-stiff / SOFT:.5g} {-0.1 * np.sqrt(stiff) / SOFT:.5g}")
+        # an acceleration of the joint alone; MuJoCo divides by the impedance, and applies that share of the result
+        stiff = 20.0 * torque / reach * scale["gives"][joint]
+        j.set("solreflimit", f"{-stiff:.5g} {-0.1 * np.sqrt(stiff):.5g}")
         j.set("solimplimit", f"{SOFT} {SOFT} 0.001 0.5 2")
     elif kind == "coulomb":
         j.set("frictionloss", f"{float(j.get('frictionloss', 0)) + rng.uniform(0.05, 0.2) * torque:.5g}")
@@ -208,7 +209,7 @@ def two_records(kind: str, n: int, seed: int) -> tuple[Arm, Any, Any, int]:
     path = reference(rng, n)
     scale = {"torque": np.std(u, axis=0), "reach": np.ptp(path, axis=0) / 2, "path": path,
              "speed": np.std(np.gradient(path, 1 / RATE, axis=0), axis=0), "inertia": np.diag(mass),
-             "mass": model.body_mass[1:]}  # fmt: skip
+             "gives": np.diag(np.linalg.inv(mass)), "mass": model.body_mass[1:]}  # fmt: skip
     changed = hide(root, kind, joint, rng, scale)
     if kind == "play":  # the controller of a motor that its link leaves alone
         gains = gains * np.where(np.arange(n) == joint, 2.0 * model.dof_armature / np.diag(mass), 1.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from types import SimpleNamespace
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -182,3 +183,24 @@ def test_numbers_with_a_name_are_counted_once_a_name(tmp_path: Path) -> None:
         encoding="utf-8",
     )
     assert house.named_numbers(tmp_path) == (5, 1, 1, 2)
+
+
+@pytest.mark.parametrize(("n", "joint"), [(3, 1), (3, 2), (6, 4), (6, 5)])
+def test_a_stop_of_a_drawn_arm_is_as_stiff_as_is_said(n: int, joint: int) -> None:
+    mujoco = pytest.importorskip("mujoco")
+    from benchmarks import blind_arms
+
+    rng = np.random.default_rng(0)
+    root = blind_arms.drawn(rng, n)
+    mass, torque, reach, beyond = blind_arms.made(root)[2], 7.0, 0.6, np.array([0.1, 0.2])
+    scale = {"torque": np.full(n, torque), "reach": np.full(n, reach), "speed": np.ones(n), "inertia": np.diag(mass),
+             "gives": np.diag(np.linalg.inv(mass)), "path": blind_arms.reference(rng, n)}  # fmt: skip
+    blind_arms.hide(root, "limit", joint, rng, scale)
+    model = mujoco.MjModel.from_xml_string(ElementTree.tostring(root, encoding="unicode"))
+    data, pushed = mujoco.MjData(model), []
+    for x in beyond:
+        data.qpos[joint] = model.jnt_range[joint, 1] + x
+        mujoco.mj_forward(model, data)
+        pushed.append(float(data.efc_force[data.efc_type == mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT].item()))
+    # the inertias change a little with the position
+    assert np.diff(pushed) / np.diff(beyond) == pytest.approx(20.0 * torque / reach, rel=0.1)
