@@ -15,8 +15,8 @@ from whsklearn.gap.record import ServoRecord
 from whsklearn.gap.tangent import chance
 
 
-def looks_at(effects):
-    record = ServoRecord.from_frame(make_servo_log(effects, duration=12.0, random_state=0))
+def looks_at(effects, **options):
+    record = ServoRecord.from_frame(make_servo_log(effects, duration=12.0, random_state=0, **options))
     view, model = start_of(record, ("viscous", "coulomb"), 0.004)
     own, _ = servo_own.own(view, model, np.random.default_rng(0))
     view.own = own
@@ -54,6 +54,15 @@ def test_the_effect_that_is_missing_is_the_best_of_the_named_ones(effect):
     best = max((k for k in looks if k.name), key=lambda k: k.score)
     assert best.name in (effect.name, *effect.aliases)
     assert best.p_value < 1e-3
+
+
+def test_a_wave_that_only_the_slow_part_of_a_record_shows_is_asked_for():
+    """At the median speed the filter takes order 115 away."""
+    view, looks = looks_at([Cogging(0.4, 115.0)], amplitude=8.0)
+    assert 115.0 * np.median(np.abs(view.motion.velocity)) > 2.0 * np.pi * 1.5 * view.cutoff
+    (look,) = [k for k in looks if k.name == "cogging"]
+    assert look.p_value < 1e-3
+    assert look.start.q[2] == pytest.approx(115.0, abs=0.1)
 
 
 def test_the_magnets_of_a_linear_motor_have_their_pitch():

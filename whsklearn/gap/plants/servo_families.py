@@ -218,7 +218,8 @@ def orders(scene: Scene, kind: Candidate) -> Blocks:
     """Whole orders of what turns, then all orders; the Gaussian damps a wave by exp(-(k v s)^2 / 2)."""
     view = scene.view
     low = kind.ranged(view.scene)[0][0]
-    speed = max(float(np.median(np.abs(view.motion.velocity))), 1e-9)
+    # the highest order that the filter passes in the share of the samples that a name must explain
+    speed = max(float(np.quantile(np.abs(scene.speed), LEAST_SHARE)), 1e-9)
     high = float(np.clip(2 * np.pi * 1.5 * view.cutoff / speed, 4.0 * max(low, 1.0), highest_order(view)))
     step = max(0.2 * np.pi / view.scene.reach, high / 300)
     values = np.arange(low, max(high, low + step), step)
