@@ -460,10 +460,7 @@ LOGS: dict[str, tuple[Callable[[Path, Motion], Path], list[str]]] = {
         ["--position", "position_rad.elbow", "--drive", "torque_nm.elbow"],
     ),
     "minutes and inch pounds in a Markdown table": (text(imperial, "a.md"), []),
-    "Simulink, structure with time": (
-        simulink,
-        "--time out.time --drive out.signals.0.values --position out.signals.1.values --unit drive=Nm".split(),
-    ),
+    "Simulink, structure with time": (simulink, ["--unit", "drive=Nm"]),
     "Hioki LR8400": (text(hioki, "a.csv"), ["--drive", "1-1[Nm]", "--position", "1-2[deg]"]),
     "Hioki 8807": (text(hioki_signals, "a.txt"), []),
     "Yokogawa DLM": (text(yokogawa, "a.csv"), []),

@@ -35,6 +35,18 @@ def test_matlab_vectors_structures_and_matrices(tmp_path):
     same(load_log(path, time="log.t", drive="log.tau", position="data.2"))
 
 
+def test_signals_of_a_simulink_structure_with_time_are_called_by_their_labels(tmp_path):
+    from scipy.io import savemat
+
+    signals = np.empty(3, dtype=object)
+    names = zip(("torque", "position", "position"), TABLE.values(), strict=True)
+    signals[:] = [{"values": values, "label": label} for label, values in names]
+    savemat(tmp_path / "a.mat", {"out": {"time": TABLE["time_s"], "signals": signals}})
+    assert open_source(tmp_path / "a.mat").names == [
+        "out.time", "out.signals.torque", "out.signals.position", "out.signals.2.values",
+    ]  # fmt: skip
+
+
 def test_hdf5_and_its_units(tmp_path):
     h5py = pytest.importorskip("h5py")
     path = tmp_path / "axis.h5"

@@ -24,6 +24,18 @@ def test_a_constant_turns_amperes_into_newton_metres_and_hands_its_deviation_on(
     assert log.drive_error == pytest.approx(0.01 / 0.12)
 
 
+def test_raw_numbers_are_multiples_of_an_ampere(tmp_path):
+    (tmp_path / "axis.csv").write_text(text(head=["time_s", "Actual Current (0.01 A)", "position_rad"]))
+    log = load_log(tmp_path / "axis.csv", time=0, drive=1, position=2, torque_constant=0.12)
+    np.testing.assert_allclose(log.X[:, 0], 0.0012 * TABLE["torque_nm"][:300], atol=1e-9)
+    (tmp_path / "axis.csv").write_text(text(head=["time_s", "present_current", "position_rad"]))
+    log = load_log(tmp_path / "axis.csv", time=0, drive=1, position=2, torque_constant=0.12)
+    assert any("its numbers taken as A; --unit drive=UNIT states another unit" in n for n in log.notes)
+    options = {"torque_constant": 0.12, "units": {"drive": "2.69 mA"}}
+    log = load_log(tmp_path / "axis.csv", time=0, drive=1, position=2, **options)
+    np.testing.assert_allclose(log.X[:, 0], 0.12 * 2.69e-3 * TABLE["torque_nm"][:300], atol=1e-9)
+
+
 def test_a_constant_for_a_torque_is_refused(tmp_path):
     (tmp_path / "axis.csv").write_text(text())
     with pytest.raises(ColumnError, match="the drive, column 'torque_nm', is in Nm"):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 
@@ -131,6 +133,14 @@ def test_seconds_and_nanoseconds_are_one_time(tmp_path):
     log = load_log(tmp_path / "a.csv", time=".header.stamp.secs", drive="effort", position="position")
     assert log.sample_rate == pytest.approx(200.0)
     assert open_source(tmp_path / "a.csv").names == [".header.stamp.secs", "effort", "position"]
+    for names in ("timestampSec,timestampNanosec", "tv_sec,tv_nsec"):
+        (tmp_path / "a.csv").write_text("\n".join([f"{names},effort,position", *rows]))
+        assert load_log(tmp_path / "a.csv", time=0, drive="effort", position=2).sample_rate == pytest.approx(200.0)
+    stamps = [{"header": {"stamp": {"sec": t // 10**9, "nanosec": t % 10**9}}, "effort": 0.1, "q": t} for t in time[:9]]
+    (tmp_path / "a.json").write_text(json.dumps(stamps, default=int))  # of any format
+    assert open_source(tmp_path / "a.json").names == ["header.stamp.sec", "effort", "q"]
+    timeval = with_nanoseconds(table(tv_sec=[7, 8], tv_usec=[500_000, 0]))
+    assert timeval.fetch(["tv_sec"])["tv_sec"].values.tolist() == [7_500_000_000, 8_000_000_000]
     alone = table(**{"a.sec": [0, 1, 2], "b.nanosec": [0, 0, 0]})
     assert with_nanoseconds(alone) is alone  # of two messages
     (tmp_path / "hole.csv").write_text("\n".join(["sec,nanosec,effort,position", *rows[:200], ",,,", *rows[200:]]))

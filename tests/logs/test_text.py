@@ -7,7 +7,7 @@ import gzip
 import pytest
 
 from tests.logs.rig import NAMES, text
-from whsklearn.logs import ColumnError, LogError, load_log
+from whsklearn.logs import ColumnError, LogError, load_log, open_source
 
 
 def test_gzip_comments_amid_the_data_and_a_half_written_last_row(tmp_path):
@@ -67,6 +67,11 @@ def test_blank_lines_and_names_beyond_the_first_bytes_are_passed(tmp_path):
     assert len(load_log(tmp_path / "long.csv", **NAMES).y) == 300
     (tmp_path / "lines.csv").write_text("# remark on the rig\n" * 250_000 + text())
     assert len(load_log(tmp_path / "lines.csv", **NAMES).y) == 300
+
+
+def test_a_row_of_blank_cells_below_the_names_is_no_header(tmp_path):
+    (tmp_path / "elmo.csv").write_text("Time [sec],Position [cnt],Active Current [A]\n,,\n0,5,0.1\n1,6,0.2\n2,7,0.3\n")
+    assert open_source(tmp_path / "elmo.csv").names == ["Time [sec]", "Position [cnt]", "Active Current [A]"]
 
 
 def test_a_header_that_does_not_fit_its_rows_is_told_as_it_is(tmp_path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -99,6 +100,11 @@ def open_matlab(path: Path) -> Source:
 def _flatten(out: dict[str, Any], name: str, value: Any, depth: int = 0) -> None:
     """Numeric arrays by path; elements of cells and of structure arrays are numbered from 0."""
     if hasattr(value, "_fieldnames") and depth < 6:
+        if {"values", "label"} <= set(value._fieldnames) and str(value.label).strip():  # "structure with time"
+            called = f"{re.sub(r'[.][0-9]+$', '', name)}.{str(value.label).strip()}"
+            if called not in out:
+                _flatten(out, called, value.values, depth + 1)
+                return
         for field in value._fieldnames:
             _flatten(out, f"{name}.{field}", getattr(value, field), depth + 1)
         return

@@ -65,7 +65,11 @@ def open_source(path: str | os.PathLike[str]) -> Source:
     ...     open_source(path).names
     ['time_s', 'torque_nm']
     """
-    file = Path(path)
+    return parts.with_nanoseconds(_opened(Path(path)))
+
+
+def _opened(file: Path) -> Source:
+    """The reader that the first bytes ask for."""
     if file.is_dir():
         return _folder(file)
     if not file.exists():

@@ -193,7 +193,10 @@ def _as_torque(table: _Table, constant: TorqueConstant | None) -> None:
         told = f"{constant.value:g} Nm/A" + (
             f" with a standard deviation of {constant.deviation:g}" if constant.deviation else ""
         )
-        table.findings.append(Finding("LOG022", "info", f"Column {column!r} was turned into a torque by {told}."))
+        taken = ", its numbers taken as A; --unit drive=UNIT states another unit" if unit == UNKNOWN else ""
+        table.findings.append(
+            Finding("LOG022", "info", f"Column {column!r} was turned into a torque by {told}{taken}.")
+        )
     elif is_current(column, unit):
         text = f"Column {column!r} is a current: sizes are in its unit, not in Nm, unless a torque constant is given."
         table.findings.append(Finding("LOG022", "info", text))

@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,12 +16,18 @@ from whsklearn.logs.source import Column, Source
 from whsklearn.logs.timebase import on_one_clock
 from whsklearn.logs.units import unit_of
 
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
 _TEXTS = {".csv", ".txt", ".tsv", ".dat", ".log", ".asc"}
 _MOTOR = "(motor|joint|axis|servo|actuator|drive|node|can|canopen|device|dev|slave)"
 _ID = re.compile(rf"({_MOTOR}_?)?(id|no|nr|number|num|index|name|addr|address)|{_MOTOR}")
 _SIGNAL = re.compile("(signal|field|channel|variable|var|tag|metric|quantity)_?(id|name)?|name")
 _SECONDS = re.compile(r"(|.*[._/ ])(?:secs?|seconds?)")
-_NANOSECONDS = re.compile(r"(|.*[._/ ])(?:nsecs?|nanosecs?|nanoseconds?)")
+_PARTS = {  # of a second, per second: ROS, and the timeval of C
+    1_000_000_000: re.compile(r"(|.*[._/ ])(?:nsecs?|nanosecs?|nanoseconds?)"),
+    1_000_000: re.compile(r"(|.*[._/ ])(?:usecs?|microsecs?|microseconds?)"),
+}
 _VALUE = {"value", "val", "values", "varvalue", "wert", "reading"}
 _UNIT = {"unit", "units", "einheit"}
 _MOST_MOTORS = 64
@@ -29,8 +35,8 @@ _FEWEST_ROWS = 3
 
 
 def with_nanoseconds(source: Source) -> Source:
-    """Whole seconds completed by the column of nanoseconds beside them, as ROS messages have them; otherwise the source
-    itself.
+    """Whole seconds completed by the column of nanoseconds or microseconds beside them, as ROS messages have them;
+    otherwise the source itself.
 
     Examples
     --------
@@ -40,24 +46,36 @@ def with_nanoseconds(source: Source) -> Source:
     >>> whole.names, whole.fetch(["stamp.sec"])["stamp.sec"].values, whole.units
     (['stamp.sec', 'q'], array([7000000000, 7500000000, 8000000000]), {'stamp.sec': 'ns'})
     """
-    ends = {m[1]: n for n in source.names if (m := _NANOSECONDS.fullmatch(n.lower()))}
-    pairs = {n: ends[m[1]] for n in source.names if (m := _SECONDS.fullmatch(n.lower())) and m[1] in ends}
+    names = {n: re.sub(r"(?<=[a-z])(?=[A-Z])", "_", n).lower() for n in source.names}
+    ends = {m[1]: (n, each) for each, end in _PARTS.items() for n, t in names.items() if (m := end.fullmatch(t))}
+    pairs = {n: ends[m[1]] for n, t in names.items() if (m := _SECONDS.fullmatch(t)) and m[1] in ends}
     if not pairs or not source.header:
         return source
 
     def fetch(wanted: Sequence[str]) -> dict[str, Column]:
-        read = source.fetch([*wanted, *(pairs[w] for w in wanted if w in pairs)])
+        read = source.fetch([*wanted, *(pairs[w][0] for w in wanted if w in pairs)])
         for name in set(wanted) & set(pairs):
-            whole, part = read[name].values, read.pop(pairs[name]).values
-            if whole.dtype.kind == "f":  # rows without a stamp
-                read[name] = Column(1e9 * (whole - whole[np.isfinite(whole)][:1].sum()) + part)
-            else:
-                read[name] = Column(np.asarray(whole, dtype=np.int64) * 1_000_000_000 + part.astype(np.int64))
+            part, each = pairs[name]
+            read[name] = read[name]._replace(values=_nanoseconds(read[name].values, read.pop(part).values, each))
         return read
 
-    notes = [*source.notes, *(f"Column {a!r} is completed by the nanoseconds in {b!r}." for a, b in pairs.items())]
-    names = [n for n in source.names if n not in pairs.values()]
-    return replace(source, names=names, fetch=fetch, units=source.units | dict.fromkeys(pairs, "ns"), notes=notes)
+    called = [f"Column {a!r} is completed by {b!r}, parts of a second." for a, (b, _) in pairs.items()]
+    parts = {part for part, _ in pairs.values()}
+    return replace(
+        source,
+        names=[n for n in source.names if n not in parts],
+        fetch=fetch,
+        units=source.units | dict.fromkeys(pairs, "ns"),
+        notes=[*source.notes, *called],
+    )
+
+
+def _nanoseconds(whole: NDArray[Any], part: NDArray[Any], each: int) -> NDArray[Any]:
+    """Seconds and parts of a second in ns; a float, and from the first, if rows have no stamp."""
+    by = 1_000_000_000 // each
+    if whole.dtype.kind == "f":
+        return np.asarray(1e9 * (whole - whole[np.isfinite(whole)][:1].sum()) + by * part)
+    return np.asarray(whole, dtype=np.int64) * 1_000_000_000 + by * part.astype(np.int64)
 
 
 def by_motor(source: Source) -> Source:

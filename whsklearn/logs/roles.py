@@ -19,9 +19,9 @@ WORDS: dict[str, tuple[str, ...]] = {
         "torque", "tau", "drive", "moment", "drehmoment", "current", "strom", "iq", "effort", "force", "kraft", "load",
         "voltage", "u", "input",
     ),
-    "position": ("position", "pos", "angle", "theta", "q", "lage", "winkel", "encoder", "enc", "y", "output"),
+    "position": ("position", "pos", "angle", "theta", "q", "lage", "winkel", "encoder", "enc", "qpos", "y", "output"),
     "reference": ("reference", "ref", "setpoint", "desired", "target", "goal", "soll", "sollwert", "set", "demand"),
-    "velocity": ("velocity", "vel", "speed", "omega", "geschwindigkeit", "drehzahl"),
+    "velocity": ("velocity", "vel", "speed", "omega", "geschwindigkeit", "drehzahl", "qvel"),
 }  # fmt: skip
 _NOT_MEASURED = {
     *WORDS["reference"], *WORDS["velocity"], "command", "commanded", "cmd", "error", "acceleration", "acc", "limit",

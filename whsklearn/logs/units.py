@@ -48,6 +48,7 @@ _MOTIONS = ("rad", "m", "counts")
 _KNOWN |= {f"{u}/s": (by, f"{si}/s", ()) for u, (by, si, _) in list(_KNOWN.items()) if si in _MOTIONS}
 _KNOWN["turns/s"] = (*_KNOWN["turns/s"][:2], ("rps",))
 _PER_TURN = re.compile(r"(?:counts|ticks)/(\d+\.?\d*(?:e\+?\d+)?)")
+_MULTIPLE = re.compile(r"(\d*\.?\d+(?:e[+-]?\d+)?)\s*[·*]?\s*([^\d\s./].*)", re.IGNORECASE)
 _NANOMETRE = (1e-9, "m")  # "nm" for a position; for a drive, "nm" in column names means Nm
 _TIMES = {"s", "ms", "us", "ns", "min", "h"}
 # At the end of a name, units only after one of _MARKS: torque_min is a minimum.
@@ -80,9 +81,11 @@ def unit_of(column: str, default: str = UNKNOWN) -> str:
     ('as logged', 'as logged', 'as logged', 'min')
     >>> unit_of("torque_nm_filtered"), unit_of("encoder_ticks"), unit_of("counts_per_s"), unit_of("stiffness [Nm/rad]")
     ('Nm', 'counts', 'counts/s', 'as logged')
+    >>> unit_of("Actual Current (0.01 A)"), unit_of("Position [0.001 deg]")
+    ('0.01 A', '0.001 deg')
     """
     written = written_unit(column)
-    if (symbol := symbol_of(written)) is not None:
+    if (symbol := symbol_of(written) or multiple_of(written)) is not None:
         return symbol
     text = str(column)
     if written:
@@ -162,6 +165,19 @@ def symbol_of(text: str) -> str | None:
     return _ratio(rate[1], rate[2] or rate[3]) if rate is not None else None
 
 
+def multiple_of(text: str) -> str | None:
+    """A multiple of a unit, as drives write raw numbers; None for anything else.
+
+    Examples
+    --------
+    >>> multiple_of("0.01A"), multiple_of("1e-3 degrees"), multiple_of("10 furlong")
+    ('0.01 A', '1e-3 deg', None)
+    """
+    found = _MULTIPLE.fullmatch(text.strip())
+    symbol = symbol_of(found[2]) if found is not None and float(found[1]) > 0 else None
+    return None if found is None or symbol is None else f"{found[1]} {symbol}"
+
+
 def unit_for(role: str, symbol: str) -> str:
     """The unit of a signal: ``Nm`` of a position is a nanometre, although columns also spell newton metres that way.
 
@@ -182,13 +198,19 @@ def factor_of(symbol: str) -> tuple[float, str]:
     ((0.001, 's'), (1.0, 'A'), (1.0, 'as logged'))
     >>> round(factor_of("counts/4096")[0] * 4096, 6), factor_of("counts/4096")[1]
     (6.283185, 'rad')
+    >>> factor_of("0.01 A"), factor_of("10 furlong")
+    ((0.01, 'A'), (1.0, '10 furlong'))
     """
     if _PER_TURN.match(symbol):
         return 2 * math.pi / float(symbol.partition("/")[2]), "rad"
     if symbol == "nm":
         return _NANOMETRE
-    known = _KNOWN.get(symbol) or _KNOWN.get(_SPELLED.get(_plain(symbol), ""))
-    return known[:2] if known else (1.0, symbol)
+    if known := _KNOWN.get(symbol) or _KNOWN.get(_SPELLED.get(_plain(symbol), "")):
+        return known[:2]
+    if (multiple := _MULTIPLE.fullmatch(symbol)) is not None:
+        by, si = factor_of(multiple[2])
+        return (float(multiple[1]) * by, si) if si != multiple[2] or si in _KNOWN else (1.0, symbol)
+    return 1.0, symbol
 
 
 def factor_between(source: str, target: str) -> float:
@@ -245,7 +267,8 @@ def inertia_unit(drive: str, motion: str) -> str:
 
 
 def readable(symbol: str, default: str = "") -> str:
-    """The unit in which a motion or a drive in ``symbol`` is reported: as logged, except for counts per turn.
+    """The unit in which a motion or a drive in ``symbol`` is reported: as logged, except for counts per turn and
+    multiples.
 
     A rate is reported in the unit of its motion, revolutions per minute in rad.
 
@@ -258,7 +281,7 @@ def readable(symbol: str, default: str = "") -> str:
         return default
     if _PER_TURN.match(symbol) or symbol == "rpm":
         return "rad"
-    return symbol.removesuffix("/s")
+    return _base(symbol).removesuffix("/s")
 
 
 def integral_of(symbol: str) -> tuple[float, str]:
@@ -290,9 +313,15 @@ def turn_of(symbol: str) -> float | None:
     return 2 * math.pi / factor if si == "rad" else None
 
 
+def _base(symbol: str) -> str:
+    """The unit of a multiple: that of ``0.01 A`` is ``A``."""
+    found = _MULTIPLE.fullmatch(symbol)
+    return found[2] if found is not None and symbol not in _KNOWN else symbol
+
+
 def is_time(symbol: str) -> bool:
     """Whether a unit is one of time, including ticks."""
-    return symbol in _TIMES or symbol.startswith("ticks/")
+    return _base(symbol) in _TIMES or symbol.startswith("ticks/")
 
 
 def time_unit_of(column: str, symbol: str) -> str:
@@ -334,7 +363,7 @@ def stated(units: dict[str, str] | None) -> dict[str, str]:
                 f"A unit was given for {role!r}; expected one of time, drive, position, reference, command, velocity, "
                 "such as --unit position=deg."
             )
-        out[name] = unit_for(name, symbol_of(unit) or unit)
+        out[name] = unit_for(name, symbol_of(unit) or multiple_of(unit) or unit)
         if name == "time" and not is_time(out[name]):
             raise ValueError(
                 f"The unit of time is {unit!r}; expected s, ms, us, ns, min, h or, for ticks of 8 kHz, ticks/8000."
