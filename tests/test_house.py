@@ -8,11 +8,14 @@ from __future__ import annotations
 
 import ast
 import functools
+import re
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+
+from benchmarks import house
 
 ROOT = Path(__file__).resolve().parents[1]
 FUNCTIONS = ast.FunctionDef | ast.AsyncFunctionDef
@@ -209,7 +212,7 @@ INTERNAL = (  # of the same name as a public class of another package
     "gap/plants/chain_model.py:ChainHypothesis gap/plants/servo_learned.py:CurveProblem "
     "gap/plants/simulator_look.py:FollowedMotion recursion/rows/pseudolinear.py:Published "
     "recursion/memory/settings.py:Settings recursion/memory/sign_posterior.py:SignProblem "
-    "systems/_servo_kernel.py:How systems/_servo_torques.py:Plant"
+    "systems/_servo_kernel.py:How"
 ).split()
 
 
@@ -217,3 +220,23 @@ def test_every_public_class_has_an_example_that_runs():
     classes = dict(public_classes())
     assert len(classes) > 100
     assert [name for name, told in classes.items() if ">>>" not in told and name not in INTERNAL] == []
+
+
+# --- the page of the design -------------------------------------------------------------------------------------------
+NEAR = 0.04  # the page states lines in hundreds, and need not follow every change
+
+
+def test_the_design_page_states_the_figures_that_the_benchmark_prints():
+    page = (ROOT / "docs" / "design.md").read_text(encoding="utf-8")
+    modules, classes, *_ = house.named_numbers(house.LIBRARY / "gap")
+    rooms, drawn = house.arrows(house.LIBRARY)
+    assert f"of which there are {modules + classes} " in page
+    assert f"| packages, imports between them | {len(rooms)}, {len(drawn)} |" in page
+    stated = re.findall(r"^\| (`\w+`(?:, `\w+`)*)[^|]* \| ([\d,]+) \| ([\d,]+) \|$", page, re.MULTILINE)
+    stated = {tuple(re.findall(r"\w+", names)): counts for names, *counts in stated}
+    stated[("",)] = re.search(r"([\d,]+) in total, ([\d,]+) of code", page).groups()
+    assert {n for names in stated for n in names if n} == {p.parent.name for p in house.LIBRARY.glob("*/__init__.py")}
+    for names, counts in stated.items():
+        every = [house.lines_of(house.LIBRARY / name)[:2] for name in names]
+        for told, is_now in zip(counts, map(sum, zip(*every, strict=True)), strict=True):
+            assert int(told.replace(",", "")) == pytest.approx(is_now, rel=NEAR, abs=100), names

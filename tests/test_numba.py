@@ -226,7 +226,7 @@ def test_a_borrowed_array_is_the_array_and_nobody_counts_its_references(tmp_path
 def test_where_numba_is_another_parts_are_compiled_in_its_own_way(monkeypatch):
     monkeypatch.setattr(_numba, "LINKED", None)
     half = part(_halved.py_func)
-    assert not isinstance(half, _numba.Part)
+    assert not isinstance(half, _numba.KernelPart)
     assert half(8.0)[1] == 4.0
 
 

@@ -269,7 +269,7 @@ def compiling_seconds() -> float:
     return _compiling.seconds
 
 
-class Part:
+class KernelPart:
     """A function that kernels call; called from Python it is a kernel of its own, which is made when that happens.
 
     Parameters
@@ -307,7 +307,7 @@ def njit(*signature: Any, cache: bool = True, short: bool = False, **options: An
     """`numba.njit` with the cache on and keyed on all that is inlined; used in the same ways.
 
     ``*signature``: the function itself where the decorator has no brackets.
-    ``cache``: False for functions that kernels call: they are compiled within them and live in their entries (`Part`).
+    ``cache``: False for functions that kernels call: they are compiled within them (`KernelPart`).
     ``short``: True for kernels whose inner loops are short, over a handful of parameters (`SHORT`).
     ``**options``: of `numba.njit`.
     """
@@ -316,7 +316,7 @@ def njit(*signature: Any, cache: bool = True, short: bool = False, **options: An
 
     def decorate(function: Callable[..., Any]) -> Any:
         if not cache and LINKED is not None and not _settings.DISABLE_JIT:
-            return Part(function, **options)
+            return KernelPart(function, **options)
         # nothing here is called through a C pointer (`effects.own` makes its own), and the wrapper for it is a sixth of
         # the time that compiling takes
         pipeline = SHORT if short else KERNEL
@@ -367,7 +367,7 @@ class Locator:
 
 
 def part(function: Callable[..., Any]) -> Any:
-    """A function that kernels call, as `Part`: compiled within them, and kept in their cache entries."""
+    """A function that kernels call, as `KernelPart`: compiled within them, and kept in their cache entries."""
     return njit(cache=False, error_model="numpy")(function)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from whsklearn.compare.rows import Rows, blocks_between, drifting
+from whsklearn.compare.rows import Regression, blocks_between, drifting
 
 NAMES = ("inertia", "viscous", "coulomb", "input_offset", "delay")
 TRUTH = np.array([0.05, 0.1, 0.2, 0.05, 0.0])
@@ -27,7 +27,7 @@ def rows(truth=TRUTH, seed=0, n=3000, noise=0.02, walk=0.0, step=0.01, label="a"
     turns = np.flatnonzero(np.diff(np.sign(v))) + 1
     nuisances, of = drifting(columns, NAMES, t, 0.2)
     units = ("kg m²", "Nm s/rad", "Nm", "Nm", "s")
-    return Rows(
+    return Regression(
         label, NAMES, units, columns, target, np.arange(n), step, t, q, blocks_between(turns, n), nuisances, of,
         np.array([np.sqrt(np.mean(target**2))]), 0.2, {}, frozenset({"inertia", "viscous", "coulomb"}),
     )  # fmt: skip

@@ -9,7 +9,7 @@ import pytest
 
 from whsklearn.compare import ArmLog, compare_arms
 from whsklearn.compare.arm import arm_rows, independent, poor_joints
-from whsklearn.compare.estimate import Estimate, Part, estimate
+from whsklearn.compare.estimate import Estimate, Summand, estimate
 from whsklearn.compare.hypotheses import at_one_point
 from whsklearn.compare.pair import between
 from whsklearn.datasets import default_arm, make_arm_log
@@ -96,7 +96,7 @@ def test_the_inertia_of_a_load_is_that_of_one_point(before):
     rows = arm_rows([before, before], ARM, ["a", "b"])
     parts = [estimate(r) for r in rows]
     d = between(rows, parts[:1], parts[1:])
-    known = (Part(1e-6 * np.eye(10), 10.0),)
+    known = (Summand(1e-6 * np.eye(10), 10.0),)
     first, second = Estimate("a", np.zeros(10), known, 0.0, {}), Estimate("b", numbers, known, 0.0, {})
     d = replace(d, names=tuple("0123456789"), first=first, second=second)
     step = np.array([mass, *(mass * place)])

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from whsklearn.compare.estimate import Estimate, Part
+from whsklearn.compare.estimate import Estimate, Summand
 from whsklearn.compare.hypotheses import Difference, alone, hypotheses, moved, smallest, weigh
 
 NAMES = ("inertia", "viscous", "gravity", "gravity", "delay")
@@ -14,7 +14,7 @@ NAMES = ("inertia", "viscous", "gravity", "gravity", "delay")
 
 def difference(values, error=0.01, degrees=18.0):
     mean = np.array([1.0, 0.5, 0.6, 0.3, 0.0])
-    values, half = np.array(values, dtype=float), (Part(error**2 / 2 * np.eye(5), degrees / 2),)
+    values, half = np.array(values, dtype=float), (Summand(error**2 / 2 * np.eye(5), degrees / 2),)
     first, second = (Estimate("", mean + by * values, half, 0.0, {}) for by in (-0.5, 0.5))
     return Difference(NAMES, {}, first, second, mean, np.full(5, error), np.ones(5))
 
@@ -56,7 +56,10 @@ def test_a_number_that_differs_only_if_all_others_are_held_equal_is_not_named():
     d = difference([0.2, 0.0, 0.0, 0.0, 0.0])
     both = np.eye(5)
     both[0, 1] = both[1, 0] = -0.9999
-    apart = replace(d.first, parts=(Part(0.2**2 * both, 9.0),)), replace(d.second, parts=(Part(0.2**2 * both, 9.0),))
+    apart = (
+        replace(d.first, parts=(Summand(0.2**2 * both, 9.0),)),
+        replace(d.second, parts=(Summand(0.2**2 * both, 9.0),)),
+    )
     d = replace(d, first=apart[0], second=apart[1])
     inertia = hypotheses(d)[0]
     assert weigh(d, inertia, np.zeros((5, 0))).p_value < 1e-6

@@ -7,7 +7,7 @@ import pytest
 from tests.export.small_functions import _counted, _early, _python
 from whsklearn.export.languages import C
 from whsklearn.export.specialise import Specialiser
-from whsklearn.export.statements import Memory, Symbol
+from whsklearn.export.statements import StateArray, Symbol
 
 
 @pytest.mark.parametrize("x", [-2.0, 0.3, 2.0])
@@ -19,7 +19,7 @@ def test_early_returns_meet(x):
 
 def test_the_state_is_read_before_it_is_written():
     work = Specialiser(C())
-    result = work.call(_counted, Memory(lambda i: f"z{i}"), Symbol("x"))
+    result = work.call(_counted, StateArray(lambda i: f"z{i}"), Symbol("x"))
     assert _python(work, result, z0=1.0, x=2.0) == 4.0
 
 

@@ -18,8 +18,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import clone
 
-__all__ = ["check_streaming", "state_difference", "streaming_checks"]
-
 CHUNKING_TOLERANCE = 1e-12
 
 

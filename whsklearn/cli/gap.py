@@ -243,9 +243,11 @@ def test(options: dict[str, Any], finder: GapFinder, second: Bunch) -> None:
 def origin(log: Bunch) -> str:
     """File, columns, span, rate, date and version in one sentence."""
     from whsklearn import __version__
+    from whsklearn.logs.units import UNSTATED
 
+    units = {role: f" in {unit}" for role, unit in log.units.items() if unit not in UNSTATED}
     columns = ", ".join(
-        f"{r} from {c[0]!r} and {c[1]!r}" if isinstance(c, tuple) else f"{r} from {c!r}{_in_unit(log.units.get(r, ''))}"
+        f"{r} from {c[0]!r} and {c[1]!r}" if isinstance(c, tuple) else f"{r} from {c!r}{units.get(r, '')}"
         for r, c in log.columns.items()  # by role, or position and drive by joint
     )
     today = datetime.now(UTC).date().isoformat()
@@ -253,13 +255,6 @@ def origin(log: Bunch) -> str:
         f"{log.name}: {columns}; {len(log.y)} samples over {log.time[-1] - log.time[0]:.4g} s at "
         f"{log.sample_rate:.6g} Hz; diagnosed on {today} by whsklearn {__version__}."
     )
-
-
-def _in_unit(unit: str) -> str:
-    """The unit in a sentence; nothing if it is not stated."""
-    from whsklearn.logs.units import UNSTATED
-
-    return "" if unit in UNSTATED else f" in {unit}"
 
 
 def read_log(options: dict[str, Any], second: str | None = None) -> Bunch:

@@ -47,6 +47,16 @@ def recorded(search_class: type) -> type:
 
     scikit-learn documents ``_run_search`` as the method in which a subclass decides what is evaluated and when
     (`sklearn.model_selection.BaseSearchCV`); candidates, folds and results are its own.
+
+    Examples
+    --------
+    >>> from sklearn.linear_model import Ridge
+    >>> from sklearn.model_selection import GridSearchCV
+    >>> search = recorded(GridSearchCV)(Ridge(), {"alpha": [0.1, 1.0, 10.0]}, cv=2, n_jobs=1)
+    >>> search.on_results = lambda results: print(len(results["params"]))
+    >>> _ = search.fit([[0.0], [1.0], [2.0], [3.0]], [0.0, 1.0, 2.0, 3.0])
+    2
+    3
     """
 
     class Recorded(search_class):  # type: ignore[misc, valid-type]

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from whsklearn.compare.rows import FEWEST_BLOCKS, MOST_BLOCKS, Array, Rows, drifting, slowest_of
+from whsklearn.compare.rows import FEWEST_BLOCKS, MOST_BLOCKS, Array, Regression, drifting, slowest_of
 from whsklearn.lags.rigid_body import RigidBodyLags
 from whsklearn.systems._arm_kernels import N_BODY
 from whsklearn.systems.arm import NUMBERS, Arm
@@ -51,7 +51,7 @@ class ArmLog(NamedTuple):
     drive: Array
 
 
-def arm_rows(records: Sequence[ArmLog], arm: Arm, labels: Sequence[str]) -> list[Rows]:
+def arm_rows(records: Sequence[ArmLog], arm: Arm, labels: Sequence[str]) -> list[Regression]:
     """Every record behind the lowest of their cut-offs, with the same weights of the joints.
 
     Raises ValueError if a record cannot be used.
@@ -68,7 +68,7 @@ def arm_rows(records: Sequence[ArmLog], arm: Arm, labels: Sequence[str]) -> list
     return [_rows(k, v, r, weights, label) for k, v, r, label in zip(lags, views, records, labels, strict=True)]
 
 
-def poor_joints(rows: Sequence[Rows], joints: Sequence[str]) -> dict[str, float]:
+def poor_joints(rows: Sequence[Regression], joints: Sequence[str]) -> dict[str, float]:
     """Joint -> share of its drive that the arm's numbers leave in one of the records, if above `MOST_LEFT`."""
     most: dict[str, float] = {}
     for r in rows:
@@ -81,7 +81,7 @@ def poor_joints(rows: Sequence[Rows], joints: Sequence[str]) -> dict[str, float]
     return {joint: share for joint, share in most.items() if share > MOST_LEFT}
 
 
-def _rows(lags: RigidBodyLags, view: Any, record: ArmLog, weights: Array, label: str) -> Rows:
+def _rows(lags: RigidBodyLags, view: Any, record: ArmLog, weights: Array, label: str) -> Regression:
     """Joint after joint, the rows that count of each, weighed."""
     arm, n = lags.arm_, lags.arm_.n_joints
     flat = (view.phi * weights[:, None])[view.keep], (view.target * weights)[view.keep]
@@ -114,7 +114,7 @@ def _rows(lags: RigidBodyLags, view: Any, record: ArmLog, weights: Array, label:
     block = at * int(np.clip(swings, FEWEST_BLOCKS, MOST_BLOCKS)) // len(view.kept)
     drives = np.array([np.linalg.norm(target[channel == j]) for j in moving]) / np.sqrt(target.size)
     changes = directions(lags, tuple(names), columns, target, channel)
-    return Rows(
+    return Regression(
         label, tuple(names), tuple(units), columns, target, at + 2 * len(view.kept) * channel, step, time, path,
         block.astype(np.intp), nuisances, drift_of, drives, slowest, {},
         channel=channel, changes=changes,

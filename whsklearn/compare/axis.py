@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from whsklearn.compare.rows import Array, Rows, blocks_between, drifting, reversals_of, slowest_of
+from whsklearn.compare.rows import Array, Regression, blocks_between, drifting, reversals_of, slowest_of
 from whsklearn.gap.calibration import coloured, n_effective, p_value, smoothed_power
 from whsklearn.gap.plant import DEFAULT_TOLERANCE
 from whsklearn.gap.plants import inverse_dynamics as ols
@@ -42,10 +42,24 @@ SHOWN = 0.1  # of a column's rms in the record that shows it best: a number that
 
 
 class OneWay(ValueError):
-    """Raised for records whose friction and offset cannot be compared."""
+    """Raised for records whose friction and offset cannot be compared.
+
+    Examples
+    --------
+    >>> from whsklearn.gap import ServoRecord
+    >>> t = np.arange(400) / 100.0
+    >>> there, back = (ServoRecord(t, 0.1 * way + 0.0 * t, way * t) for way in (1.0, -1.0))
+    >>> try:
+    ...     axis_rows([there, back], ["there.csv", "back.csv"], 0.01, np.random.default_rng(0))
+    ... except OneWay as error:
+    ...     print(error)
+    The records turn different ways and never reverse, so friction and offset cannot be separated. ...
+    """
 
 
-def axis_rows(records: list[ServoRecord], labels: list[str], alpha: float, rng: np.random.Generator) -> list[Rows]:
+def axis_rows(
+    records: list[ServoRecord], labels: list[str], alpha: float, rng: np.random.Generator
+) -> list[Regression]:
     """Every record with the columns that any of them needs.
 
     ``alpha``: probability of adding a column that no record needs. ``rng``: draws the random rows.
@@ -77,7 +91,7 @@ def traces_of(view: InverseView, model: ServoHypothesis, rng: np.random.Generato
     return np.asarray(made.mean + view.columns(model)[0][view.at] @ (view.sizes(model) - view.sizes(unbiased)))
 
 
-def unexplained(rows: Rows) -> float:
+def unexplained(rows: Regression) -> float:
     """Norm of the drive that numbers and nuisances leave."""
     z = np.column_stack([rows.columns / rows.sizes, rows.nuisances])
     return float(np.linalg.norm(rows.target - z @ np.linalg.lstsq(z, rows.target, rcond=None)[0]))
@@ -210,7 +224,7 @@ def by_shape(view: InverseView, model: ServoHypothesis) -> Array:
     return np.column_stack(out)
 
 
-def rows_of(view: InverseView, model: ServoHypothesis, label: str, own: Mapping[str, str]) -> Rows:
+def rows_of(view: InverseView, model: ServoHypothesis, label: str, own: Mapping[str, str]) -> Regression:
     """The judged samples of a view, with numbers in the units given by ``own``; the last is the age of the drive."""
     at = view.at
     x = view.columns(model)[0]
@@ -230,7 +244,7 @@ def rows_of(view: InverseView, model: ServoHypothesis, label: str, own: Mapping[
     nuisances, of = drifting(columns, names, time, slowest)
     shapes = by_shape(view, model)[at]
     covers = {t.name: t.kind.cls.covers for t in model.terms if t.kind.cls.covers}
-    return Rows(
+    return Regression(
         label, names, units, columns, view.drive[at], at, view.step, time, path, blocks_between(turns, at.size),
         np.column_stack([nuisances, shapes]), of, np.array([view.rms(view.drive[at])]), slowest, covers,
         frozenset({"inertia", *(n for n, kind in kinds if kind.positive and n in LAW and both_ways)}),

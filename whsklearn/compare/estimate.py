@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.fft import dct, idct
 
-from whsklearn.compare.rows import Array, Rows
+from whsklearn.compare.rows import Array, Regression
 from whsklearn.gap.calibration import n_effective, smoothed_power
 
 # Variance of the mean over a record that a drift within it stands for, over the power of that drift: of a random walk,
@@ -37,10 +37,16 @@ BENDS = 2.0  # of such a function, in rad a standard deviation of the state
 JUDGED = 8.0  # degrees of freedom of what is set and not estimated: right to a quarter (GUM 2008, eq. G.3)
 
 
-class Part(NamedTuple):
+class Summand(NamedTuple):
     """A summand of a covariance, shape (p, p), and the degrees of freedom with which it is known.
 
     ``walker`` is the number that a drift lets walk; -1 of any other summand.
+
+    Examples
+    --------
+    >>> noise = Summand(np.diag([0.04, 0.01]), degrees=200.0)
+    >>> noise.walker, np.sqrt(np.diag(noise.covariance)).tolist()
+    (-1, [0.2, 0.1])
     """
 
     covariance: Array
@@ -48,7 +54,7 @@ class Part(NamedTuple):
     walker: int = -1
 
 
-def degrees_of(parts: Sequence[Part], to: Array) -> float:
+def degrees_of(parts: Sequence[Summand], to: Array) -> float:
     """Degrees of freedom of the covariance of ``to @ values``, shape (k, p), as a whole.
 
     1 / nu = sum of q_j^2 / nu_j, where q_j is the share of summand j in the covariance.
@@ -59,7 +65,7 @@ def degrees_of(parts: Sequence[Part], to: Array) -> float:
 
     Examples
     --------
-    >>> known, guessed = Part(np.eye(2), 100.0), Part(np.diag([0.0, 1.0]), 4.0)
+    >>> known, guessed = Summand(np.eye(2), 100.0), Summand(np.diag([0.0, 1.0]), 4.0)
     >>> [round(degrees_of([known, guessed], unit[None]), 1) for unit in np.eye(2)]
     [100.0, 15.4]
     """
@@ -71,11 +77,18 @@ def degrees_of(parts: Sequence[Part], to: Array) -> float:
 
 @dataclass(frozen=True)
 class Estimate:
-    """Numbers of a record."""
+    """Numbers of a record.
+
+    Examples
+    --------
+    >>> noise, drift = Summand(np.array([[9.0]]), 200.0), Summand(np.array([[16.0]]), 4.0)
+    >>> Estimate("monday.csv", np.array([1.0]), (noise, drift), left=0.1, drift={}).errors.tolist()
+    [5.0]
+    """
 
     label: str
     values: Array  # (p,)
-    parts: tuple[Part, ...]  # of the covariance
+    parts: tuple[Summand, ...]  # of the covariance
     left: float  # rms of the residual, as a share of the rms drive
     drift: dict[int, float]  # number -> rms by which it drifts within the record, beyond noise
     # number -> its half waves along the record, as fitted, from the longest on; none of an offset that walks, whose
@@ -93,7 +106,7 @@ class Estimate:
         return np.sqrt(np.diag(self.covariance))
 
 
-def estimate(rows: Rows) -> Estimate:
+def estimate(rows: Regression) -> Estimate:
     """Least squares of one record, with drift projected out.
 
     References
@@ -126,10 +139,10 @@ def estimate(rows: Rows) -> Estimate:
     drift = {i: float(np.sqrt(w)) / size[i] for i, w in power.items() if w > 0.0}
     unit = np.outer(size[:p], size[:p])
     parts = (
-        Part(noise[:p, :p] / unit, float(rows.block.max())),
-        Part((wider - noise)[:p, :p] / unit, JUDGED),
+        Summand(noise[:p, :p] / unit, float(rows.block.max())),
+        Summand((wider - noise)[:p, :p] / unit, JUDGED),
         *(
-            Part(np.diag(WANDERS * w * np.eye(p)[i]) / unit, float(rows.of.count(i) or JUDGED), i)
+            Summand(np.diag(WANDERS * w * np.eye(p)[i]) / unit, float(rows.of.count(i) or JUDGED), i)
             for i, w in power.items()
         ),
     )
@@ -146,7 +159,7 @@ def _ridge(z: Array, target: Array, prior: float) -> float:
     return max(noise / prior**2, RIDGE * target.size)
 
 
-def white(x: Array, rows: Rows) -> Array:
+def white(x: Array, rows: Regression) -> Array:
     """Signals weighted as noise beside an offset that walks asks for: W^-1/2 x, W = 1 + walk / (4 sin^2(pi j / 2n)).
 
     The lines j are those of the cosine transform, of which a walk about its own mean consists (its offset, line 0, and
@@ -167,7 +180,7 @@ def spectrum_of(walk: float, n: int) -> Array:
     return np.concatenate([[1.0], 1.0 + walk / (4.0 * np.sin(0.5 * np.pi * lines / n) ** 2)])
 
 
-def walking(every: list[Rows]) -> list[Rows]:
+def walking(every: list[Regression]) -> list[Regression]:
     """The records with the walk of their offset, by Whittle's likelihood of all of them; one for each joint.
 
     Of what no function of the state explains: the errors of a model are slow too, but come again with the motion.
@@ -187,7 +200,7 @@ def walking(every: list[Rows]) -> list[Rows]:
     return [replace(rows, walk=best) for rows in every]
 
 
-def whittle(left: Array, rows: Rows) -> tuple[Array, Array]:
+def whittle(left: Array, rows: Regression) -> tuple[Array, Array]:
     """Twice the negative log likelihood of `WALKS` for a residual, and the noise's variance beside each."""
     first = 1 + max((list(rows.of).count(i) for i in rows.of), default=0)  # the half waves are fitted away
     lines = slice(first, max(int(INSIDE * left.size), first + 1))
@@ -197,7 +210,7 @@ def whittle(left: Array, rows: Rows) -> tuple[Array, Array]:
     return power.size * np.log(np.maximum(noise, 1e-300)) + np.sum(np.log(shapes), axis=1), noise
 
 
-def _stationary(weights: Array, left: Array, rows: Rows, again: Sequence[float] = ()) -> Array:
+def _stationary(weights: Array, left: Array, rows: Regression, again: Sequence[float] = ()) -> Array:
     """Covariance of ``weights.T @ noise`` for noise with the residual's spectrum; holes in the grid are zeros.
 
     The share ``again`` of it, for each joint, counts as `WORTH` independent samples at the most, however long the
@@ -221,7 +234,7 @@ def _stationary(weights: Array, left: Array, rows: Rows, again: Sequence[float] 
     return out
 
 
-def repeating(rows: Rows, z: Array, left: Array) -> list[float]:
+def repeating(rows: Regression, z: Array, left: Array) -> list[float]:
     """Share of each joint's residual that is a function of its state, and so comes again with every motion.
 
     What functions of the state explain beyond what as many explain of noise is a lack of fit of the model; the rest is
@@ -242,7 +255,7 @@ def repeating(rows: Rows, z: Array, left: Array) -> list[float]:
     return out
 
 
-def functions_of_state(rows: Rows) -> Array:
+def functions_of_state(rows: Regression) -> Array:
     """Smooth functions of columns and path at each joint, drawn at random, shape (n, `N_FEATURES`).
 
     References
@@ -275,7 +288,7 @@ def _wider(a: Array, b: Array) -> Array:
     return np.asarray((turned * np.maximum(more, 1.0)) @ turned.T)
 
 
-def _by_block(z: Array, target: Array, rows: Rows, ridge: float) -> Array:
+def _by_block(z: Array, target: Array, rows: Regression, ridge: float) -> Array:
     """Covariance by the jackknife over blocks."""
     parts = [np.flatnonzero(rows.block == k) for k in np.unique(rows.block)]
     grams = np.array([z[s].T @ z[s] for s in parts])
@@ -287,7 +300,7 @@ def _by_block(z: Array, target: Array, rows: Rows, ridge: float) -> Array:
     return np.asarray((m - 1.0) / m * apart.T @ apart)
 
 
-def _disagreement(z: Array, rows: Rows, left: Array) -> float:
+def _disagreement(z: Array, rows: Regression, left: Array) -> float:
     """Birge's ratio: by how much more the parts of a record disagree than its noise says; at least 1.
 
     Of halves or quarters, whichever is larger, each in the directions that it shows.  What drifts keeps its course: it
@@ -326,7 +339,7 @@ def _walks(fit: Array, of: tuple[int, ...], size: Array, unit: Array) -> dict[in
     return power
 
 
-def offset_walks(rows: Rows, left: Array, size: Array) -> dict[int, float]:
+def offset_walks(rows: Regression, left: Array, size: Array) -> dict[int, float]:
     """Mean square by which each offset walks about its mean, scaled as the numbers are.
 
     n steps of variance s walk by s n / 6.  Of all that is left (n,): what a model lacks moves an offset as a walk does.
@@ -363,7 +376,7 @@ def from_a_cold_start(a: Estimate, b: Estimate) -> tuple[Estimate, Estimate]:
             if jump**2 > min(moved**2, NEAR**2 * hidden):
                 kept[i] = WANDERS / 4.0 * float(np.sum((second - first) ** 2))
 
-    def held(part: Part) -> Part:
+    def held(part: Summand) -> Summand:
         i = part.walker
         if i not in kept or part.covariance[i, i] <= kept[i]:
             return part
@@ -382,6 +395,6 @@ def pooled(parts: list[Estimate]) -> Estimate:
     return Estimate(
         ", ".join(e.label for e in parts),
         np.sum([s @ e.values for s, e in zip(shares, parts, strict=True)], axis=0),
-        tuple(Part(s @ p.covariance @ s.T, p.degrees) for s, e in zip(shares, parts, strict=True) for p in e.parts),
+        tuple(Summand(s @ p.covariance @ s.T, p.degrees) for s, e in zip(shares, parts, strict=True) for p in e.parts),
         float(np.sqrt(np.mean([e.left**2 for e in parts]))), {},
     )  # fmt: skip

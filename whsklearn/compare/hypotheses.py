@@ -23,7 +23,7 @@ from scipy.optimize import minimize_scalar
 from scipy.stats import f as snedecor
 from scipy.stats import t as student
 
-from whsklearn.compare.estimate import Estimate, Part, degrees_of
+from whsklearn.compare.estimate import Estimate, Summand, degrees_of
 from whsklearn.compare.rows import Array
 from whsklearn.identification.payload import slopes_at
 
@@ -71,10 +71,10 @@ class Difference:
         return np.asarray(self.second.values - self.factor * self.first.values)
 
     @cached_property
-    def parts(self) -> tuple[Part, ...]:
+    def parts(self) -> tuple[Summand, ...]:
         """Of its covariance."""
         k = np.outer(self.factor, self.factor)
-        return (*self.second.parts, *(Part(k * p.covariance, p.degrees) for p in self.first.parts))
+        return (*self.second.parts, *(Summand(k * p.covariance, p.degrees) for p in self.first.parts))
 
     @cached_property
     def weight(self) -> Array:
@@ -101,7 +101,7 @@ class Hypothesis:
 
 
 @dataclass(frozen=True)
-class Found:
+class FittedHypothesis:
     """A hypothesis, fitted together with others."""
 
     hypothesis: Hypothesis
@@ -150,7 +150,7 @@ def alone(d: Difference, h: Hypothesis) -> float:
     return float(snedecor.sf(chi2 / at.size, at.size, degrees_of(d.parts, own)))
 
 
-def weigh(d: Difference, h: Hypothesis, given: Array) -> Found:
+def weigh(d: Difference, h: Hypothesis, given: Array) -> FittedHypothesis:
     """Fit a hypothesis in addition to the directions ``given``, shape (p, m), that are assumed to have changed.
 
     The evidence is minus infinity for a load that is none.
@@ -179,7 +179,7 @@ def weigh(d: Difference, h: Hypothesis, given: Array) -> Found:
     if h.body is not None and not shown(h.name, step, inverse):
         gained = -np.inf  # what moved is an inertia, and no load
     own = degrees_of(after.parts, to)
-    return Found(
+    return FittedHypothesis(
         h, step, errors, chi2, gained - _occam(d, h, information), own,
         float(snedecor.sf(chi2 / k, k, own)), size, taken, after,
     )  # fmt: skip
@@ -249,12 +249,12 @@ def _occam(d: Difference, h: Hypothesis, information: Array) -> float:
     return 0.5 * float(np.linalg.slogdet(np.eye(prior.size) + np.outer(prior, prior) * information)[1])
 
 
-def moved(d: Difference, alpha: float) -> list[tuple[Found, list[Found]]]:
+def moved(d: Difference, alpha: float) -> list[tuple[FittedHypothesis, list[FittedHypothesis]]]:
     """What changed, the most certain first, each with its rivals; empty if nothing did.
 
     A second change must be as sure as the first beside it, and explain e^4 times more than the first alone.
     """
-    out: list[tuple[Found, list[Found]]] = []
+    out: list[tuple[FittedHypothesis, list[FittedHypothesis]]] = []
     given = np.zeros((d.values.size, 0))
     open_to = hypotheses(d)
     while open_to and len(out) < MOST_CHANGES:

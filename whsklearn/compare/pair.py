@@ -8,11 +8,11 @@ import numpy as np
 
 from whsklearn.compare.comparison import Change
 from whsklearn.compare.estimate import Estimate, degrees_of, estimate, from_a_cold_start, pooled
-from whsklearn.compare.hypotheses import Difference, Found, hypotheses, load_of, moved
-from whsklearn.compare.rows import Array, Rows, difference
+from whsklearn.compare.hypotheses import Difference, FittedHypothesis, hypotheses, load_of, moved
+from whsklearn.compare.rows import Array, Regression, difference
 
 
-def between(rows: list[Rows], first: list[Estimate], second: list[Estimate]) -> Difference:
+def between(rows: list[Regression], first: list[Estimate], second: list[Estimate]) -> Difference:
     """The difference of two groups of estimates, or of two single records themselves if they share one path.
 
     ``rows``: rows of all records.
@@ -49,12 +49,12 @@ def changes_between(d: Difference, units: tuple[str, ...], alpha: float) -> list
         k = best.step.size
         at = slice(i, i + k)
         nu = degrees_of(after.parts, to[at])
-        out.append(_told(d, best, rivals, Fit(start, step[at], inverse[at, at], nu), units, n_asked))
+        out.append(_told(d, best, rivals, ChangeFit(start, step[at], inverse[at, at], nu), units, n_asked))
         i += k
     return out
 
 
-class Fit(NamedTuple):
+class ChangeFit(NamedTuple):
     """The first numbers (p,), the step of one change (k,) with its covariance (k, k), and degrees of freedom."""
 
     start: Array
@@ -63,7 +63,14 @@ class Fit(NamedTuple):
     degrees: float
 
 
-def _told(d: Difference, best: Found, rivals: list[Found], fit: Fit, units: tuple[str, ...], asked: int) -> Change:
+def _told(
+    d: Difference,
+    best: FittedHypothesis,
+    rivals: list[FittedHypothesis],
+    fit: ChangeFit,
+    units: tuple[str, ...],
+    asked: int,
+) -> Change:
     """One change with its numbers from the joint fit of all of them."""
     start, step, covariance, degrees = fit
     h = best.hypothesis

@@ -17,7 +17,7 @@ from whsklearn.compare.comparison import Change, Comparison, spoken
 from whsklearn.compare.estimate import Estimate, estimate, walking
 from whsklearn.compare.hypotheses import OF_ZERO, Difference, hypotheses, smallest
 from whsklearn.compare.pair import between, changes_between
-from whsklearn.compare.rows import Rows
+from whsklearn.compare.rows import Regression
 from whsklearn.compare.series import change_point, course, scatter, spread
 from whsklearn.gap.data_check import FEWEST_SAMPLES, SHORTEST_RECORD, check_servo
 from whsklearn.gap.record import ServoRecord
@@ -219,7 +219,7 @@ def cannot_tell(reason: str, labels: list[str]) -> Comparison:
     return Comparison("cannot_tell", f"It cannot be said what changed. {reason}", labels, reason=reason)
 
 
-def compare_rows(rows: list[Rows], alpha: float) -> Comparison:
+def compare_rows(rows: list[Regression], alpha: float) -> Comparison:
     """Compare records that are given as rows of one regression."""
     labels = [r.label for r in rows]
     rows = walking(rows)
@@ -247,7 +247,7 @@ def compare_rows(rows: list[Rows], alpha: float) -> Comparison:
     return found
 
 
-def unphysical(rows: Rows, part: Estimate) -> str:
+def unphysical(rows: Regression, part: Estimate) -> str:
     """A sentence on the number that is clearly negative although physics requires a positive one; empty if none is."""
     for i, name in enumerate(rows.names):
         if name in rows.positive and part.values[i] < -SURE * part.errors[i]:
@@ -258,7 +258,7 @@ def unphysical(rows: Rows, part: Estimate) -> str:
     return ""
 
 
-def table(rows: list[Rows], parts: list[Estimate], alpha: float) -> list[dict[str, Any]]:
+def table(rows: list[Regression], parts: list[Estimate], alpha: float) -> list[dict[str, Any]]:
     """One row per number: value and standard error in each record, the mean, and the excess spread between records.
 
     From `FEWEST_OF_A_TREND` records on with its course: a trend, a change point or neither, and the slope a record.
@@ -290,7 +290,7 @@ def trend_notes(numbers: list[dict[str, Any]]) -> list[str]:
     ]
 
 
-def drift_notes(rows: list[Rows], parts: list[Estimate]) -> list[str]:
+def drift_notes(rows: list[Regression], parts: list[Estimate]) -> list[str]:
     """Notes on numbers that drift within a record, which therefore do not count as changes between records."""
     out = []
     for r, e in zip(rows, parts, strict=True):

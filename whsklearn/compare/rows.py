@@ -25,7 +25,7 @@ OVERLAP = 0.8  # of the shorter record that must lie on the same path
 
 
 @dataclass(frozen=True)
-class Rows:
+class Regression:
     """One record as a linear regression."""
 
     label: str  # name of the record
@@ -135,7 +135,7 @@ def drifting(columns: Array, names: tuple[str, ...], time: Array, slowest: float
     return (np.column_stack(parts) if parts else np.zeros((time.size, 0))), tuple(of)
 
 
-def difference(a: Rows, b: Rows, values: Array) -> Rows | None:
+def difference(a: Regression, b: Regression, values: Array) -> Regression | None:
     """The second record's drive minus the first's, if both follow the same path; None if they do not.
 
     What no model explains is the same in both records and cancels.
@@ -162,7 +162,7 @@ def difference(a: Rows, b: Rows, values: Array) -> Rows | None:
     )  # fmt: skip
 
 
-def _shift(a: Rows, b: Rows, pairs: list[tuple[Array, Array]]) -> float | None:
+def _shift(a: Regression, b: Regression, pairs: list[tuple[Array, Array]]) -> float | None:
     """Delay of the second record along the same path of all joints (s); None if any path differs."""
     step, n_a, n_b = max(a.step, b.step), float(a.time.max()), float(b.time.max())
     grids = [np.arange(0.0, n, step) for n in (n_a, n_b)]

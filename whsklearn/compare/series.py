@@ -10,10 +10,10 @@ from scipy.stats import chi2
 from scipy.stats import t as student
 
 from whsklearn.compare.comparison import Change
-from whsklearn.compare.estimate import Estimate, Part, degrees_of
+from whsklearn.compare.estimate import Estimate, Summand, degrees_of
 from whsklearn.compare.hypotheses import LEAST, Difference
 from whsklearn.compare.pair import between, changes_between
-from whsklearn.compare.rows import Array, Rows
+from whsklearn.compare.rows import Array, Regression
 
 
 def spread(values: Array, variances: Array) -> tuple[float, float, float]:
@@ -49,7 +49,13 @@ def scattered(parts: list[Estimate]) -> Array:
 
 
 class Course(NamedTuple):
-    """How a number goes from record to record: ``trend``, ``change point`` or ``neither``; its slope a record."""
+    """How a number goes from record to record: ``trend``, ``change point`` or ``neither``; its slope a record.
+
+    Examples
+    --------
+    >>> course(np.array([1.0, 1.2, 1.4, 1.6, 1.8]), np.full(5, 1e-4), 0.01).word
+    'trend'
+    """
 
     word: str
     slope: float
@@ -104,7 +110,7 @@ def _line(values: Array, variances: Array, x: Any) -> tuple[float, float, float]
     return slope, float(1.0 / (w @ beside**2)), float(w @ rest**2)
 
 
-def change_point(rows: list[Rows], parts: list[Estimate], alpha: float) -> tuple[list[Change], Difference]:
+def change_point(rows: list[Regression], parts: list[Estimate], alpha: float) -> tuple[list[Change], Difference]:
     """What changed between two consecutive records and stayed, and the difference in which it was found.
 
     The records of each side must agree better than the two sides do: their scatter counts as noise.
@@ -113,7 +119,7 @@ def change_point(rows: list[Rows], parts: list[Estimate], alpha: float) -> tuple
     best: tuple[list[Change], Difference] | None = None
     for k in splits:
         inside = np.maximum(scattered(parts[:k]), scattered(parts[k:]))
-        between_them = Part(np.diag(inside), max(len(parts) - 2.0, 1.0))
+        between_them = Summand(np.diag(inside), max(len(parts) - 2.0, 1.0))
         noisy = [replace(e, parts=(*e.parts, between_them)) for e in parts]
         d = between(rows, noisy[:k], noisy[k:])
         at = (parts[k - 1].label, parts[k].label)
@@ -125,7 +131,7 @@ def change_point(rows: list[Rows], parts: list[Estimate], alpha: float) -> tuple
     return best
 
 
-def scatter(rows: list[Rows], parts: list[Estimate], alpha: float) -> list[Change]:
+def scatter(rows: list[Regression], parts: list[Estimate], alpha: float) -> list[Change]:
     """Numbers that vary between records without any order, each with its lowest and highest record."""
     out = []
     for i, name in enumerate(rows[0].names):

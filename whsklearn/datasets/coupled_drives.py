@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 from scipy.signal import cont2discrete, lfilter
 from sklearn.utils import check_random_state
 
-__all__ = ["make_coupled_drives"]
-
 SAMPLE_RATE = 50.0  # Hz
 # Linear part, speed of the pulley by the motors' voltage: 5163 / (s^3 + 19.93 s^2 + 509.8 s + 2835)
 NUMERATOR, DENOMINATOR = (5163.0,), (1.0, 19.93, 509.8, 2835.0)

@@ -22,9 +22,6 @@ if TYPE_CHECKING:
     pass
 
 
-__all__ = ["fetch_cascaded_tanks", "fetch_coupled_drives", "fetch_silverbox"]
-
-
 def fetch_silverbox(folder: str | os.PathLike[str] | None = None, *, download: bool = True) -> Bunch:
     """The Silverbox: an electronic mass on a hardening spring, 610.35 Hz.
 

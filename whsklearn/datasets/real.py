@@ -20,8 +20,6 @@ from whsklearn.datasets.publishers import EMPS, KR300, KR300_FOLDER, Publication
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["FORCE_PER_VOLT", "fetch_emps", "fetch_kr300"]
-
 FORCE_PER_VOLT = 35.15065188248547
 _EMPS_FILES = {"train": ("emps_train.csv", "DATA_EMPS.mat"), "test": ("emps_test.csv", "DATA_EMPS_PULSES.mat")}
 _EMPS_COLUMNS = ["time_s", "drive_V", "force_N", "position_m", "reference_m"]

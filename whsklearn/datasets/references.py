@@ -97,15 +97,10 @@ def _multisine(t: NDArray[np.float64], peak: float, rng: np.random.Generator) ->
     return _scaled(tones.sum(axis=0) * _faded(t), peak)
 
 
-def _triangle(t: NDArray[np.float64], period: float) -> NDArray[np.float64]:
-    """A triangle between -1 and 1 with rounded corners, which starts upwards from 0."""
-    return np.arcsin(0.98 * np.sin(2.0 * math.pi * t / period)) / math.asin(0.98)
-
-
 def _rich(t: NDArray[np.float64], peak: float, rng: np.random.Generator) -> NDArray[np.float64]:
-    """A triangle over 20 s and the multisine at a sixth of its height."""
-    fast = _multisine(t, 1.0, rng) / 6.0
-    return _scaled(_triangle(t, min(20.0, t[-1])) * _faded(t) + fast, peak)
+    """A triangle over 20 s with rounded corners, from 0 upwards, and the multisine at a sixth of its height."""
+    triangle = np.arcsin(0.98 * np.sin(2.0 * math.pi * t / min(20.0, t[-1]))) / math.asin(0.98)
+    return _scaled(triangle * _faded(t) + _multisine(t, 1.0, rng) / 6.0, peak)
 
 
 def _staircase(t: NDArray[np.float64], peak: float, _rng: np.random.Generator) -> NDArray[np.float64]:

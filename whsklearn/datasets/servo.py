@@ -84,7 +84,9 @@ def make_servo_log(
     axis = default_axis() if axis is None else axis
     if sample_rate is not None:
         axis = dataclasses.replace(axis, sample_rate=float(sample_rate))
-    path = _reference(reference, duration, axis.sample_rate, amplitude, rng)
+    if isinstance(reference, str):
+        reference = reference_signal(reference, duration, axis.sample_rate, amplitude, rng)
+    path = np.asarray(reference, dtype=float)
     hidden = _hidden(effects, sizes, axis, path, rng)
     for effect in hidden:
         axis = axis.with_effect(effect)
@@ -116,15 +118,6 @@ def default_axis() -> ServoAxis:
     """
     controller = PIDController(60.0, 60.0, 2.0, velocity_feedforward=0.12, acceleration_feedforward=0.05)
     return ServoAxis(controller=controller, sensor=Sensor(noise=2e-5))
-
-
-def _reference(
-    reference: str | ArrayLike, duration: float, rate: float, amplitude: float | None, rng: np.random.Generator
-) -> NDArray[np.float64]:
-    """The reference as an array."""
-    if isinstance(reference, str):
-        return reference_signal(reference, duration, rate, amplitude, rng)
-    return np.asarray(reference, dtype=float)
 
 
 def _hidden(

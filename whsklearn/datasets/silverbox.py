@@ -12,8 +12,6 @@ from whsklearn.effects import CableSpring, FrictionLaw, HardeningSpring, Viscous
 from whsklearn.effects.base import Array
 from whsklearn.systems import ServoAxis
 
-__all__ = ["make_silverbox"]
-
 SAMPLE_RATE = 1e7 / 2**14  # Hz, of the published records
 BAND = 200.0  # Hz
 PERIOD, LEAD_IN, PAUSE = (

@@ -54,7 +54,8 @@ def described(model: Any, noise_variance: float) -> Summary:
         if model.lags is not None:
             facts = {"rows": type(model.lags).__name__} | facts
         values, errors = model.parameters_, model.parameter_standard_errors_
-    facts["noise"] = f"{_number(np.sqrt(noise_variance))} (standard deviation of the {_error_of(model)} error)"
+    kind_of_error = "free-run" if model._fits_free_run else "one-step"
+    facts["noise"] = f"{_number(np.sqrt(noise_variance))} (standard deviation of the {kind_of_error} error)"
     value = np.array(list(values.values()), dtype=float)
     error = np.array([errors[name] for name in values], dtype=float)
     table = DataFrame(
@@ -62,10 +63,6 @@ def described(model: Any, noise_variance: float) -> Summary:
         index=list(values),
     )
     return Summary(f"{type(model).__name__}: {kind}", facts, table)
-
-
-def _error_of(model: Any) -> str:
-    return "free-run" if model._fits_free_run else "one-step"
 
 
 def _chain_facts(model: Any) -> dict[str, str]:

@@ -202,7 +202,8 @@ class AxisRegressor(RegressorMixin, CheckedModel):
         if not settle and groups is None and type(horizon) is int and horizon >= 1:
             # a column of pandas is read-only
             u, known = (writeable(v) if isinstance(v, np.ndarray) else np.empty(0) for v in (X, y))
-            if self._is_plain(u, known):
+            fitted = "state_" in self.__dict__ and len(getattr(u, "shape", ())) == 2
+            if fitted and is_plain(u, known, self.n_features_in_):  # no further checks
                 return self._ahead_now(u, known, horizon)
         check_is_fitted(self, "state_")
         check_whole("horizon", horizon, 1, " samples")
@@ -221,10 +222,6 @@ class AxisRegressor(RegressorMixin, CheckedModel):
         restart = starts(groups, len(u), first=True)
         natural, structure = (self._natural(), self._structure()) if settle else self._running()
         return given.apart(_finite(wh.predictions(natural, structure, writeable(u), known, restart, int(horizon))))
-
-    def _is_plain(self, X: Any, y: Any) -> bool:
-        """Whether a fitted estimator can use X and y without further checks."""
-        return "state_" in self.__dict__ and len(getattr(X, "shape", ())) == 2 and is_plain(X, y, self.n_features_in_)
 
     def _ahead_now(self, X: Array, y: Array, horizon: int) -> Array:
         """`predict_ahead` of one experiment in checked arrays, from the running estimate."""

@@ -75,19 +75,6 @@ class DifferentialEvolutionRegressor(PEMRegressor):
     def fit(
         self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None, sample_weight: ArrayLike | None = None
     ) -> Self:
-        """Fit a record; arguments as for `PEMRegressor.fit`.
-
-        Parameters
-        ----------
-        X : array-like of shape (n, n_features)
-            Input.
-        y : array-like of shape (n,)
-            Output.
-        groups : array-like of shape (n,), optional
-            The experiment of each row; a single experiment by default.
-        sample_weight : array-like of shape (n,), optional
-            1 / variance of each sample.
-        """
         from scipy.optimize import differential_evolution
 
         for name, value in (("n_generations", self.n_generations), ("bound", self.bound)):

@@ -37,6 +37,29 @@ class ChainRegressor(AxisRegressor):
     def _given_lags(self) -> WienerHammersteinLags:
         return WienerHammersteinLags() if self.lags is None else self.lags
 
+    def fit(
+        self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None, sample_weight: ArrayLike | None = None
+    ) -> Self:
+        """Fit a record, or several, from the beginning.
+
+        Parameters
+        ----------
+        X : array-like of shape (n, 1), or list of them
+            Input; each record of a list is a separate experiment.
+        y : array-like of shape (n,), or list of them
+            Output.
+        groups : array-like of shape (n,), optional
+            Experiment of each sample; the state restarts at the beginning of each.
+        sample_weight : array-like of shape (n,), optional
+            Weights of the squared errors, as 1 / variance; a sample of weight zero drives the state but is not fitted.
+
+        Raises
+        ------
+        ValueError
+            If the record is too short, a number is not finite, or a setting is invalid; a stream then stays unchanged.
+        """
+        raise NotImplementedError
+
     def _found_lags(self) -> dict[str, Any] | None:
         """The lag settings that the fit found; None if it did not search for any."""
         raise NotImplementedError
@@ -175,24 +198,6 @@ class PEMRegressor(ChainRegressor):
     def fit(
         self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None, sample_weight: ArrayLike | None = None
     ) -> Self:
-        """Fit a record, or several.
-
-        Parameters
-        ----------
-        X : array-like of shape (n, 1), or list of them
-            Input; each record of a list is a separate experiment.
-        y : array-like of shape (n,), or list of them
-            Output.
-        groups : array-like of shape (n,), optional
-            Experiment of each sample; the state restarts at the beginning of each.
-        sample_weight : array-like of shape (n,), optional
-            Weights of the squared errors, as 1 / variance; a sample of weight zero drives the state but is not fitted.
-
-        Raises
-        ------
-        ValueError
-            If the record is too short, a number is not finite, or a setting is invalid.
-        """
         check_whole("n_starts", self.n_starts, 1)
         if self.criterion not in CRITERIA:
             raise ValueError(f"criterion is {self.criterion!r}, expected one of: {', '.join(CRITERIA)}.")

@@ -83,26 +83,7 @@ class StreamingPEMRegressor(ChainRegressor):
     def fit(
         self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None, sample_weight: ArrayLike | None = None
     ) -> Self:
-        """Discard the learned state and fit a record in one pass, as `partial_fit` on a new estimator.
-
-        Parameters
-        ----------
-        X : array-like of shape (n, 1), or list of them
-            Input; each record of a list is a separate experiment.
-        y : array-like of shape (n,), or list of them
-            Output.
-        groups : array-like of shape (n,), optional
-            Experiment of each sample; the state restarts at the beginning of each.
-        sample_weight : array-like of shape (n,), optional
-            Weights of the squared errors, as 1 / variance; a sample of weight zero drives the state but is not fitted.
-
-        Raises
-        ------
-        ValueError
-            If the record is too short, a number is not finite, or a setting is invalid. The estimator then stays
-            unchanged.
-        """
-        with self._alone(), self._unchanged_if_refused():
+        with self._alone(), self._unchanged_if_refused():  # as `partial_fit` on a new estimator
             for name in ("state_", "_early"):
                 self.__dict__.pop(name, None)
             self._learn(joined(X, y, groups, sample_weight), some=True)
@@ -136,7 +117,8 @@ class StreamingPEMRegressor(ChainRegressor):
         first = not hasattr(self, "state_")
         if first:
             self._keep_lags()
-            self._check_settings()
+            for name, least in (("n_start", 50), ("block", 20)):
+                check_whole(name, getattr(self, name), least)
         X, y = self._validate(given.X, given.y, reset=first)
         weights = checked_weights(given.sample_weight, len(X), some=some)
         groups = given.groups
@@ -149,10 +131,6 @@ class StreamingPEMRegressor(ChainRegressor):
             state["group"] = str(np.asarray(groups)[-1])
         self._take(state, X, y, restart, np.ones(len(y)) if weights is None else weights)
         self.state_ = state
-
-    def _check_settings(self) -> None:
-        for name, least in (("n_start", 50), ("block", 20)):
-            check_whole(name, getattr(self, name), least)
 
     def _initial(self, m: int) -> dict[str, Any]:
         return {

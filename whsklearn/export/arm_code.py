@@ -17,7 +17,7 @@ from sklearn.utils import Bunch
 
 from whsklearn.effects import codes
 from whsklearn.effects.equations import smooth_sign
-from whsklearn.export.axis_code import Law, Part, compensated
+from whsklearn.export.axis_code import Fragment, Law, compensated
 from whsklearn.export.code import identifier, render
 from whsklearn.export.languages import C
 from whsklearn.export.losses import Loss, losses_of
@@ -80,7 +80,7 @@ def on_expressions(module: Any) -> dict[str, Any]:
     return names
 
 
-def torques_code(arm: Arm, language: C) -> Part:
+def torques_code(arm: Arm, language: C) -> Fragment:
     """Statements that fill ``torque`` from ``position``, ``velocity`` and ``acceleration``, joint by joint."""
     n, work = arm.n_joints, Specialiser(language)
     q, v, a = (
@@ -100,7 +100,7 @@ def torques_code(arm: Arm, language: C) -> Part:
         total[:] = [before + float(d) * along if d else before for before, d in zip(total, direction, strict=True)]
     for k, asked in enumerate(total):
         work.store(f"torque[{k}]", asked.value if isinstance(asked, Traced) else asked)
-    return Part(*work.finish())
+    return Fragment(*work.finish())
 
 
 def _along(direction: Any, signal: Any) -> Any:

@@ -11,7 +11,7 @@ from whsklearn.effects import codes
 from whsklearn.effects.equations import quantized, smooth_sign
 from whsklearn.export.languages import Language
 from whsklearn.export.specialise import Specialiser
-from whsklearn.export.statements import Memory, OneOf, Symbol
+from whsklearn.export.statements import OneOf, StateArray, Symbol
 from whsklearn.systems._servo_drive import DriveStage, chain_of, effective
 from whsklearn.systems._servo_kernel import lattice_of
 from whsklearn.systems._servo_step import Body, body_of, fine_step
@@ -23,7 +23,7 @@ WAVE = 3  # numbers stored per wave: the argument, its cosine and its sine
 
 
 @dataclass
-class Part:
+class Fragment:
     """Statements, their variables and the expression of the result."""
 
     lines: list[str]
@@ -37,8 +37,8 @@ class AxisCode:
 
     # reading, substep: the measured position as a function of the state; one fine step under the drive ``u`` at the
     # time ``t``
-    reading: Part
-    substep: Part
+    reading: Fragment
+    substep: Fragment
     states: dict[str, int]  # names and lengths of the variables kept between samples
     dt: float
     substeps: int
@@ -115,8 +115,8 @@ def axis_code(
 
     work = Specialiser(language, wave=wave if remember else None)
     work.call(
-        _driven, law, Memory(hysteresis), Memory(mechanical), body, chain,
-        Memory(lambda i: state("lag", i)), Symbol("u"), Symbol("t"), h,
+        _driven, law, StateArray(hysteresis), StateArray(mechanical), body, chain,
+        StateArray(lambda i: state("lag", i)), Symbol("u"), Symbol("t"), h,
     )  # fmt: skip
     seeing = Specialiser(language, "r_")
     seen = state(STATES[2 if two and axis.sensor.side == "load" else 0], -1)
@@ -130,15 +130,15 @@ def axis_code(
         states["lag"] = 2
     if work.waves:
         states["wave"] = WAVE * len(work.waves)
-    reading = Part(*seeing.finish(y), seeing.text(y))
-    substep = Part(*work.finish())
+    reading = Fragment(*seeing.finish(y), seeing.text(y))
+    substep = Fragment(*work.finish())
     return AxisCode(
         reading, substep, states, dt, axis.substeps,
         older, newer, share, chain.lag > 0.0 or chain.second_lag > 0.0, _timed(reading), _timed(substep),
     )  # fmt: skip
 
 
-def _timed(part: Part) -> bool:
+def _timed(part: Fragment) -> bool:
     """Whether the time ``t`` is in it."""
     return any(re.search(r"\bt\b", line) for line in [*part.lines, part.result])
 
@@ -167,7 +167,9 @@ def _holds(delay: float, substeps: int) -> tuple[list[int], list[int], list[floa
     return older, newer, share
 
 
-def torque_code(axis: ServoAxis, language: Language, drive: float = 1.0, rate: float = 1.0, far: float = 1.0) -> Part:
+def torque_code(
+    axis: ServoAxis, language: Language, drive: float = 1.0, rate: float = 1.0, far: float = 1.0
+) -> Fragment:
     """The torque of friction and of position-dependent effects, as a function of ``position`` and ``velocity``.
 
     ``drive``, ``rate`` and ``far`` convert drive, velocity and position to SI.
@@ -179,7 +181,7 @@ def torque_code(axis: ServoAxis, language: Language, drive: float = 1.0, rate: f
     kappa = 1.0 / axis.smoothing if axis.friction == "tanh" else math.inf
     motion = (work.binary("Mult", by, Symbol(name)) for by, name in ((far, "position"), (rate, "velocity")))
     result = work.binary("Mult", work.call(_static_torque, law, *motion, kappa), 1.0 / drive)
-    return Part(*work.finish(result), work.text(result))
+    return Fragment(*work.finish(result), work.text(result))
 
 
 def _static_torque(law, position, velocity, kappa):  # type: ignore[no-untyped-def]

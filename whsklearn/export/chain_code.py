@@ -13,10 +13,10 @@ from whsklearn.effects import Effect, FrictionLaw
 from whsklearn.effects import codes as fx
 from whsklearn.effects.equations import delayed
 from whsklearn.effects.terms import term
-from whsklearn.export.axis_code import Part
+from whsklearn.export.axis_code import Fragment
 from whsklearn.export.languages import Language
 from whsklearn.export.specialise import Specialiser
-from whsklearn.export.statements import Memory, OneOf, Symbol
+from whsklearn.export.statements import OneOf, StateArray, Symbol
 from whsklearn.systems.chain import packed
 from whsklearn.systems.chain_ports import added, driven, sensed, transmitted
 
@@ -63,7 +63,7 @@ class CodedChain:
 class ChainCode:
     """One sample as statements, and the variables kept between samples."""
 
-    step: Part
+    step: Fragment
     states: dict[str, int]
 
 
@@ -96,12 +96,12 @@ def _with_effects(chain, work, state, states, block, drive):  # type: ignore[no-
     """The reading of a chain with effects at its ports, sample by sample as `whsklearn.systems.chain.run`."""
     ports: Any = packed(chain.effects)
     slots: dict[tuple[int, int], int] = {}
-    memory = Memory(lambda i, j: state("memory", slots.setdefault((i, j), len(slots))))
+    memory = StateArray(lambda i, j: state("memory", slots.setdefault((i, j), len(slots))))
     own = OneOf(tuple(type(e).evaluate for e in chain.effects if e.evaluate is not None))
     t: Any = Symbol(state("samples", -1))
     n = max(chain.b1.size, chain.f1.size) - 1
     b, f = (np.pad(v, (0, n + 1 - v.size)) for v in (chain.b1, chain.f1))
-    z = Memory(lambda i: state("first", i))
+    z = StateArray(lambda i: state("first", i))
     states |= {"first": n, "last_x": 0, "last_dx": 0, "samples": 0}
     first = work.bind("raw", work.call(_first, z))
     x = work.bind("x", work.call(transmitted, *ports[:2], memory, first, chain.dt))
@@ -155,7 +155,7 @@ def chain_code(
         if n:
             states[name] = n
         wide = [np.pad(v, (0, n + 1 - v.size)) for v in (b, f)]
-        return work.bind(name, work.call(_filtered, *wide, Memory(lambda i: state(name, i)), n, u))
+        return work.bind(name, work.call(_filtered, *wide, StateArray(lambda i: state(name, i)), n, u))
 
     effects = bool(chain.effects) and not chain.direct
     if effects:
@@ -176,4 +176,4 @@ def chain_code(
         work.store(state("total", -1), total)
         y = work.binary("Mult", total, chain.dt)
     y = work.bind("y", work.binary("Mult", y, 1.0 / out))
-    return ChainCode(Part(*work.finish(y), work.text(y)), states)
+    return ChainCode(Fragment(*work.finish(y), work.text(y)), states)

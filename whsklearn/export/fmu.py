@@ -57,9 +57,8 @@ def write_fmu(model: Exported, out: Path) -> tuple[Path, list[Loss]]:
     dt = 1.0 / model.axis.sample_rate if model.axis is not None else (model.chain.dt if model.chain else 1.0)
     reading = ""
     if model.axis is not None:
-        reading = (
-            "reading(&c->state, c->state.samples * c->dt)" if "double t)" in _reading(files) else "reading(&c->state)"
-        )
+        declared = next(line for line in files["model.c"].splitlines() if " reading(" in line)
+        reading = f"reading(&c->state{', c->state.samples * c->dt' if 'double t)' in declared else ''})"
     guid = "{" + str(uuid.uuid5(uuid.NAMESPACE_OID, "".join(files.values()))) + "}"  # same model, same file
     names = {
         "name": name,
@@ -83,11 +82,6 @@ def write_fmu(model: Exported, out: Path) -> tuple[Path, list[Loss]]:
             losses.append(Loss("binary", "linux64", "no C compiler found here; fmpy compiles the sources"))
     atomic_write(path, buffer.getvalue())
     return path, losses
-
-
-def _reading(files: dict[str, str]) -> str:
-    """The line that declares the reading."""
-    return next(line for line in files["model.c"].splitlines() if " reading(" in line)
 
 
 def _binary(files: dict[str, str]) -> bytes | None:

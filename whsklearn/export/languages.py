@@ -95,7 +95,10 @@ class C:
         """A call of math.h; ``min`` and ``max`` are choices, which compile to one instruction."""
         if name in ("min", "max"):
             a, *more = arguments
-            return a if not more else _choice(">" if name == "max" else "<", self.function(name, more), a)
+            if not more:
+                return a
+            b, sign = self.function(name, more), ">" if name == "max" else "<"
+            return f"({b} {sign} {a} ? {b} : {a})"  # of equal ones the first, as in Python
         name = {"abs": "fabs", "int": "trunc"}.get(name, name)
         return f"{name}{'f' if self.real == 'float' else ''}({', '.join(arguments)})"
 
@@ -156,11 +159,6 @@ class StructuredText:
             return f"LINT_TO_LREAL(TRUNC_LINT({a}))"
         name = {"log": "LN", "pow": "EXPT"}.get(name, name.upper())
         return f"{name}({', '.join(arguments)})"
-
-
-def _choice(sign: str, a: str, b: str) -> str:
-    """``a`` if it is beyond ``b``, as in Python's ``min`` and ``max`` of b and a."""
-    return f"({a} {sign} {b} ? {a} : {b})"
 
 
 def _wrapped(text: str) -> bool:

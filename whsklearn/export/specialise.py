@@ -26,9 +26,9 @@ from whsklearn.effects.equations import tanh
 from whsklearn.export.languages import Language
 from whsklearn.export.statements import (
     If,
-    Memory,
     OneOf,
     Set,
+    StateArray,
     Symbol,
     identifiers,
     needed_only,
@@ -219,7 +219,8 @@ class Specialiser:
             return a
         if not all(isinstance(v, Symbol | int | float | np.number | bool | np.bool_) for v in (a, b)):
             return None  # used on one side only
-        kind = a.kind if isinstance(a, Symbol) else (b.kind if isinstance(b, Symbol) else _kind(a))
+        known = [v.kind for v in (a, b) if isinstance(v, Symbol)]
+        kind = known[0] if known else "bool" if isinstance(a, bool | np.bool_) else "real"
         name = self.variable(hint, kind)
         yes.append(Set(name, self.text(a)))
         no.append(Set(name, self.text(b)))
@@ -234,7 +235,7 @@ class Specialiser:
                 self._assign(t, v, env)
         elif isinstance(target, ast.Subscript):
             memory = self._value(target.value, env)
-            if not isinstance(memory, Memory):
+            if not isinstance(memory, StateArray):
                 raise ValueError(f"{ast.unparse(target)!r} cannot be exported: only the state may be written to.")
             index = _indices(self._value(target.slice, env))
             if name := memory.name(*index):
@@ -268,7 +269,7 @@ class Specialiser:
 
     def _subscript(self, e: ast.Subscript, env: dict[str, Any]) -> Any:
         whole, index = self._value(e.value, env), self._value(e.slice, env)
-        if isinstance(whole, Memory):  # read now, because the stored value may change before it is used
+        if isinstance(whole, StateArray):  # read now, because the stored value may change before it is used
             kept = whole.name(*_indices(index))
             if not kept:
                 return 0.0
@@ -386,10 +387,6 @@ class Specialiser:
         whole = self.meaning[argument][0] if argument in self.meaning else argument
         slot = self.waves.setdefault(whole, len(self.waves))
         return self.wave(name, slot, argument)
-
-
-def _kind(value: Any) -> str:
-    return "bool" if isinstance(value, bool | np.bool_) else "real"
 
 
 def _indices(index: Any) -> tuple[int, ...]:

@@ -41,7 +41,7 @@ class If(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Memory:
+class StateArray:
     """An array of the generated code's state: element (i, j) is called ``name(i, j)``, which is empty if it is never
     read.
     """

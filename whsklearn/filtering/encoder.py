@@ -16,8 +16,6 @@ from numpy.typing import ArrayLike, NDArray
 from whsklearn.filtering.records import motion, zero_phase
 from whsklearn.logs.lattice import lattice
 
-__all__ = ["encoder_noise", "motion_cutoff"]
-
 WIDEST = 0.1  # of the sampling rate: beyond it the central difference is not a derivative
 # Share of noise in the acceleration's variance.  It makes the inertia too small by as much, and that would allow 1e-4;
 # but it also grows with the square of the frequency, and where it outweighs the torque's own noise near the cut-off the

@@ -11,8 +11,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Motion", "central_difference", "decimate", "motion", "velocity_noise", "zero_phase"]
-
 _DECIMATOR_ORDER = 8
 _DECIMATOR_RIPPLE = 0.05  # dB
 _DECIMATOR_EDGE = 0.8  # of the new Nyquist frequency

@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from whsklearn._numba import njit
 from whsklearn.filtering.records import Motion
 
-__all__ = ["causal_delay", "causal_kernels", "causal_motion", "causal_window"]
-
 
 def causal_window(sample_rate: float, cutoff: float, degree: int = 3) -> int:
     """Odd length of the moving window whose local polynomial passes up to ``cutoff``.
@@ -117,7 +115,8 @@ def causal_motion(
     array([0., 0., 0., 0., 1., 1.])
     """
     joined = np.concatenate([memory, position])
-    return Motion(*_slide(joined, len(memory), kernels)), _tail(joined, kernels)
+    past = joined[max(len(joined) - kernels.shape[1] + 1, 0) :].copy()  # what the next window still holds
+    return Motion(*_slide(joined, len(memory), kernels)), past
 
 
 def causal_delay(
@@ -142,11 +141,6 @@ def causal_delay(
     """
     joined = np.concatenate([np.zeros(max(delay - len(memory), 0)), memory, x])
     return joined[: len(x)], joined[len(x) :].copy()
-
-
-def _tail(joined: NDArray[np.float64], kernels: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The samples that the next window still holds."""
-    return joined[max(len(joined) - kernels.shape[1] + 1, 0) :].copy()
 
 
 @njit(cache=True)

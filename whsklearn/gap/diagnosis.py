@@ -194,13 +194,9 @@ class NamedEffect:
         (0.3, 0.4)
         """
         angle = np.arange(MAP_POINTS) * 2 * np.pi / MAP_POINTS
-        value = sum(wave_over(e.effect, angle, next(iter(e.parameters.values()))) for e in (self, *self.orders))
+        waves = [(next(iter(e.parameters.values())), e.effect) for e in (self, *self.orders)]
+        value = sum(amplitude * np.cos(wave.order * angle + wave.phase) for amplitude, wave in waves)
         return {"angle_rad": angle.tolist(), "value": np.asarray(value).tolist()}
-
-
-def wave_over(effect: Any, angle: NDArray[np.float64], amplitude: Any) -> NDArray[np.float64]:
-    """A wave over the angle, with its order and phase, at an amplitude, shape (n,)."""
-    return amplitude * np.cos(effect.order * angle + effect.phase)
 
 
 def in_units(label: str, units: tuple[str, str]) -> str:

@@ -29,7 +29,7 @@ AS_FORETOLD = (0.7, 1.3)
 
 
 @dataclass
-class Fit:
+class Minimum:
     """Result of a minimisation."""
 
     x: Array  # (n,)
@@ -63,7 +63,7 @@ def least_squares(
     tolerance: float = 2e-4,
     slopes: Callable[[Array], Array] | None = None,
     workers: int | None = None,
-) -> Fit:
+) -> Minimum:
     """Minimise the sum of squares of ``residual`` within bounds (Levenberg 1944, Marquardt 1963).
 
     It ends when an iteration reduces the sum of squares by less than ``tolerance``, because names are decided by
@@ -118,7 +118,7 @@ def least_squares(
         if taken == max_iterations:
             break
         jac, carried, taken = slopes(x) if slopes else jacobian(residual, x, r, steps, high, workers), 0, taken + 1
-    return Fit(x, r, jac, cost)
+    return Minimum(x, r, jac, cost)
 
 
 def carried_along(jac: Array, move: Array, change: Array) -> Array:

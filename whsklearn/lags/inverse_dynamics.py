@@ -33,8 +33,6 @@ from whsklearn.lags.axis_rows import (
 )
 from whsklearn.lags.motion_stream import MotionStream, validated
 
-__all__ = ["InverseDynamicsLags"]
-
 SHORTEST = 64  # samples below which the noise cannot be estimated from the record
 
 
@@ -160,8 +158,8 @@ class InverseDynamicsLags(MotionStream, TransformerMixin, BaseEstimator):
             raise ValueError(f"X has {n_columns} columns, expected position, or position and drive; select those.")
         self._settle()
         paths = validated(self, X, reset=True)[:, 0]
-        if self._is_automatic:
-            self._choose_cutoff(paths)
+        if self._is_automatic and len(paths) > SHORTEST and np.ptp(paths) > 0.0:  # else it has no cut-off of its own
+            self.cutoff_ = motion_cutoff(paths, self.sample_rate, self.order)
         return self
 
     def transform(self, X: ArrayLike, y: ArrayLike | None = None, groups: ArrayLike | None = None) -> Array:
@@ -299,11 +297,6 @@ class InverseDynamicsLags(MotionStream, TransformerMixin, BaseEstimator):
     def _is_automatic(self) -> bool:
         """Whether the cut-off follows from the record."""
         return self.cutoff is None and not self.causal
-
-    def _choose_cutoff(self, path: Array) -> None:
-        """Set the cut-off for the record; a record that is too short or at rest does not change it."""
-        if len(path) > SHORTEST and np.ptp(path) > 0.0:
-            self.cutoff_ = motion_cutoff(path, self.sample_rate, self.order)
 
     def _settle(self) -> None:
         """Set up terms, filter and delay from the parameters."""

@@ -37,8 +37,6 @@ if TYPE_CHECKING:
     from whsklearn.systems.arm import Arm
 
 
-__all__ = ["RigidBodyLags"]
-
 FINE = 5.0  # the motion passes a filter this many times wider than the columns, so that signs and products stay sharp
 WIDEST = 0.2  # of the sampling rate, for that filter: beyond it the central difference is not a derivative
 ROWS = 10.0  # least number of rows per weight in a record: a lower cut-off would leave fewer
@@ -59,7 +57,7 @@ class ArmRowState(NamedTuple):
     seen: int
 
 
-class Seen(NamedTuple):
+class FilteredRecords(NamedTuple):
     """Records behind the filters, one after the other.
 
     Attributes
@@ -296,7 +294,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         phi, late = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
         return phi, late, np.ones(late.shape, dtype=bool)
 
-    def _views(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> Seen:
+    def _views(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> FilteredRecords:
         """Experiments behind the filters: their unweighted rows, and the motion from which they are computed.
 
         Parameters
@@ -319,7 +317,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         moved = Motion(*map(np.concatenate, zip(*(one.moved for one in each), strict=True)))
         kept = np.concatenate([one.kept + s.start for one, s in zip(each, pieces, strict=True)])
         phi, target, keep = map(np.concatenate, zip(*(one[:3] for one in each), strict=True))
-        return Seen(phi, target, keep, moved, kept)
+        return FilteredRecords(phi, target, keep, moved, kept)
 
     def _filtered(self, signals: Array) -> Array:
         """Signals (n, ...) of a record, filtered like the columns."""
@@ -587,14 +585,14 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         moved, rate = self._moved(X), self.sample_rate
         return self._columns(moved, zero_phase(drive, rate, self._fine), np.arange(len(X)) / rate), moved
 
-    def _seen(self, columns: Array, moved: Motion, target: Array, limits: Array) -> Seen:
+    def _seen(self, columns: Array, moved: Motion, target: Array, limits: Array) -> FilteredRecords:
         """Rows of one record, two per period of the cut-off, without the filter's ends; and where joints are fast."""
         period = max(int(self.sample_rate / self.cutoff_), 1)
         keep = np.abs(moved.velocity) >= limits
         if self.slow:
             keep = minimum_filter1d(keep.astype(np.uint8), period + 1, axis=0).astype(bool)
         kept = self._rows_of(len(target))
-        return Seen(self._filtered(columns)[kept], self._filtered(target)[kept], keep[kept], moved, kept)
+        return FilteredRecords(self._filtered(columns)[kept], self._filtered(target)[kept], keep[kept], moved, kept)
 
     def _limits(self, X: Array, velocity: Array) -> Array:
         """Speed of each joint below which its rows are excluded, (n_joints,); infinite if it does not move.

@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-__all__ = ["check_log", "jitter"]
-
 ALLOWED_JITTER = 0.01  # as a share of the period; derivatives of the position are wrong by the same share
 GAP = 1.5  # periods; a longer step has lost a sample, a shorter one is jitter
 

@@ -36,10 +36,7 @@ class TorqueConstant(NamedTuple):
     def of(cls, given: Any) -> TorqueConstant:
         """The constant from a number, a pair, or text such as ``0.12+-0.01``.
 
-        Raises
-        ------
-        ValueError
-            If it is none of these, or not positive.
+        Raises ValueError if it is none of these, or not positive.
         """
         try:
             if isinstance(given, str):

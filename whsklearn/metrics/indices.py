@@ -21,8 +21,6 @@ from sklearn.metrics import make_scorer
 from whsklearn._inputs import real_array
 from whsklearn.metrics.scorer_names import register_scorers
 
-__all__ = ["SCORER_NAMES", "abs_mu_e", "free_run_scorer", "mu_e", "nmse", "parameter_error", "rmse"]
-
 
 def nmse(y: ArrayLike, y_hat: ArrayLike, skip: int = 0) -> float:
     """Normalised mean squared error, sum (y - y_hat)^2 / (N' sigma_y^2).

@@ -126,7 +126,6 @@ class AxisModel(IdentifiedModel):
         return out
 
     def from_logged(self) -> AxisModel:
-        """See `IdentifiedModel.from_logged`."""
         by, turn = self.factors
         own = {"Nm": self.units.get("input", "Nm"), "rad": self.units.get("output", "rad").removesuffix("/s")}
         if (by, turn) == (1.0, 1.0):
@@ -148,15 +147,6 @@ class AxisModel(IdentifiedModel):
         )  # fmt: skip
 
     def simulate(self, u: ArrayLike, *, start: float = 0.0) -> NDArray[np.float64]:
-        """Output from the drive alone, from standstill; see `IdentifiedModel.simulate`.
-
-        Parameters
-        ----------
-        u : array-like of shape (n,)
-            Drive in ``units``.
-        start : float, default=0.0
-            Position before the first sample, in ``units``; it matters for effects that depend on the position.
-        """
         by, far = self.factors
         drive, steps = as_input(u) * by, 1
         if self.hold != "zero":

@@ -42,8 +42,6 @@ from whsklearn.models.linear import LinearModel
 from whsklearn.state.encoding import TAG, NotImported, decode
 from whsklearn.systems.arm import Arm
 
-__all__ = ["FORMAT", "VERSION", "as_arm", "load_model", "model_document", "model_from", "save_model"]
-
 FORMAT = "whsklearn-model"
 VERSION = 2
 _CLASSES: dict[str, type[IdentifiedModel]] = {

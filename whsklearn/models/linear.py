@@ -71,7 +71,6 @@ class LinearModel(IdentifiedModel):
         return {k: kinds.get(k[0], rate if known else UNKNOWN) for k in self.parameters}
 
     def from_logged(self) -> LinearModel:
-        """See `IdentifiedModel.from_logged`."""
         by, far = self.factors
         scale = {"b": far / by, "f": 1.0}
         errors = {k: v * scale.get(k[0], far) for k, v in self.standard_errors.items()}
@@ -79,15 +78,6 @@ class LinearModel(IdentifiedModel):
         return dataclasses.replace(self, numerator=b, offset=self.offset * far, standard_errors=errors)
 
     def simulate(self, u: ArrayLike, *, start: float = 0.0) -> NDArray[np.float64]:
-        """Output from the input alone; see `IdentifiedModel.simulate`.
-
-        Parameters
-        ----------
-        u : array-like of shape (n,)
-            Input in ``units``.
-        start : float, default=0.0
-            Position before the first sample, if the output is a position.
-        """
         from scipy.signal import lfilter
 
         by, far = self.factors

@@ -27,7 +27,7 @@ CHECKED = 100  # samples between two looks at whether a run is still stable
 STARTED = 0.25  # s at whose replay the start is fitted; the observer forgets it within 0.1 s (0.1 to 1 s: same results)
 
 
-class Start(NamedTuple):
+class StartVelocity(NamedTuple):
     """Velocity of the joint at the start of every segment of a record, which is known by its drive, and its unit."""
 
     drive: Array
@@ -101,7 +101,7 @@ class MuJoCoSimulator:
         _need(spec.actuator(self.actuator), "actuator", self.actuator, [a.name for a in spec.actuators])
         self.effects: tuple[Effect, ...] = ()
         self._own: dict[str, float] = {}
-        self._start: Start | None = None
+        self._start: StartVelocity | None = None
         self._compile()
         self._own = self._numbers_of_its_own()
         if effects:
@@ -139,12 +139,14 @@ class MuJoCoSimulator:
         begun = zip(record.segments, self._start_of(record).velocity.tolist(), strict=True)
         return np.concatenate([self._held(part, velocity, len(part)) for part, velocity in begun])
 
-    def _start_of(self, record: Any) -> Start:
+    def _start_of(self, record: Any) -> StartVelocity:
         """The one that a refit to the record has found, or the one that fits the replay's first quarter second best."""
         if self._start is not None and self._start.drive is record.drive:
             return self._start
         unit = 2.0 * math.pi * TRACKING * (float(np.ptp(record.position)) or 1.0)
-        return Start(record.drive, np.array([self._first_velocity(part, unit) for part in record.segments]), unit)
+        return StartVelocity(
+            record.drive, np.array([self._first_velocity(part, unit) for part in record.segments]), unit
+        )
 
     def _first_velocity(self, record: Any, unit: float) -> float:
         """The velocity that fits the first quarter second of the replay of a segment best."""
@@ -418,15 +420,11 @@ def _silence() -> Iterator[None]:
     """MuJoCo's warnings go nowhere: it would write MUJOCO_LOG.TXT into the user's folder at every unstable trial."""
     mujoco = _library()
     before = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(_ignore)
+    mujoco.set_mju_user_warning(lambda _warning: None)
     try:
         yield
     finally:
         mujoco.set_mju_user_warning(before)
-
-
-def _ignore(_warning: str) -> None:
-    """Nothing."""
 
 
 def _only_actuator(spec: Any, joint: str) -> str:

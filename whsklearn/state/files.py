@@ -28,15 +28,6 @@ from numpy.typing import NDArray
 from whsklearn.logs.files import atomic_write
 from whsklearn.state.encoding import decode, encode
 
-__all__ = [
-    "FORMAT_VERSION",
-    "pack_state",
-    "read_kind",
-    "read_state",
-    "unpack_state",
-    "write_state",
-]
-
 FORMAT_VERSION = 2
 _MAGIC = b"whsklearn-state "
 # A header holds names and numbers that are no arrays: that of a stream takes 10 kB.  JSON takes some 60 bytes of

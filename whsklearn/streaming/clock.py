@@ -36,7 +36,13 @@ def _shown(stamp: float) -> str:
 
 
 class Verdict(NamedTuple):
-    """The class of a row (``row``, ``bad``, ``restart`` or ``repeated``), with its line number and a reason."""
+    """The class of a row (``row``, ``bad``, ``restart`` or ``repeated``), with its line number and a reason.
+
+    Examples
+    --------
+    >>> Verdict("bad", 7, [0.3, 1.0], "time 0.3 after 0.4").what
+    'bad'
+    """
 
     what: str
     line: int
@@ -46,7 +52,14 @@ class Verdict(NamedTuple):
 
 @dataclass
 class Clock:
-    """Takes rows whose first value is the time; gives verdicts in the order in which the rows are to be learnt."""
+    """Takes rows whose first value is the time; gives verdicts in the order in which the rows are to be learnt.
+
+    Examples
+    --------
+    >>> clock = Clock()
+    >>> [v.what for line, time in enumerate((0.0, 0.1, 0.2, 0.2, 0.3)) for v in clock.take(line, [time, 1.0])]
+    ['row', 'row', 'row', 'repeated', 'row']
+    """
 
     last: float = float("-inf")
     steps: list[float] = field(default_factory=list)

@@ -334,16 +334,13 @@ class StreamMonitor:
                     if self.options.refuse:
                         self.taken = numbers[start] - self._first
                         raise Refused(f"line {numbers[start]}: {error}") from None
-                    self._unlearnable(numbers[start], str(error))
+                    self.carried.bad += 1
+                    bad = {"line": numbers[start], "row": self.carried.rows, "reason": str(error)}
+                    self.emit({"kind": "bad_row", **bad})
             if self.carried.rows % self.options.every == 0:
                 self._judge(numbers[piece.stop - 1])
                 self._estimate()
             start = piece.stop
-
-    def _unlearnable(self, number: int, reason: str) -> None:
-        """Report a row that the model rejects."""
-        self.carried.bad += 1
-        self.emit({"kind": "bad_row", "line": number, "row": self.carried.rows, "reason": reason})
 
     def _learn_piece(self, rows: NDArray[np.float64], experiments: NDArray[np.int64]) -> None:
         """Call partial_fit once; at the end of a block, evaluate its innovations."""

@@ -29,7 +29,16 @@ POLL_SECONDS = 0.2
 
 
 class BadRow(ValueError):
-    """A line that is not a row; the message says why."""
+    """A line that is not a row; the message says why.
+
+    Examples
+    --------
+    >>> try:
+    ...     JsonParser(["u"])(b'{"u": null}')
+    ... except BadRow as error:
+    ...     print(error)
+    u is null, expected a number
+    """
 
 
 class LineSource:
@@ -222,7 +231,13 @@ class CsvParser:
 
 
 class JsonParser:
-    """Numbers from the named members of a JSON object, one object per line."""
+    """Numbers from the named members of a JSON object, one object per line.
+
+    Examples
+    --------
+    >>> JsonParser(["u", "y"])(b'{"y": 2, "u": 0.5}')
+    [0.5, 2.0]
+    """
 
     def __init__(self, columns: Sequence[str]):
         self._names = list(columns)

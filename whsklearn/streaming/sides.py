@@ -57,10 +57,7 @@ class Sides:
     def take(self, experiments: Array, rows: Array) -> None:
         """Add rows that the model has learned.
 
-        Parameters
-        ----------
-        experiments : ndarray of shape (n,)
-        rows : ndarray of shape (n, n_columns)
+        ``experiments`` is (n,). ``rows`` is (n, n_columns).
         """
         self.rows += len(rows)
         self._last.append(np.column_stack([experiments, rows]))
@@ -74,10 +71,7 @@ class Sides:
 
         One that comes before the second side is complete ends it; before as many rows as the margin, it begins it anew.
 
-        Parameters
-        ----------
-        row : int
-            Number of the row that raised it, from 1.
+        ``row``: number of the row that raised it, from 1.
         """
         if self._alarm and row - self._alarm >= self.margin:
             self._ask(row - self._alarm)
@@ -90,10 +84,7 @@ class Sides:
     def done(self, wait: float = 0.0) -> list[dict[str, Any]]:
         """Records that are ready.
 
-        Parameters
-        ----------
-        wait : float
-            Seconds to wait for a comparison that has begun.
+        ``wait``: seconds to wait for a comparison that has begun.
         """
         self._join(wait)
         ready, self._ready = self._ready, []
@@ -102,10 +93,7 @@ class Sides:
     def so_far(self, least: int) -> str:
         """What the rows say that have come since the last alarm; empty without one, or if there are fewer rows.
 
-        Parameters
-        ----------
-        least : int
-            Rows.
+        ``least``: rows.
         """
         after = self._since_alarm()
         if not self._alarm or len(after) < least:
@@ -120,12 +108,7 @@ class Sides:
         }  # fmt: skip
 
     def set_state(self, state: dict[str, Any]) -> None:
-        """Continue from a state that `get_state` returned; a comparison without an answer begins anew.
-
-        Parameters
-        ----------
-        state : dict
-        """
+        """Continue from a state that `get_state` returned; a comparison without an answer begins anew."""
         self.rows, self._last = state["rows"], [state["last"]] if state["last"].size else []
         self._before, self._before_end = state["before"], state["before_end"]
         self._alarm, self._state_since, self._ready = state["alarm"], state["since"], list(state["ready"])

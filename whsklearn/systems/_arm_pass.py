@@ -18,8 +18,8 @@ from whsklearn.systems._arm_kernels import move, pay, room, weigh
 from whsklearn.systems._servo_drive import DriveStage, chain_of, effective, held, hold_weights
 from whsklearn.systems._servo_kernel import control, lattice_of
 from whsklearn.systems._servo_torques import (
+    AxisNumbers,
     Ends,
-    Plant,
     added_inertia,
     advance_memories,
     arranged,
@@ -35,7 +35,7 @@ DRIVE, MEASURED, POSITION, VELOCITY = range(N_SIGNALS)  # rows of a simulated re
 class Axes(NamedTuple):
     """The effects along the axes, which are the n joints and sums of joints: rows of axis k from ``first[k]`` on.
 
-    Up to ``first[k + 1]``, as in a servo's `Plant`.
+    Up to ``first[k + 1]``, as in a servo's `AxisNumbers`.
     """
 
     codes: Any
@@ -173,7 +173,7 @@ def run(out, links, inertial, axes, course, state):
     for j in range(m):
         rows = slice(axes.first[j], axes.first[j + 1])
         if j < n:  # the drive acts at joints alone
-            plant = Plant(axes.codes[rows], axes.p[rows], axes.parts[j], axes.own)
+            plant = AxisNumbers(axes.codes[rows], axes.p[rows], axes.parts[j], axes.own)
             c = chain_of(plant)
             lattice[j] = lattice_of(plant)[0]
             chain[j, 0], chain[j, 1], chain[j, 2], chain[j, 3], chain[j, 4] = c

@@ -1,7 +1,7 @@
 """The torques on a servo axis at one instant: sums of the effects' equations over the rows of an axis.
 
-The equations are those of `whsklearn.effects`; this module contains none of them.  An axis is a `Plant` of flat arrays,
-so a fit can change its numbers without creating objects.
+The equations are those of `whsklearn.effects`; this module contains none of them. An axis is an `AxisNumbers` of flat
+arrays, so a fit can change its numbers without creating objects.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ N_PARTS = 12
 ) = range(N_PARTS)  # fmt: skip
 
 
-class Plant(NamedTuple):
+class AxisNumbers(NamedTuple):
     """An axis as kernels take it.
 
     ``codes`` (n,) and ``p`` (n, 8) are the effects as `Effect.code` and `Effect.row`, the law's terms among them;
@@ -159,8 +159,8 @@ def read(effects, p, own, ends, t, x):
     return y
 
 
-def plant_of(effects: Iterable[Effect], parts: NDArray[np.float64]) -> Plant:
-    """Effects and parts as a `Plant`; the rows are in the order of the effects."""
+def plant_of(effects: Iterable[Effect], parts: NDArray[np.float64]) -> AxisNumbers:
+    """Effects and parts as a `AxisNumbers`; the rows are in the order of the effects."""
     effects = tuple(effects)
     own = list(dict.fromkeys(type(e) for e in effects if e.evaluate is not None))
     p = np.zeros((len(effects), codes.N_NUMBERS))
@@ -172,4 +172,4 @@ def plant_of(effects: Iterable[Effect], parts: NDArray[np.float64]) -> Plant:
                 raise ValueError(f"{type(e).__name__} has {len(e.row)} numbers, expected at most {WHICH}.")
             row[WHICH] = own.index(type(e))
         row[: len(e.row)] = e.row
-    return Plant(np.array([e.code for e in effects], dtype=np.int64), p, parts, address_of(tuple(own)))
+    return AxisNumbers(np.array([e.code for e in effects], dtype=np.int64), p, parts, address_of(tuple(own)))

@@ -20,17 +20,12 @@ from sklearn.utils import Bunch
 
 from whsklearn.effects import Coulomb, Effect, FrictionLaw, Viscous, as_law
 from whsklearn.systems._servo_drive import chain_of
-from whsklearn.systems._servo_torques import Plant, plant_of
+from whsklearn.systems._servo_torques import AxisNumbers, plant_of
 from whsklearn.systems.servo_parts import Drive, PIDController, Sensor, Transmission
 from whsklearn.systems.servo_simulation import Conditions, experiment, reading_noise, run
 
 FEWEST_STEPS = 4  # per sample, as in the fit of an axis; its code then takes under 100 ns per step
 PARTS = ("drive", "transmission", "sensor", "controller")
-
-
-def _default_law() -> FrictionLaw:
-    """Viscous and Coulomb friction of a small turntable."""
-    return FrictionLaw([Viscous(0.12), Coulomb(0.3)])
 
 
 @dataclass(frozen=True)
@@ -81,7 +76,7 @@ class ServoAxis:
     """
 
     inertia: float = 0.05
-    law: FrictionLaw = field(default_factory=_default_law)
+    law: FrictionLaw = field(default_factory=lambda: FrictionLaw([Viscous(0.12), Coulomb(0.3)]))
     effects: tuple[Effect, ...] = ()
     drive: Drive = field(default_factory=Drive)
     transmission: Transmission | None = None
@@ -323,7 +318,7 @@ def fine_steps(effects: Iterable[Effect], sample_time: float) -> int:
 
 # --- as compiled passes take it --------------------------------------------------------------------------------------
 def parts_of(axis: ServoAxis) -> NDArray[np.float64]:
-    """The numbers of an axis that do not belong to an effect, shape (12,), in the order of `Plant.parts`."""
+    """The numbers of an axis that do not belong to an effect, shape (12,), in the order of `AxisNumbers.parts`."""
     kappa = 1.0 / axis.smoothing if axis.friction == "tanh" else math.inf
     d, part = axis.drive, axis.transmission
     coupling = (0.0, 0.0, 0.0, 0.0)
@@ -333,7 +328,7 @@ def parts_of(axis: ServoAxis) -> NDArray[np.float64]:
     return np.array([axis.inertia, kappa, d.gain, d.limit, d.delay, d.lag, *coupling, resolution, on_load])
 
 
-def pack(axis: ServoAxis) -> Plant:
+def pack(axis: ServoAxis) -> AxisNumbers:
     """The axis as flat arrays; effects of neutral size are left out, so they change nothing.
 
     Raises ValueError if the drive would act early, or a user-defined effect cannot be simulated.

@@ -27,7 +27,7 @@ from whsklearn.systems._servo_kernel import (
     run,
     torque_along,
 )
-from whsklearn.systems._servo_torques import Plant, plant_of
+from whsklearn.systems._servo_torques import AxisNumbers, plant_of
 
 __all__ = [
     "DRIVE",
@@ -37,8 +37,8 @@ __all__ = [
     "POSITION",
     "TORQUE",
     "VELOCITY",
+    "AxisNumbers",
     "How",
-    "Plant",
     "bare_parts",
     "effect_torque",
     "follow",
@@ -50,7 +50,7 @@ _NOTHING = np.zeros(0)
 
 
 def bare_parts(inertia: float, delay: float = 0.0, *, on_load: bool = False) -> Array:
-    """`Plant.parts` of an axis with these values; everything else is in its effects.
+    """`AxisNumbers.parts` of an axis with these values; everything else is in its effects.
 
     ``inertia``: inertia (kg m2). ``delay``: delay between the logged drive and its action (s); below zero it acts
     early. ``on_load``: whether the encoder sits behind the transmission.
@@ -58,7 +58,9 @@ def bare_parts(inertia: float, delay: float = 0.0, *, on_load: bool = False) -> 
     return np.array([inertia, math.inf, 1.0, math.inf, delay, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, float(on_load)])
 
 
-def follow(plant: Plant, drive: Array, measured: Array, how: How, *, start: tuple[float, float] | None = None) -> Array:
+def follow(
+    plant: AxisNumbers, drive: Array, measured: Array, how: How, *, start: tuple[float, float] | None = None
+) -> Array:
     """One pass along a log.
 
     ``plant``: the axis: `plant_of` a sequence of effects and `bare_parts`, `whsklearn.systems.servo.pack`, or arrays of
@@ -87,7 +89,7 @@ def follow(plant: Plant, drive: Array, measured: Array, how: How, *, start: tupl
     return out
 
 
-def effect_torque(plant: Plant, time: Array, position: Array, velocity: Array, drive: Array) -> Array:
+def effect_torque(plant: AxisNumbers, time: Array, position: Array, velocity: Array, drive: Array) -> Array:
     """F(q, v): drive torque for all memoryless effects of an axis along a motion (Nm), shape (n,).
 
     Hysteresis is omitted because noise on the path would excite it, and the sensor's effects because they are not

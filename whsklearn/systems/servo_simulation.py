@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.utils import Bunch
 
-from whsklearn.systems._servo_torques import Plant
+from whsklearn.systems._servo_torques import AxisNumbers
 from whsklearn.systems.servo_parts import PIDController
 
 if TYPE_CHECKING:
@@ -187,7 +187,7 @@ def reading_noise(deviation: float, noise: Any, random_state: Any, n: int) -> ND
 
 
 def run(
-    plant: Plant,
+    plant: AxisNumbers,
     controller: PIDController,
     e: Experiment,
     noise: NDArray[np.float64],

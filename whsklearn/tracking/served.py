@@ -48,10 +48,7 @@ class Served:
 
         A frame whose column name states its unit, such as ``torque_mnm``, is converted to the unit of the model.
 
-        Raises
-        ------
-        ValueError
-            If it is not one column, or if its unit cannot be converted to that of the model.
+        Raises ValueError if it is not one column, or if its unit cannot be converted to that of the model.
         """
         u = np.asarray(model_input, dtype=float)
         if u.size != u.shape[0]:

@@ -7,8 +7,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from whsklearn._inputs import real_array
 
-__all__ = ["convergence_bound"]
-
 
 def convergence_bound(
     t: ArrayLike,

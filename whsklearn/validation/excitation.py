@@ -16,8 +16,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from whsklearn._inputs import check_whole, real_array
 
-__all__ = ["Excitation", "ExcitationWarning", "check_excitation", "excitation"]
-
 _MEMBER = 0.1  # a parameter belongs to an unseen direction if it is this share of it
 
 

@@ -15,8 +15,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from whsklearn.metrics.indices import nmse, rmse
 
-__all__ = ["HorizonCurve", "error_against_horizon"]
-
 
 @dataclass(frozen=True)
 class HorizonCurve:

@@ -15,16 +15,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from whsklearn._inputs import real_array
 
-__all__ = [
-    "CorrelationTest",
-    "WhitenessTest",
-    "autocorrelation",
-    "correlation_band",
-    "cross_correlation_test",
-    "residual_tests",
-    "whiteness_test",
-]
-
 
 @dataclass(frozen=True)
 class WhitenessTest:

@@ -13,8 +13,6 @@ from typing import Any
 from numpy.typing import ArrayLike, NDArray
 from sklearn.model_selection import LeaveOneGroupOut, TimeSeriesSplit
 
-__all__ = ["memory_length", "one_experiment_out", "time_series_split"]
-
 
 def memory_length(estimator: Any) -> int:
     """Samples before t that an estimator's regressors at t reach back to: max lag + p - 1.

@@ -12,7 +12,7 @@ from whsklearn.effects import CableSpring, Cogging, ContactStop, DisturbanceTone
 from whsklearn.gap import ServoRecord
 from whsklearn.gap.plants.simulator import SimulatorPlant
 from whsklearn.gap.plants.simulator_look import (
-    Seen,
+    Errors,
     accelerations,
     catalogue,
     followed_motion,
@@ -84,7 +84,7 @@ def looked(torque, shapes, noise=1e-4, seed=0):
     plant = SimulatorPlant(Told(1.0), dataclasses.replace(RECORD, position=path + error), tolerance=0.004)
     base = plant.base(rng)
     plant._shapes = {e.name: [e] for e in shapes}
-    seen = Seen.of(plant, dataclasses.replace(base, error=error), rng)
+    seen = Errors.of(plant, dataclasses.replace(base, error=error), rng)
     found = with_p_values(list(accelerations(plant, seen)))
     return {k.name: k.p_value for k in found if k.name}, min(k.p_value for k in found if not k.name)
 
@@ -114,7 +114,7 @@ def test_a_common_law_is_shown_by_simulation():
     rng = np.random.default_rng(0)
     record = dataclasses.replace(RECORD, position=position + 1e-3 * rng.standard_normal(TIME.size))
     plant = SimulatorPlant(Told(1.0), record, tolerance=0.004)
-    found = with_p_values(list(slopes(plant, Seen.of(plant, plant.base(rng), rng))))
+    found = with_p_values(list(slopes(plant, Errors.of(plant, plant.base(rng), rng))))
     assert {k.name for k in found} == {"cable_spring", "input_offset", "asymmetric_viscous"}
     assert min(found, key=lambda k: k.p_value).name == "cable_spring"
     assert min(k.p_value for k in found) < 1e-3

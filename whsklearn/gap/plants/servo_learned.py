@@ -67,7 +67,7 @@ class Form(NamedTuple):
         return ("angle in the turn" if self.period else first, *second)
 
 
-class Fit(NamedTuple):
+class CurveFit(NamedTuple):
     """A curve solved together with the base model and the curves before it.
 
     Attributes
@@ -120,7 +120,7 @@ def learn(view: Any, model: ServoHypothesis) -> Learned | None:
         return None
     torque = view.torque(model)
     problem = CurveProblem(view, model, torque)
-    found: list[Fit] = []
+    found: list[CurveFit] = []
     while len(found) < MOST_CURVES:
         open_forms = [f for f in forms(view, torque) if f not in [g.form for g in found]]
         fits = [fit for f in open_forms for n in f.knots if (fit := problem.fitted(f, n)) is not None]
@@ -155,7 +155,7 @@ class Normal(NamedTuple):
 class CurveProblem:
     """Penalised least squares of one record: friction and effects of the base model, and the curves found so far."""
 
-    def __init__(self, view: Any, model: ServoHypothesis, torque: Array | None, curves: tuple[Fit, ...] = ()):
+    def __init__(self, view: Any, model: ServoHypothesis, torque: Array | None, curves: tuple[CurveFit, ...] = ()):
         self.view, self.model, self.torque, self.curves = view, model, torque, curves
         fitted, full, target, sizes, _ = view.solved(model)
         x, positive = view.columns(model, torque)
@@ -229,7 +229,7 @@ class CurveProblem:
             columns[:, i] = filtered(raw, kernel, every)[self.view.at]
         return columns, centres, width
 
-    def fitted(self, form: Form, n: int) -> Fit | None:
+    def fitted(self, form: Form, n: int) -> CurveFit | None:
         """The curve of a form at its best smoothness; None if the record does not reach its hills."""
         new, centres, width = self.hills(form, n)
         seen = np.sqrt(np.mean(new**2, axis=0))
@@ -247,7 +247,7 @@ class CurveProblem:
         inverse = np.linalg.pinv((normal.gram + penalty)[np.ix_(free, free)])[-k:, -k:]
         variance = float(left @ left) / max(self.view.n_effective - z.shape[1], 1.0)
         covariance = variance * inverse * self.target.size / self.view.n_effective
-        return Fit(form, centres, width, new, own, numbers, covariance, min(errors), self.inertia, self.timing)
+        return CurveFit(form, centres, width, new, own, numbers, covariance, min(errors), self.inertia, self.timing)
 
 
 def scaled_solve(gram: Array, right: Array) -> Array:
@@ -275,14 +275,14 @@ def second_differences(k: int, periodic: bool) -> Array:
     return d.T @ d
 
 
-def heights_of(fits: list[Fit]) -> list[Array]:
+def heights_of(fits: list[CurveFit]) -> list[Array]:
     """The heights of the hills of every curve, solved together with the last one."""
     numbers = fits[-1].numbers
     ends = numbers.size - np.cumsum([0, *(f.centres.size for f in fits[::-1])])[::-1]
     return [numbers[a:b] for a, b in pairwise(ends)]
 
 
-def with_curves(view: Any, model: ServoHypothesis, fits: list[Fit], heights: list[Array]) -> ServoHypothesis:
+def with_curves(view: Any, model: ServoHypothesis, fits: list[CurveFit], heights: list[Array]) -> ServoHypothesis:
     """The model with its own numbers as solved beside the curves, and with the hills of the curves as terms."""
     last = fits[-1]
     own = last.numbers[: last.numbers.size - sum(h.size for h in heights)]
@@ -294,7 +294,7 @@ def with_curves(view: Any, model: ServoHypothesis, fits: list[Fit], heights: lis
     return dataclasses.replace(model, terms=tuple(terms))
 
 
-def curve_of(fit: Fit, weights: Array, n: int = 200) -> Curve:
+def curve_of(fit: CurveFit, weights: Array, n: int = 200) -> Curve:
     """The curve on a grid, with two standard deviations on either side."""
     x = np.linspace(fit.form.low, fit.form.high, n)
     d = x[:, None] - fit.centres[None, :]

@@ -18,8 +18,8 @@ from whsklearn.systems.servo_observer import (
     MEASURED,
     POSITION,
     VELOCITY,
+    AxisNumbers,
     How,
-    Plant,
     bare_parts,
     follow,
 )
@@ -155,7 +155,7 @@ class ServoHypothesis:
         return np.array(out) * (10.0 if self.has_play else 1.0)
 
     # --- running -------------------------------------------------------------------------
-    def plant(self) -> Plant:
+    def plant(self) -> AxisNumbers:
         """Codes and numbers in the form that the compiled pass takes."""
         own = list(dict.fromkeys(t.kind.cls for t in self.terms if t.kind.code >= k.USER_TORQUE))
         p = np.zeros((len(self.terms), k.N_NUMBERS))
@@ -164,7 +164,8 @@ class ServoHypothesis:
             if t.kind.code >= k.USER_TORQUE:
                 row[WHICH] = own.index(t.kind.cls)
         parts = bare_parts(self.inertia, self.timing * self.scene.dt, on_load=self.load_side)
-        return Plant(np.array([t.kind.code for t in self.terms], dtype=np.int64), p, parts, address_of(tuple(own)))
+        codes = np.array([t.kind.code for t in self.terms], dtype=np.int64)
+        return AxisNumbers(codes, p, parts, address_of(tuple(own)))
 
     @property
     def longest_step(self) -> float:

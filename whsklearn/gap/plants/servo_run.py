@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from whsklearn.effects import Scales
 from whsklearn.effects import codes as k
 from whsklearn.gap.filters import WHITENING, ResidualFilter, solve_whitening, whiten
-from whsklearn.gap.least_squares import Fit, gain_of, least_squares
+from whsklearn.gap.least_squares import Minimum, gain_of, least_squares
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants.servo_candidates import Candidate
 from whsklearn.gap.plants.servo_model import LONGEST_STEP, ServoHypothesis, ServoTerm
@@ -153,7 +153,7 @@ class ObserverView:
     # --- fitting ---------------------------------------------------------------------------
     def fitted(
         self, model: ServoHypothesis, *, max_iterations: int = 12, tolerance: float = 5e-4
-    ) -> tuple[ServoHypothesis, Fit]:
+    ) -> tuple[ServoHypothesis, Minimum]:
         """The model refitted to the training part, all free numbers together, under the current weights."""
         fit = least_squares(
             lambda x: self.residual(model.with_vector(x)),
@@ -184,7 +184,7 @@ def with_load(view: ObserverView, model: ServoHypothesis, kind: Candidate) -> Se
     return best
 
 
-def _best_start(view: ObserverView, model: ServoHypothesis, fit: Fit, kind: Candidate) -> tuple[float, ...]:
+def _best_start(view: ObserverView, model: ServoHypothesis, fit: Minimum, kind: Candidate) -> tuple[float, ...]:
     """The start whose signature promises the largest decrease beyond the model's own sensitivities; empty if none.
 
     The signature is the change of the residual.  A number of the model at a bound explains nothing.
@@ -200,7 +200,7 @@ def _best_start(view: ObserverView, model: ServoHypothesis, fit: Fit, kind: Cand
     return best[1]
 
 
-def _hopeless(view: Any, model: ServoHypothesis, fit: Fit) -> bool:
+def _hopeless(view: Any, model: ServoHypothesis, fit: Minimum) -> bool:
     """Whether no first step from any start gains enough to justify the numbers of the transmission.
 
     Settling takes ten times as long, and took most of the time for a record in which nothing is named in the end.
@@ -210,7 +210,7 @@ def _hopeless(view: Any, model: ServoHypothesis, fit: Fit) -> bool:
     return bool(r.size * np.log(float(r @ r) / max(fit.cost, 1e-300)) < rules.PAYS * numbers)
 
 
-def _settle(view: Any, model: ServoHypothesis) -> tuple[ServoHypothesis, Fit]:
+def _settle(view: Any, model: ServoHypothesis) -> tuple[ServoHypothesis, Minimum]:
     """Repeated fits, each weighted for the gap of the previous one: the weights of a large gap hide a small one."""
     gap = view.rms(view.gap(model), "all")
     for _ in range(3):

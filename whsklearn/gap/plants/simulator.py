@@ -34,8 +34,8 @@ from whsklearn.gap.filters import WHITENING, autoregression, whiten, whiteness
 from whsklearn.gap.localisation import since_reversal, spectra
 from whsklearn.gap.plant import Figures, Gap, Linearised, Plant, Told
 from whsklearn.gap.plants.simulator_look import (
+    Errors,
     FollowedMotion,
-    Seen,
     accelerations,
     catalogue,
     followed_motion,
@@ -145,7 +145,7 @@ class SimulatorPlant(Plant):
         They are fitted here, so that all are compared under the residual of the best one.
         """
         model = self.fits.built(model)
-        seen = Seen.of(self, model, rng)
+        seen = Errors.of(self, model, rng)
         best: dict[str, Look] = {}
         nameless = []
         for k in with_p_values([*accelerations(self, seen), *slopes(self, seen)]):

@@ -192,7 +192,7 @@ STANDING_OUT = 2.0  # multiple of the noise's power up to which a line of the er
 
 
 @dataclass(frozen=True)
-class Seen:
+class Errors:
     """The error of a model and those of its own records, in the form that looks take."""
 
     model: Any
@@ -201,7 +201,7 @@ class Seen:
     motion: FollowedMotion
 
     @classmethod
-    def of(cls, plant: Any, model: Any, rng: np.random.Generator) -> Seen:
+    def of(cls, plant: Any, model: Any, rng: np.random.Generator) -> Errors:
         """The errors of a fitted model."""
         power = smoothed_power(model.error)
         null = coloured(power, (N_NULL, model.error.size), rng)
@@ -222,7 +222,7 @@ def noise_of(error: Array, noise: float) -> Array:
     return np.asarray(np.fft.irfft(lines, there_and_back.size)[: error.size])
 
 
-def accelerations(plant: Any, seen: Seen) -> Iterator[Look]:
+def accelerations(plant: Any, seen: Errors) -> Iterator[Look]:
     """Look at every effect at all shapes, and at nameless functions of the motion, in the error's second derivative."""
     m = seen.motion
     s, at = m.signals, m.usable
@@ -264,7 +264,7 @@ def accelerations(plant: Any, seen: Seen) -> Iterator[Look]:
             yield dataclasses.replace(look, size=look.size * share)
 
 
-def slopes(plant: Any, seen: Seen) -> Iterator[Look]:
+def slopes(plant: Any, seen: Errors) -> Iterator[Look]:
     """Look at effects without a scan, some of which have no column, by how a small size changes the simulation."""
     train = plant.train
     plane = plant.fits.tangent(seen.model)[train]

@@ -160,12 +160,6 @@ def _says_something(cost: float, rows: Array) -> bool:
     return bool(np.isfinite(cost) and np.abs(rows).max(initial=0.0) < LARGEST)
 
 
-def _regular(information: Array) -> Array:
-    """Normal equations with a positive diagonal."""
-    information[np.diag_indices_from(information)] += 1e-300
-    return information
-
-
 def _stepped(theta: Array, step: Array, form: AxisForm) -> Array | None:
     """theta after a step: inertia keeps at least a twentieth, a resonance half; None if friction would drive the axis.
 
@@ -239,7 +233,9 @@ def _fitted(
 
     def equations(at: _Run) -> tuple[Array, Array] | None:
         rows = rows_of(at)
-        return (_regular(rows @ rows.T), rows @ at.error) if _says_something(at.cost, rows) else None
+        if not _says_something(at.cost, rows):
+            return None
+        return rows @ rows.T + 1e-300 * np.eye(len(rows)), rows @ at.error  # the diagonal is positive
 
     def moved(at: _Run, step: Array) -> _Run | None:
         trial = _stepped(at.theta, step, log.form)

@@ -114,7 +114,8 @@ def best_linear(data: IOData, n_poles: int, n_zeros: int) -> Ratio:
     """ARX, three passes of Steiglitz-McBride, output error; the best of the starts is refined."""
     arx = least_squares_arx(data, n_poles, n_zeros)
     starts = [Ratio(r.b, stabilised(r.a)) for r in (arx, steiglitz_mcbride(data, arx))]
-    return output_error(data, min(starts, key=lambda r: _cost(r, data)))
+    costs = np.nan_to_num([_run(r, data).cost for r in starts], nan=np.inf, posinf=np.inf)
+    return output_error(data, starts[int(np.argmin(costs))])
 
 
 def stabilised(a: Array) -> Array:
@@ -126,11 +127,6 @@ def stabilised(a: Array) -> Array:
     size = np.maximum(np.abs(roots), 1e-12)
     inside = np.real(np.poly(np.where(size > 0.995 * EDGE, roots / size * 0.995 * EDGE, roots)))
     return np.append(inside, np.zeros(a.size - inside.size))
-
-
-def _cost(ratio: Ratio, data: IOData) -> float:
-    cost = _run(ratio, data).cost
-    return cost if np.isfinite(cost) else np.inf
 
 
 def _equation_error(data: IOData, u: Array, y: Array, n_poles: int, n_zeros: int) -> Ratio:

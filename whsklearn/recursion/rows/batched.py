@@ -15,8 +15,6 @@ from whsklearn._numba import njit, part
 from whsklearn.effects.base import Array
 from whsklearn.recursion.rows.covariance import WIND_UP
 
-__all__ = ["least_squares_of_many"]
-
 ABREAST = 48  # axes processed together; their factors just fit into the fastest cache
 TOGETHER = 4  # samples that are rearranged at a time
 
