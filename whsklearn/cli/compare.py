@@ -16,16 +16,7 @@ from whsklearn.cli.arm_log import read_arm, robot_of
 from whsklearn.cli.gap import as_record, read_log
 from whsklearn.cli.job import UNUSABLE, job, say_where, table, tracker_for, wrapped, writable_folder
 from whsklearn.cli.options import axis_options, given, reading_options, robot_options
-from whsklearn.cli.records import (
-    TWICE,
-    liveliest,
-    long_segments,
-    longest,
-    names_of,
-    note,
-    note_assumed,
-    refuse_shared,
-)
+from whsklearn.cli.records import TWICE, liveliest, long_segments, longest, names_of, note, note_assumed, refuse_shared
 
 if TYPE_CHECKING:
     from collections.abc import Callable

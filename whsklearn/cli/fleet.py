@@ -31,10 +31,7 @@ SHOWN = 10
 @click.option("--time", "time_column", default=None, help="Time column; rows are sorted by it.")
 @model_options
 @click.option(
-    "--test-share",
-    type=click.FloatRange(0, 0.9),
-    default=0.25,
-    help="Share held out as a test at the end of a log.",
+    "--test-share", type=click.FloatRange(0, 0.9), default=0.25, help="Share held out as a test at the end of a log."
 )
 @click.option("--in-process", is_flag=True, help="Use this machine's cores through joblib, without a cluster.")
 @click.option("--scheduler", default=None, help="Address of a Dask scheduler; a local cluster if omitted.")

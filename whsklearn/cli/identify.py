@@ -22,15 +22,7 @@ from whsklearn.cli.job import (
     writable_folder,
 )
 from whsklearn.cli.options import given, logged_option, reading_options, robot_options, system_options
-from whsklearn.cli.records import (
-    TWICE,
-    liveliest,
-    names_of,
-    note,
-    note_assumed,
-    read_system,
-    refuse_shared,
-)
+from whsklearn.cli.records import TWICE, liveliest, names_of, note, note_assumed, read_system, refuse_shared
 
 if TYPE_CHECKING:
     from sklearn.utils import Bunch

@@ -180,10 +180,7 @@ def progress_bar(**options: Any) -> Iterator[Any]:
     from tqdm import tqdm
     from tqdm.contrib.logging import logging_redirect_tqdm
 
-    with (
-        logging_redirect_tqdm([logging.getLogger("whsklearn")]),
-        tqdm(disable=None, leave=False, **options) as bar,
-    ):
+    with logging_redirect_tqdm([logging.getLogger("whsklearn")]), tqdm(disable=None, leave=False, **options) as bar:
         yield bar
 
 

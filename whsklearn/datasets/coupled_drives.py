@@ -16,12 +16,7 @@ SWITCHES = 5  # samples; the input keeps each level for a multiple of this
 
 
 def make_coupled_drives(
-    n_samples: int = 500,
-    *,
-    kind: str = "prbs",
-    amplitude: float = 1.0,
-    noise: float = 0.02,
-    random_state: Any = None,
+    n_samples: int = 500, *, kind: str = "prbs", amplitude: float = 1.0, noise: float = 0.02, random_state: Any = None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Simulate the coupled electric drives with the published parameters.
 

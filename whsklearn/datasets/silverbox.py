@@ -14,11 +14,7 @@ from whsklearn.systems import ServoAxis
 
 SAMPLE_RATE = 1e7 / 2**14  # Hz, of the published records
 BAND = 200.0  # Hz
-PERIOD, LEAD_IN, PAUSE = (
-    8192,
-    500,
-    100,
-)  # samples of a multisine, of its end before it, and of silence
+PERIOD, LEAD_IN, PAUSE = (8192, 500, 100)  # samples of a multisine, of its end before it, and of silence
 RMS = 0.0224  # V
 OVERSAMPLING = 32  # fine samples per sample in the simulation: 280 per period of the resonance
 

@@ -12,14 +12,7 @@ from typing import Any
 import numpy as np
 
 # --- the scales of one record, from which a search takes where a number can lie and where to begin ------------------
-_OF_UNIT = {
-    "rad": "reach",
-    "rad/s": "speed",
-    "Nm": "torque",
-    "s": "duration",
-    "Hz": "slowest",
-    "rad/Nm": "compliance",
-}
+_OF_UNIT = {"rad": "reach", "rad/s": "speed", "Nm": "torque", "s": "duration", "Hz": "slowest", "rad/Nm": "compliance"}
 _REACHED = 3.0  # periods of a tone that a record must hold to show its frequency
 
 

@@ -334,13 +334,7 @@ class RecursiveRegressor(AxisRegressor):
         )  # fmt: skip
         return FullStream(structure, settings)
 
-    def _keep(
-        self,
-        stream: AnyStream,
-        state: dict[str, Any],
-        seed: int,
-        groups: ArrayLike | None,
-    ) -> None:
+    def _keep(self, stream: AnyStream, state: dict[str, Any], seed: int, groups: ArrayLike | None) -> None:
         """Make a state the estimator's current one."""
         state["seed"] = seed
         if groups is not None:

@@ -4,8 +4,4 @@ from whsklearn.lags.inverse_dynamics import InverseDynamicsLags
 from whsklearn.lags.rigid_body import RigidBodyLags
 from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
 
-__all__ = [
-    "InverseDynamicsLags",
-    "RigidBodyLags",
-    "WienerHammersteinLags",
-]
+__all__ = ["InverseDynamicsLags", "RigidBodyLags", "WienerHammersteinLags"]

@@ -23,17 +23,7 @@ from whsklearn.effects import codes
 from whsklearn.effects.equations import N_STATES, quantized, smooth_sign
 from whsklearn.systems._servo_drive import chain_of, effective, held, hold_weights
 from whsklearn.systems._servo_step import body_of, fine_step
-from whsklearn.systems._servo_torques import (
-    GAIN,
-    KAPPA,
-    ON_LOAD,
-    RESOLUTION,
-    Ends,
-    arranged,
-    load_sum,
-    motor_sum,
-    read,
-)
+from whsklearn.systems._servo_torques import GAIN, KAPPA, ON_LOAD, RESOLUTION, Ends, arranged, load_sum, motor_sum, read
 
 N_SIGNALS = 7
 DRIVE, MEASURED, POSITION, VELOCITY, TORQUE, LOAD, LOAD_VELOCITY = range(N_SIGNALS)  # rows of the output

@@ -75,11 +75,7 @@ def metric_name(name: str) -> str:
 
 
 def open_tracker(
-    experiment: str,
-    *,
-    root: str | os.PathLike[str] = ".",
-    enabled: bool = True,
-    tags: Mapping[str, str] | None = None,
+    experiment: str, *, root: str | os.PathLike[str] = ".", enabled: bool = True, tags: Mapping[str, str] | None = None
 ) -> Tracker:
     """Open the store in the process that records, and create the experiment if it is new.
 
