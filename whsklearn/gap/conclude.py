@@ -227,14 +227,8 @@ def stays_open(row: dict[str, Any]) -> bool:
 def verdict_of(plant: Any, found: Found, alpha: float, run: dict[str, float]) -> str:
     """The verdict, from the effects taken and the residual.
 
-    Parameters
-    ----------
-    plant : Plant
-    found : Found
-    alpha : float
-        Level of the test for what has no name.
-    run : dict
-        Row of the proof (`whsklearn.gap.proof.prove`) at the headline horizon.
+    ``alpha``: level of the test for what has no name. ``run``: row of the proof (`whsklearn.gap.proof.prove`) at the
+    headline horizon.
     """
     least = plant.tolerance * plant.scale
     nameless = max((k.size for k in found.remainder if not k.name and k.p_value <= alpha), default=0.0)

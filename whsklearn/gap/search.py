@@ -47,32 +47,17 @@ def shares(look: Look, nameless: Look) -> bool:
 
 @dataclass(frozen=True)
 class Named:
-    """One effect of a model, with its evidence.
-
-    Attributes
-    ----------
-    look : Look
-    model : object
-        The model with it, fitted.
-    before, errors : ndarray of shape (n,)
-        Residual without it and with it.
-    gain : float
-        g of the fitted effect.
-    size : float
-        Rms of what it explains, as a share of the drive or the output.
-    reason : str
-        Physical objection to it; empty if there is none.
-    rivals, same : list of str
-        Names that this record cannot distinguish from it, and names that describe the same with more numbers.
-    """
+    """One effect of a model, with its evidence."""
 
     look: Look
-    model: Any
-    before: Array = field(repr=False)
+    model: Any  # the model with it, fitted
+    before: Array = field(repr=False)  # before, errors (n,): residual without it and with it
     errors: Array = field(repr=False)
-    gain: float = 0.0
-    size: float = 0.0
-    reason: str = ""
+    gain: float = 0.0  # g of the fitted effect
+    size: float = 0.0  # rms of what it explains, as a share of the drive or the output
+    reason: str = ""  # physical objection to it; empty if there is none
+    # rivals, same: names that this record cannot distinguish from it, and names that describe the same with more
+    # numbers
     rivals: list[str] = field(default_factory=list)
     same: list[str] = field(default_factory=list)
 
@@ -111,47 +96,26 @@ class Step:
 
 @dataclass
 class Found:
-    """Result of the search.
-
-    Attributes
-    ----------
-    base, model : object
-    taken : list of Named
-        In the order of what they explain.
-    steps : list of Step
-    remainder : list of Look
-        Of the last look, at the final model; nameless families are included.
-    interrupted : bool
-    """
+    """Result of the search."""
 
     base: Any
     model: Any
-    taken: list[Named] = field(default_factory=list)
+    taken: list[Named] = field(default_factory=list)  # in the order of what they explain
     steps: list[Step] = field(default_factory=list)
+    # of the last look, at the final model; nameless families are included
     remainder: list[Look] = field(default_factory=list)
     interrupted: bool = False
 
 
 @dataclass
 class Search:
-    """The search of one plant.
-
-    Parameters
-    ----------
-    plant : Plant
-    rng : Generator
-    alpha : float
-        Probability of a false name in a record in which nothing is missing.
-    max_effects : int
-    on_round : callable, optional
-        Called with each finished `Step`.
-    """
+    """The search of one plant."""
 
     plant: Any
     rng: np.random.Generator
-    alpha: float
+    alpha: float  # probability of a false name in a record in which nothing is missing
     max_effects: int
-    on_round: Callable[[Step], None] | None = None
+    on_round: Callable[[Step], None] | None = None  # called with each finished `Step`
 
     def run(self, base: Any) -> Found:
         """Find what the base model lacks; an interruption ends it with the rounds that are finished."""

@@ -252,16 +252,8 @@ def block_covariance(rows: Array, error: Array, block: NDArray[np.int64], white:
     Each block of rows is omitted in turn, and the covariance is the spread of the fits to the others. It is at least
     ``white`` in every direction, because there are fewer blocks than weights.
 
-    Parameters
-    ----------
-    rows : ndarray of shape (m, p)
-        Weighted.
-    error : ndarray of shape (m,)
-        Residuals of the fit.
-    block : ndarray of int, shape (m,)
-        To which each row belongs.
-    white : ndarray of shape (p, p)
-        Covariance if the errors were independent.
+    ``rows`` (m, p): weighted. ``error`` (m,): residuals of the fit. ``block`` (m,): to which each row belongs.
+    ``white`` (p, p): covariance if the errors were independent.
 
     References
     ----------
@@ -367,16 +359,8 @@ def updated(rows: Array, target: Array, block: NDArray[np.int64], known: Array) 
     within the record reduce the effective number of rows. If the two records disagree by more than their errors, all
     errors are widened.
 
-    Parameters
-    ----------
-    rows : ndarray of shape (m, p)
-        Weighted.
-    target : ndarray of shape (m,)
-        Minus the prediction from the other record.
-    block : ndarray of int, shape (m,)
-        To which each row belongs.
-    known : ndarray of shape (r, p)
-        Its product with the weights is zero with unit variance (`Known`).
+    ``rows`` (m, p): weighted. ``target`` (m,): minus the prediction from the other record. ``block`` (m,): to which
+    each row belongs. ``known`` (r, p): its product with the weights is zero with unit variance (`Known`).
 
     References
     ----------
@@ -423,14 +407,8 @@ def held_out(
 
     NaN for a joint without used rows, because it does not move.
 
-    Parameters
-    ----------
-    phi, target, keep, weights
-        Rows of all joints, as `RigidBodyLags.joint_rows` makes them.
-    drive : ndarray of shape (m, n_joints), optional
-        The drives, if ``target`` is only a part of them.
-    known : ndarray of shape (r, n_columns), optional
-        See `fitted`.
+    ``phi``, ``target``, ``keep``, ``weights``: rows of all joints, as `RigidBodyLags.joint_rows` makes them. ``drive``
+    (m, n_joints): the drives, if ``target`` is only a part of them. ``known`` (r, n_columns): see `fitted`.
     """
     block = np.arange(len(phi)) * BLOCKS // len(phi)
     whole = np.sum(np.where(keep, target if drive is None else drive, 0.0) ** 2, axis=0)
@@ -479,10 +457,7 @@ LESS = 0.7  # of the sum over the joints that an exchange moves: it has to lower
 def suspicions(arm: Arm, q: Array, torque: Array) -> list[str]:
     """Warnings about a log that looks wrong: degrees, mA, all joints moving as one.
 
-    Parameters
-    ----------
-    arm : Arm
-    q, torque : ndarray of shape (n, n_joints)
+    ``q``, ``torque`` are (n, n_joints).
     """
     out = []
     far = [j for j, x, slides in zip(arm.joints, q.T, arm.slides, strict=True) if not slides and np.ptp(x) > FAR]
@@ -520,15 +495,8 @@ def swapped(
     round or shifting them by one, as long as that leaves less.  It has to be better for every joint that it moves: a
     large effect that one joint lacks is no such order.
 
-    Parameters
-    ----------
-    lags : RigidBodyLags
-        With which ``rows`` were made.
-    q, torque : ndarray of shape (n, n_joints)
-    rows : tuple
-        As `RigidBodyLags.joint_rows` makes them of these.
-    groups : array-like of shape (n,), optional
-        Marks experiments.
+    ``lags``: with which ``rows`` were made. ``q``, ``torque`` are (n, n_joints). ``rows``: as
+    `RigidBodyLags.joint_rows` makes them of these. ``groups`` (n,): marks experiments.
     """
     names = lags.arm_.joints
     given = places = np.arange(len(names))

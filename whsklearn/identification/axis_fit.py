@@ -76,10 +76,7 @@ def fit_rigid_axis(log: View) -> AxisModel:
 def fit_free_law_axis(log: View) -> AxisModel:
     """The same with friction bent at four speeds.
 
-    Raises
-    ------
-    ValueError
-        If the bends are negligible, or as `inverse_starts`.
+    Raises ValueError if the bends are negligible, or as `inverse_starts`.
     """
     speed = np.abs(log.target)
     model = _fit(log, AxisForm(np.unique(np.quantile(speed[speed > 0.02 * speed.max()], KNOTS))))
@@ -89,10 +86,7 @@ def fit_free_law_axis(log: View) -> AxisModel:
 def fit_hanging_axis(log: View) -> AxisModel:
     """The rigid axis with gravity; the output is its position, an angle, which gravity prevents from drifting.
 
-    Raises
-    ------
-    ValueError
-        If gravity is negligible or cancels an offset, or as `inverse_starts`.
+    Raises ValueError if gravity is negligible or cancels an offset, or as `inverse_starts`.
     """
     model = _fit(_of_position(log), AxisForm(hangs=True))
     numbers = model.parameters
@@ -110,10 +104,7 @@ def fit_hanging_axis(log: View) -> AxisModel:
 def fit_placed_axis(log: View) -> AxisModel:
     """The rigid axis with a cubic force over position, whatever its cause; the output is its position.
 
-    Raises
-    ------
-    ValueError
-        If the force is negligible, or as `inverse_starts`.
+    Raises ValueError if the force is negligible, or as `inverse_starts`.
     """
     model = _fit(_of_position(log), AxisForm(powers=3))
     return _with_force(model, sum(e.value(position=log.y) for e in model.effects[1:]), log)
@@ -135,10 +126,8 @@ def fit_sprung_axis(log: View, powers: int) -> AxisModel:
     The drive is taken either as held between samples or as a smooth signal, whichever leaves the smaller error; the two
     differ for a system whose phase changes by half a radian per sample, such as the Silverbox.
 
-    Raises
-    ------
-    ValueError
-        If the best linear model of second order is not a mass on a spring, or explains almost none of the record.
+    Raises ValueError if the best linear model of second order is not a mass on a spring, or explains almost none of the
+    record.
     """
     record = _of_position(log)
     theta, form = spring_start(log), AxisForm(powers=powers)
@@ -168,10 +157,7 @@ def fit_two_masses(log: View) -> AxisModel:
 
     By multiple shooting from `resonance_starts`, first over pieces in which the load rings, then over longer ones.
 
-    Raises
-    ------
-    ValueError
-        If the output is not a position, or no resonance is found.
+    Raises ValueError if the output is not a position, or no resonance is found.
     """
     if log.logged != "position":
         raise ValueError("The resonance of a load can be identified from a position only.")

@@ -36,12 +36,8 @@ def balance(log: View, width: float, form: AxisForm) -> tuple[Array, Array]:
     If the axis rests for longer than the width of the Gaussian, friction can have any value, so these samples are
     omitted.
 
-    Parameters
-    ----------
-    log : View
-        In SI; its position, or its velocity.
-    width : float
-        Standard deviation of the Gaussian in samples; the velocity for friction is smoothed with half of it.
+    ``log``: in SI; its position, or its velocity. ``width``: standard deviation of the Gaussian in samples; the
+    velocity for friction is smoothed with half of it.
     """
     dt = log.dt
     g, g1, g2 = gaussian_derivatives(width * dt, dt)
@@ -121,11 +117,8 @@ def inverse_starts(log: View, form: AxisForm) -> list[Start]:
     """Starts of a fit, one for each width of the Gaussian that yields an inertia; friction is at least slightly above
     zero.
 
-    Raises
-    ------
-    ValueError
-        If with none of them the drive accelerates the output in its own direction, even with a position-dependent
-        force.
+    Raises ValueError if with none of them the drive accelerates the output in its own direction, even with a
+    position-dependent force.
     """
     found: list[Start] = []
     least = 1e-3 * np.std(log.u) / np.array([np.std(log.target) or 1.0, 1.0])

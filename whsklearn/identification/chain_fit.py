@@ -73,10 +73,7 @@ def fit_rectified(log: View, order: int) -> ChainModel:
     If no sign changes, the sum of squares of |x| - y equals that of x - sign(x) y, so a fit that keeps its signs is a
     minimum of it (phase retrieval by alternating projections, Fienup 1982).
 
-    Raises
-    ------
-    ValueError
-        If the output goes below zero.
+    Raises ValueError if the output goes below zero.
     """
     best = _best_signs(log, order)
     law = FrictionLaw([Power(-1.0, 1.0), Hinge(2.0, 0.0)])  # |x| = 2 max(x, 0) - x
@@ -89,10 +86,7 @@ def fit_folded(log: View, order: int) -> ChainModel:
 
     A pulse counter averages, and at a low voltage at which the drive does not move, x has the sign of its offset.
 
-    Raises
-    ------
-    ValueError
-        As `fit_rectified`.
+    Raises ValueError: as `fit_rectified`.
     """
     best, data = _best_signs(log, order), input_output(log)
     data = data._replace(y=log.target, u=np.vstack([data.u, np.ones(log.u.size)]))

@@ -48,16 +48,11 @@ def drive_lead(
 
     Inverse dynamics underestimates the age of the drive at first, so the estimate is repeated until it does not change.
 
-    Parameters
-    ----------
-    look : callable
-        (age of the drive in s, rms residual) of the record with its drive shifted earlier by a number of samples.
-    as_logged : float
-        Rms residual of the record as logged, without an age.
-    dt : float
-        Sampling time (s).
-    either_way : bool, default=False
-        Whether to report a drive that acts later than it was logged, as a negative number; otherwise that is a delay.
+    ``look``: (age of the drive in s, rms residual) of the record with its drive shifted earlier by a number of samples.
+    ``as_logged``: rms residual of the record as logged, without an age.
+    ``dt``: sampling time (s).
+    ``either_way``: whether to report a drive that acts later than it was logged, as a negative number; otherwise that
+        is a delay.
 
     Examples
     --------

@@ -79,12 +79,7 @@ def together(logs: Mapping[str, View], si: tuple[float, float] = (1.0, 1.0)) -> 
     The offset of a log with few reversals is known only beside the friction that it shares with the others, so all logs
     are solved at once.  Offsets stay as logged where own ones explain no more than as many numbers of chance.
 
-    Parameters
-    ----------
-    logs : mapping of str to View
-        Of one kind and rate, in one unit, by their labels.
-    si : tuple of two float
-        Factors that convert drive and output to SI.
+    ``logs``: of one kind and rate, in one unit, by their labels. ``si``: factors that convert drive and output to SI.
     """
     each = [dataclasses.replace(log, si=si) for log in logs.values()]
     leads = [skew(log.in_si) for log in each]

@@ -115,24 +115,12 @@ def find_payload(empty: ArmFit, position: ArrayLike, drive: ArrayLike, *, gain_e
 
 @dataclass(frozen=True)
 class Beside:
-    """A record in which a load is sought, with the knowledge from another record.
+    """A record in which a load is sought, with the knowledge from another record."""
 
-    Attributes
-    ----------
-    rows : ndarray of shape (m, p)
-        Weighted columns of the arm's parameters and of other free parameters.
-    error : ndarray of shape (m,)
-        Weighted residual with the other record's numbers.
-    known : ndarray of shape (r, p)
-        See `whsklearn.identification.arm_fit.updated`.
-    block, joint : ndarray of int, shape (m,)
-        To which each row belongs.
-    """
-
-    rows: Array
-    error: Array
-    known: Array
-    block: NDArray[np.int64]
+    rows: Array  # (m, p): weighted columns of the arm's parameters and of other free parameters
+    error: Array  # (m,): weighted residual with the other record's numbers
+    known: Array  # (r, p): see `whsklearn.identification.arm_fit.updated`
+    block: NDArray[np.int64]  # block, joint (m,): to which each row belongs
     joint: NDArray[np.int64]
 
     @cached_property
@@ -271,12 +259,8 @@ def between_joints(masses: Array, variances: Array, wide: float) -> float:
     An error of the model at a joint is the same in every block of a record, so a jackknife over blocks does not show
     it. All joints carry the same mass, and tau^2 is the variance between them beyond their errors.
 
-    Parameters
-    ----------
-    masses, variances : ndarray of shape (k,)
-        For each joint that the body affects: the mass that its drive alone indicates, with independent errors.
-    wide : float
-        Inflation of these variances.
+    ``masses``, ``variances`` (k,): for each joint that the body affects: the mass that its drive alone indicates, with
+    independent errors. ``wide``: inflation of these variances.
 
     References
     ----------
@@ -334,10 +318,7 @@ def point_load(gram: Array, cross: Array) -> Array:
     If a joint's axis intersects the previous one, a mass affects the drives only through the inertia of its position;
     the search therefore begins along the moment, at several distances.
 
-    Parameters
-    ----------
-    gram : ndarray of shape (10, 10)
-    cross : ndarray of shape (10,)
+    ``gram`` is (10, 10). ``cross`` is (10,).
     """
     from scipy.optimize import minimize
 

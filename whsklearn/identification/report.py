@@ -30,10 +30,7 @@ DIVERGED = 1e6  # times the error of a constant: a diverged run rather than a po
 def write(found: Identification, folder: str | os.PathLike[str]) -> Path:
     """Write ``identify.json``, ``model.json`` and ``identify.html`` into a folder, created if it does not exist.
 
-    Returns
-    -------
-    Path
-        Of the page.
+    Returns the path of the page.
     """
     out = Path(folder)
     out.mkdir(parents=True, exist_ok=True)

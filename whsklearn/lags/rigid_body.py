@@ -58,26 +58,13 @@ class ArmRowState(NamedTuple):
 
 
 class FilteredRecords(NamedTuple):
-    """Records behind the filters, one after the other.
+    """Records behind the filters, one after the other."""
 
-    Attributes
-    ----------
-    phi : ndarray of shape (m, n_joints, n_columns)
-    target : ndarray of shape (m, n_joints)
-        Drives.
-    keep : ndarray of bool, shape (m, n_joints)
-        Rows that count: those of fast joints.
-    moved : Motion
-        Of all samples behind the finer filter, (n, n_joints) each.
-    kept : ndarray of int, shape (m,)
-        Samples of the rows.
-    """
-
-    phi: Any
-    target: Any
-    keep: Any
-    moved: Any
-    kept: Any
+    phi: Any  # (m, n_joints, n_columns)
+    target: Any  # (m, n_joints): drives
+    keep: Any  # (m, n_joints): rows that count: those of fast joints
+    moved: Any  # of all samples behind the finer filter, (n, n_joints) each
+    kept: Any  # (m,): samples of the rows
 
 
 class RigidBodyLags(TransformerMixin, BaseEstimator):
@@ -690,14 +677,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
 
 
 def axes_of(arm: Arm, law: Any, effects: Any) -> dict[str, tuple[Array, tuple[Any, ...]]]:
-    """For each axis by name: its direction over the joints (n_joints,), and its effects, those of the law first.
-
-    Parameters
-    ----------
-    arm : Arm
-    law : str, FrictionLaw or iterable of effects
-    effects : str, iterable, or mapping of axes to these
-    """
+    """For each axis by name: its direction over the joints (n_joints,), and its effects, those of the law first."""
     by_axis: Mapping[str, Any] = effects if isinstance(effects, dict) else dict.fromkeys(arm.joints, effects)
     eye = np.eye(arm.n_joints)
     out = {j: (row, effect_terms(law, by_axis.get(j, ""))) for j, row in zip(arm.joints, eye, strict=True)}

@@ -506,40 +506,21 @@ def simulate_arm(
 ) -> Bunch:
     """One record of an arm.
 
-    Parameters
-    ----------
-    arm : Arm
-    reference : array-like of shape (n_samples, n_joints), optional
-        Commanded positions, for the closed loop.
-    drive : array-like of shape (n_samples, n_joints), optional
-        Drives to replay, held between samples; give this or ``reference``.
-    controller : PIDController, or mapping of str to PIDController, optional
-        One for all joints, or one for each joint. By default, PID gains follow from each joint's inertia (12 Hz).
-    feed_forward : Arm, optional
-        A model whose inverse dynamics along the reference are added to the output of the controllers.
-    sample_rate : float, default=1000.0
-        Rate of controllers and log (Hz).
-    substeps : int, default=10
-        Fine steps per sample.
-    noise, resolution : float
-        Standard deviation of the noise, and step, of the encoders (rad).
-    random_state : int, Generator or None
-        Draws the noise.
-    position, velocity : array-like of shape (n_samples, n_joints), optional
-        Measured motion, where an open loop starts and to which it returns every ``resync`` seconds (0: never).
-    resync : float, default=0.0
-        Time between returns to the measured motion (s).
-
-    Returns
-    -------
-    Bunch
-        ``time`` (n_samples,); ``reference``, ``drive``, ``position`` (as measured), ``true_position``, ``velocity``,
-        (n_samples, n_joints) each.
-
-    Raises
-    ------
-    FloatingPointError
-        If the simulation does not stay finite.
+    ``reference`` (n_samples, n_joints): commanded positions, for the closed loop.
+    ``drive`` (n_samples, n_joints): drives to replay, held between samples; give this or ``reference``.
+    ``controller``: one for all joints, or one for each joint. By default, PID gains follow from each joint's inertia
+        (12 Hz).
+    ``feed_forward``: a model whose inverse dynamics along the reference are added to the output of the controllers.
+    ``sample_rate``: rate of controllers and log (Hz).
+    ``substeps``: fine steps per sample.
+    ``noise``, ``resolution``: standard deviation of the noise, and step, of the encoders (rad).
+    ``random_state``: draws the noise.
+    ``position``, ``velocity`` (n_samples, n_joints): measured motion, where an open loop starts and to which it returns
+        every ``resync`` seconds (0: never).
+    ``resync``: time between returns to the measured motion (s).
+    Returns ``time`` (n_samples,); ``reference``, ``drive``, ``position`` (as measured), ``true_position``,
+        ``velocity``, (n_samples, n_joints) each.
+    Raises FloatingPointError if the simulation does not stay finite.
 
     Examples
     --------

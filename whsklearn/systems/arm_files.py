@@ -24,19 +24,8 @@ STANDARD_GRAVITY = (0.0, 0.0, -9.81)
 def body_numbers(mass: float, centre: ArrayLike, inertia: ArrayLike) -> Array:
     """The ten inertial parameters of a body, shape (10,): m, m c, and the inertia about the origin.
 
-    Parameters
-    ----------
-    mass : float
-        Mass (kg).
-    centre : array-like of shape (3,)
-        Centre of mass (m).
-    inertia : array-like of shape (3, 3)
-        Inertia about the centre of mass (kg m2).
-
-    Returns
-    -------
-    ndarray of shape (10,)
-        m, h_x, h_y, h_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz.
+    ``mass``: mass (kg). ``centre`` (3,): centre of mass (m). ``inertia`` (3, 3): inertia about the centre of mass (kg
+    m2). Returns (10,): m, h_x, h_y, h_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz.
 
     Examples
     --------
@@ -52,11 +41,7 @@ def body_numbers(mass: float, centre: ArrayLike, inertia: ArrayLike) -> Array:
 def rotation_about(axis: ArrayLike, angle: float) -> Array:
     """Rotation matrix (3, 3) about a unit vector, by Rodrigues' formula.
 
-    Parameters
-    ----------
-    axis : array-like of shape (3,)
-    angle : float
-        In rad.
+    ``axis`` is (3,). ``angle``: in rad.
     """
     k = across(axis)
     return np.eye(3) + math.sin(angle) * k + (1.0 - math.cos(angle)) * (k @ k)
@@ -96,12 +81,8 @@ def dh_fields(rows: Iterable[Sequence[Any]], *, modified: bool) -> dict[str, Any
 def file_fields(source: str | os.PathLike[str], joints: Iterable[str] | None) -> dict[str, Any]:
     """Fields of an `Arm` from a URDF or an MJCF file, or its text; joints that are not named are locked at zero.
 
-    Raises
-    ------
-    ImportError
-        If MuJoCo is not installed.
-    ValueError
-        If the file cannot be read, has no such joint, or is not a tree of hinges and slides.
+    Raises ImportError if MuJoCo is not installed. Raises ValueError if the file cannot be read, has no such joint, or
+    is not a tree of hinges and slides.
     """
     try:
         import mujoco
@@ -185,11 +166,7 @@ def _matrix(mujoco: Any, quaternion: Any) -> Array:
 def moved_numbers(numbers: Array, rotation: Array, place: Array) -> Array:
     """The ten numbers of a body, shape (10,), in a frame in which the body's own frame has this rotation and origin.
 
-    Parameters
-    ----------
-    numbers : ndarray of shape (10,)
-    rotation : ndarray of shape (3, 3)
-    place : ndarray of shape (3,)
+    ``numbers`` is (10,). ``rotation`` is (3, 3). ``place`` is (3,).
     """
     m, h, inertia = numbers[0], rotation @ numbers[1:4], rotation @ inertia_matrix(numbers) @ rotation.T
     p = place

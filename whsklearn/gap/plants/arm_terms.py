@@ -70,32 +70,15 @@ class Weight(Effect):
 
 @dataclass(frozen=True)
 class AtJoint:
-    """An effect at a joint, along a sum of joints, or of the whole arm.
+    """An effect at a joint, along a sum of joints, or of the whole arm."""
 
-    Parameters
-    ----------
-    cls : type
-        The effect.
-    joint : str
-        Name of the joint or of the sum; empty for the whole arm.
-    direction : tuple of float, shape (n_joints,)
-        Coefficients of the sum over the joints.
-    catalogued : Candidate, optional
-        The effect as in the search on a single axis; its columns have shapes.
-    width : int
-        Number of columns of an effect without a shape.
-    place : frozenset of str
-        The joints at which it acts; empty if it acts on all.
-    again : bool
-        Whether the model already has it, with a value from another record; the value may have decreased since.
-    """
-
-    cls: type[Effect]
-    joint: str
-    direction: tuple[float, ...]
-    catalogued: Candidate | None = None
-    width: int = 1
-    place: frozenset[str] = frozenset()
+    cls: type[Effect]  # the effect
+    joint: str  # name of the joint or of the sum; empty for the whole arm
+    direction: tuple[float, ...]  # (n_joints,): coefficients of the sum over the joints
+    catalogued: Candidate | None = None  # the effect as in the search on a single axis; its columns have shapes
+    width: int = 1  # number of columns of an effect without a shape
+    place: frozenset[str] = frozenset()  # the joints at which it acts; empty if it acts on all
+    # whether the model already has it, with a value from another record; the value may have decreased since
     again: bool = False
 
     @property
@@ -193,16 +176,10 @@ def at_a_joint() -> list[Candidate]:
 def candidates(arm: Arm, there: dict[str, set[str]], *, frozen: bool, weight: int) -> Iterator[AtJoint]:
     """All effects that an arm may lack.
 
-    Parameters
-    ----------
-    arm : Arm
-    there : dict of str to set of str
-        Effects at each joint.
-    frozen : bool
-        Whether the model's numbers are those of another record.  They may then have changed, and a mass or an inertia
-        may have been added.
-    weight : int
-        Number of columns of gravity if the arm has none, otherwise 0.
+    ``there``: effects at each joint.
+    ``frozen``: whether the model's numbers are those of another record. They may then have changed, and a mass or an
+        inertia may have been added.
+    ``weight``: number of columns of gravity if the arm has none, otherwise 0.
     """
     eye = np.eye(arm.n_joints)
     each = [(joint, tuple(map(float, row))) for joint, row in zip(arm.joints, eye, strict=True)]

@@ -80,26 +80,13 @@ class ArmRecord(Segmented):
 
 
 class Own(NamedTuple):
-    """The residuals of a model on its own records.
+    """The residuals of a model on its own records."""
 
-    Attributes
-    ----------
-    mean : ndarray of shape (m, n_joints)
-        The artefacts.
-    null : ndarray of shape (k, m, n_joints)
-        Residuals by chance of records in which nothing is missing.
-    floor : ndarray of shape (n_joints,)
-        Rms residual due to the noise of the encoders, as a share of each joint's drive.
-    n_effective : float
-    apart : ndarray of shape (k, m, n_joints)
-        Residuals of single records by the noise of the encoders.
-    """
-
-    mean: Array
-    null: Array
-    floor: Array
+    mean: Array  # (m, n_joints): the artefacts
+    null: Array  # (k, m, n_joints): residuals by chance of records in which nothing is missing
+    floor: Array  # (n_joints,): rms residual due to the noise of the encoders, as a share of each joint's drive
     n_effective: float
-    apart: Array
+    apart: Array  # (k, m, n_joints): residuals of single records by the noise of the encoders
 
 
 class ArmView:

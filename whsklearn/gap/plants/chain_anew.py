@@ -63,12 +63,8 @@ def near(
 ) -> Iterator[tuple[ChainCandidate, ChainHypothesis]]:
     """Fit the model with one more candidate from where it is: strong candidates and the most promising others.
 
-    Parameters
-    ----------
-    looks : list of Look
-        From `whsklearn.gap.plants.chain_looks.look`; a second look under a softer sign is taken here.
-    among : container of str, optional
-        The names to be fitted; by default all.
+    ``looks``: from `whsklearn.gap.plants.chain_looks.look`; a second look under a softer sign is taken here. ``among``:
+    the names to be fitted; by default all.
     """
     for start in promising(s, m, looks, among):
         yield start.kind, fitted(s, [m], start)
@@ -95,12 +91,7 @@ def anew(
 ) -> Iterator[tuple[ChainCandidate, ChainHypothesis]]:
     """Fit the chain again with a strong candidate inside, and additive ones from other minima of the model.
 
-    Parameters
-    ----------
-    others : list of ChainHypothesis
-        Further minima of the model without the candidate.
-    looks, among
-        As of `near`.
+    ``others``: further minima of the model without the candidate. ``looks``, ``among``: as of `near`.
     """
     strong = [k for k in kinds(s, m) if is_strong(k, s) and (among is None or k.name in among)]
     yield from fitted_anew(s, m, others, strong, rng)

@@ -42,18 +42,10 @@ class TypicalMotion:
 
 @dataclass(frozen=True)
 class Candidate(EffectVariant):
-    """One effect in one variant, seen from one side of a transmission.
+    """One effect in one variant, seen from one side of a transmission."""
 
-    Attributes
-    ----------
-    on_load : bool
-        Whether the encoder is behind the transmission.
-    whole : bool
-        Whether the numbers that are freed later (`Effect.later`) are free.
-    """
-
-    on_load: bool = False
-    whole: bool = False
+    on_load: bool = False  # whether the encoder is behind the transmission
+    whole: bool = False  # whether the numbers that are freed later (`Effect.later`) are free
 
     @property
     def n_slots(self) -> int:
@@ -213,10 +205,7 @@ def variants(cls: type[Effect]) -> tuple[Candidate, ...]:
 def candidate(name: str) -> Candidate:
     """The first candidate of a canonical name.
 
-    Raises
-    ------
-    ValueError
-        If there is no such effect, or if no missing torque can show it.
+    Raises ValueError if there is no such effect, or if no missing torque can show it.
     """
     if name not in effect_names() or name in UNSEEN:
         known = ", ".join(sorted(n for n in effect_names() if n not in UNSEEN))

@@ -68,31 +68,18 @@ class Form(NamedTuple):
 
 
 class CurveFit(NamedTuple):
-    """A curve solved together with the base model and the curves before it.
-
-    Attributes
-    ----------
-    columns, penalty : ndarray of shape (n, k), (k, k)
-        Columns and penalty of its k hills.
-    numbers : ndarray
-        Weights of all columns: the linear numbers of the terms, the heights of earlier curves, its own heights.
-    covariance : ndarray of shape (k, k)
-        Covariance of its heights.
-    error : float
-        Cross-validated sum of squares.
-    inertia, timing : float
-        Inertia and timing of the model without the curve; timing in samples.
-    """
+    """A curve solved together with the base model and the curves before it."""
 
     form: Form
     centres: Array
     width: float
-    columns: Array
+    columns: Array  # columns, penalty (n, k), (k, k): columns and penalty of its k hills
     penalty: Array
+    # weights of all columns: the linear numbers of the terms, the heights of earlier curves, its own heights
     numbers: Array
-    covariance: Array
-    error: float
-    inertia: float
+    covariance: Array  # (k, k): covariance of its heights
+    error: float  # cross-validated sum of squares
+    inertia: float  # inertia, timing: inertia and timing of the model without the curve; timing in samples
     timing: float
 
 

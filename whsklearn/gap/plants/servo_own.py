@@ -34,37 +34,21 @@ N_RECORDS = 5  # own records; their mean is known to 0.45 of their spread
 
 
 class Own(NamedTuple):
-    """Residuals of a model on its own records, behind the filters of a view.
+    """Residuals of a model on its own records, behind the filters of a view."""
 
-    Attributes
-    ----------
-    mean : ndarray of shape (n,)
-        The artefacts.
-    null : ndarray of shape (m, n)
-        Residuals by chance of records in which nothing is missing, with the colour of the unexplained part.
-    floor : float
-        Rms residual due to encoder noise.
-    n_effective : float
-    apart : ndarray of shape (k, n)
-        How the own records differ: the part of the residual that is encoder noise.
-    """
-
-    mean: Array
+    mean: Array  # (n,): the artefacts
+    # (m, n): residuals by chance of records in which nothing is missing, with the colour of the unexplained part
     null: Array
-    floor: float
+    floor: float  # rms residual due to encoder noise
     n_effective: float
-    apart: Array
+    apart: Array  # (k, n): how the own records differ: the part of the residual that is encoder noise
 
 
 def own_record(view: Any, model: ServoHypothesis, rng: np.random.Generator, feed: Array, delay: float) -> Any:
     """The record that the model makes in the experiment of ``view``.
 
-    Parameters
-    ----------
-    feed : ndarray of shape (n,)
-        Drive to which the loop adds.
-    delay : float
-        Age of the drive in s when it acts; it is negative if the drive was logged late.
+    ``feed`` (n,): drive to which the loop adds. ``delay``: age of the drive in s when it acts; it is negative if the
+    drive was logged late.
     """
     record, dt = view.record, view.scene.dt
     old = abs(delay) + sum(float(t.q[0]) for t in model.terms if t.kind.delays)

@@ -32,34 +32,20 @@ LOST = 1e3  # times the travel or the speed of the record: a run beyond that has
 
 @dataclass
 class ObserverView:
-    """One record under one residual filter.
-
-    Attributes
-    ----------
-    noise : float
-        Standard deviation of the position noise.
-    step : float
-        Largest fine step of a run (s), see `coarsened`.
-    train, held : ndarray of bool, of int, shape (n_decimated,)
-        Training mask; number of the held-out block, or -1.
-    ar : ndarray
-        Current whitening polynomial of the missing torque.
-    tolerance : float
-        Torque below which nothing is worth naming, as a share of the rms drive.
-    """
+    """One record under one residual filter."""
 
     record: ServoRecord
     filter: ResidualFilter
     scene: Scales
-    noise: float
+    noise: float  # standard deviation of the position noise
     start: tuple[Array, Array]
-    train: NDArray[np.bool_]
+    train: NDArray[np.bool_]  # train, held (n_decimated,): training mask; number of the held-out block, or -1
     held: NDArray[np.intp]
     usable: NDArray[np.bool_]
-    tolerance: float
+    tolerance: float  # torque below which nothing is worth naming, as a share of the rms drive
     quantum: float = 0.0
-    step: float = LONGEST_STEP
-    ar: Array = field(default_factory=lambda: np.array([1.0]))
+    step: float = LONGEST_STEP  # largest fine step of a run (s), see `coarsened`
+    ar: Array = field(default_factory=lambda: np.array([1.0]))  # current whitening polynomial of the missing torque
 
     # --- looking ---------------------------------------------------------------------------
     @cached_property

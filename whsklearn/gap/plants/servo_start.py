@@ -145,13 +145,8 @@ def with_earlier_drive(record: ServoRecord, samples: int) -> ServoRecord:
 def observer_view(view: InverseView, scene: Scales, *, tolerance: float = DEFAULT_TOLERANCE) -> ObserverView:
     """The observer view of the record of an inverse view.
 
-    Parameters
-    ----------
-    view : InverseView
-    scene : Scales
-        Scales with the inertia of the first fit.
-    tolerance : float
-        Smallest rms torque worth naming, as a share of the rms drive.
+    ``scene``: scales with the inertia of the first fit. ``tolerance``: smallest rms torque worth naming, as a share of
+    the rms drive.
     """
     record = view.record
     dt, n = record.dt, len(record)
