@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from sklearn.base import clone
@@ -216,3 +218,19 @@ def test_axes_are_joints_and_sums_of_them():
     assert {name: [t.name for t in terms] for name, (_, terms) in axes.items()} == {
         "j0": ["viscous", "cogging"], "j1": ["viscous"], "j2": ["viscous"], "j0+j1": ["coulomb"],
     }  # fmt: skip
+
+
+def test_an_arm_of_many_joints_is_filtered_by_parts():
+    arm = Arm.from_dh([(0.1, (-1) ** k * np.pi / 2, 0.05, 0) for k in range(10)])
+    q = smooth_log(arm, seconds=8.0)[0]
+    drive = np.random.default_rng(0).normal(size=q.shape)
+    lags = RigidBodyLags(arm, RATE, cutoff=10.0).fit(q)
+    whole = lags._filtered(lags._all_columns(lags._moved(q), drive, np.arange(len(q)) / RATE)[:, :, lags.base_.kept])
+    tracemalloc.start()
+    try:
+        phi = lags.joint_rows(q, drive)[0]
+        most = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    np.testing.assert_allclose(phi, whole[lags._rows_of(len(q))], rtol=0.0, atol=1e-12 * np.abs(whole).max())
+    assert most < 3.0 * whole.nbytes  # 5 if each step holds all columns of all samples

@@ -46,6 +46,7 @@ EDGE = 3
 # Instants of random motion that show which columns to merge: the same for every law below 39 terms per joint,
 # so that two laws of one robot keep the same parameters of its links.
 DRAWN = 200
+AT_ONCE = 512  # samples of links, or columns behind the filter: of all, each step would hold a copy (GB for 20 joints)
 NOISY = 5.0  # times the velocity's noise: a joint with a lower rms speed counts as not moving
 
 
@@ -529,10 +530,13 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
 
     def _all_columns(self, moved: Motion, drive: Array, time: Array) -> Array:
         """All columns (n, n_joints, all), before merging: links, motor inertia by axis, effects by group of axes."""
+        return np.concatenate([self.arm_.regressor(*moved), self._axis_columns(moved, drive, time)], axis=2)
+
+    def _axis_columns(self, moved: Motion, drive: Array, time: Array) -> Array:
+        """All columns (n, n_joints, all) but those of the links."""
         n, length = self.arm_.n_joints, len(time)
         directions = np.array([d for d, _ in self._axes.values()])
-        motors = directions.T * (moved.acceleration @ directions.T)[:, None, :]
-        blocks = [self.arm_.regressor(*moved), motors]
+        blocks = [directions.T * (moved.acceleration @ directions.T)[:, None, :]]
         for group in self._groups:
             d = np.array([self._axes[a][0] for a in group])
             along = Motion(*((x @ d.T).T.ravel() for x in moved))
@@ -542,10 +546,17 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         return np.concatenate(blocks, axis=2)
 
     def _columns(self, moved: Motion, drive: Array, time: Array) -> Array:
-        """The columns that are kept, (n, n_joints, n_columns)."""
+        """The columns that are kept, (n, n_joints, n_columns); those of the links, without a memory, by parts."""
+        kept, n = self.base_.kept, self.arm_.n_joints
+        out = np.zeros((len(time), n, kept.size))
         if not len(time):
-            return np.zeros((0, self.arm_.n_joints, self.base_.kept.size))
-        return self._all_columns(moved, drive, time)[:, :, self.base_.kept]
+            return out
+        of_links = np.searchsorted(kept, N_BODY * n)
+        for i in range(0, len(time), AT_ONCE):
+            s = slice(i, i + AT_ONCE)
+            out[s, :, :of_links] = self.arm_.regressor(*(x[s] for x in moved))[:, :, kept[:of_links]]
+        out[:, :, of_links:] = self._axis_columns(moved, drive, time)[:, :, kept[of_links:] - N_BODY * n]
+        return out
 
     def _predicted(self, X: Array, drive: Array, theta: Array, groups: ArrayLike | None = None) -> Array:
         """Drives for these weights before the filter, (n, n_joints)."""
@@ -579,7 +590,10 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         if self.slow:
             keep = minimum_filter1d(keep.astype(np.uint8), period + 1, axis=0).astype(bool)
         kept = self._rows_of(len(target))
-        return FilteredRecords(self._filtered(columns)[kept], self._filtered(target)[kept], keep[kept], moved, kept)
+        flat = columns.reshape(len(columns), -1)
+        parts = [self._filtered(flat[:, i : i + AT_ONCE])[kept] for i in range(0, flat.shape[1], AT_ONCE)]
+        phi = np.concatenate(parts, axis=1).reshape(len(kept), *columns.shape[1:])
+        return FilteredRecords(phi, self._filtered(target)[kept], keep[kept], moved, kept)
 
     def _limits(self, X: Array, velocity: Array) -> Array:
         """Speed of each joint below which its rows are excluded, (n_joints,); infinite if it does not move.
