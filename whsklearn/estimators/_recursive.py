@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
+from sklearn.base import TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
 from whsklearn._inputs import check_whole, starts
@@ -42,6 +43,27 @@ class RecursiveRegressor(AxisRegressor):
     p: int = 1
     _stream: AnyStream | None = None  # where rows go without further checks
     _asked: FullStream | None = None  # reads a state that came without a stream; it caches its last result
+
+    def __init__(
+        self,
+        lags: TransformerMixin | None = None,
+        *,
+        P0: float | None = None,
+        forgetting: float = 1.0,
+        theta0: ArrayLike | None = None,
+        gradient: str = "full",
+        n_starts: int = 32,
+        memory: int = 4096,
+        random_state: Any = None,
+    ):
+        self.lags = lags
+        self.P0 = P0
+        self.forgetting = forgetting
+        self.theta0 = theta0
+        self.gradient = gradient
+        self.n_starts = n_starts
+        self.memory = memory
+        self.random_state = random_state
 
     def fit(
         self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None, sample_weight: ArrayLike | None = None

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
+from sklearn.base import TransformerMixin
 
 from whsklearn.effects.base import Array
 from whsklearn.estimators._recursive import RecursiveRegressor
 from whsklearn.recursion.rows.pseudolinear import GRADIENT
-
-if TYPE_CHECKING:
-    from sklearn.base import TransformerMixin
 
 
 class MultiInnovationGradientRegressor(RecursiveRegressor):

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from numpy.typing import ArrayLike
+from sklearn.base import TransformerMixin
 
 from whsklearn.estimators._recursive import RecursiveRegressor
-
-if TYPE_CHECKING:
-    from sklearn.base import TransformerMixin
 
 
 class MILSRegressor(RecursiveRegressor):
@@ -64,12 +62,8 @@ class MILSRegressor(RecursiveRegressor):
         memory: int = 4096,
         random_state: Any = None,
     ):
-        self.lags = lags
+        super().__init__(
+            lags, P0=P0, forgetting=forgetting, theta0=theta0, gradient=gradient, n_starts=n_starts, memory=memory,
+            random_state=random_state,
+        )  # fmt: skip
         self.p = p
-        self.P0 = P0
-        self.forgetting = forgetting
-        self.theta0 = theta0
-        self.gradient = gradient
-        self.n_starts = n_starts
-        self.memory = memory
-        self.random_state = random_state

@@ -2,14 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
-from numpy.typing import ArrayLike
-
 from whsklearn.estimators._recursive import RecursiveRegressor
-
-if TYPE_CHECKING:
-    from sklearn.base import TransformerMixin
 
 
 class RLSRegressor(RecursiveRegressor):
@@ -60,24 +53,3 @@ class RLSRegressor(RecursiveRegressor):
     >>> model.theta_.round(3)
     array([ 1., -2.])
     """
-
-    def __init__(
-        self,
-        lags: TransformerMixin | None = None,
-        *,
-        P0: float | None = None,
-        forgetting: float = 1.0,
-        theta0: ArrayLike | None = None,
-        gradient: str = "full",
-        n_starts: int = 32,
-        memory: int = 4096,
-        random_state: Any = None,
-    ):
-        self.lags = lags
-        self.P0 = P0
-        self.forgetting = forgetting
-        self.theta0 = theta0
-        self.gradient = gradient
-        self.n_starts = n_starts
-        self.memory = memory
-        self.random_state = random_state

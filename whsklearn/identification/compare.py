@@ -269,7 +269,6 @@ def identify(
     fitting, held_out = whole.part(0, cut), whole.part(cut, whole.u.size)
     trivial = Compared("constant velocity" if whole.logged == "position" else "constant output", "trivial", {}, "-")
     _score(trivial, held_out)
-    tried: list[Compared] = []
     angle = whole.logged != "velocity" and smooth(whole.y, whole.bounds) and output[1] in ("rad", UNKNOWN)
     structures = list(
         candidates(
@@ -280,18 +279,7 @@ def identify(
             rectified=loses_sign(whole),
         )
     )
-    for compared, fit in structures:
-        if compared.name in LAST and min(c.score for c in tried) < AT_FLOOR:
-            compared.failure = "skipped, because a simpler structure is at the noise floor"
-        elif compared.name == FORCE and min(tried, key=lambda c: c.score).name == GRAVITY:
-            compared.failure = "skipped, because gravity is the best so far"  # over little travel a cubic imitates it
-        else:
-            if progress:
-                progress(compared.name)
-            _score(_fitted(compared, fit, fitting, units), held_out)
-            compared.test = _indices(compared.model, held_out, lead(held_out.longest.u.size, dt))
-        tried.append(compared)
-    tried.sort(key=lambda c: (c.size, c.score))
+    tried = _each_tried(structures, fitting, held_out, units, progress)
     chosen, reason = recommend(tried, trivial, steady=_steady(trivial, held_out))
     fit_again = {c.name: f for c, f in structures}[chosen.name]
     if progress:
@@ -310,6 +298,29 @@ def identify(
         compared.test = _indices(compared.model, judged, skip)
     is_white = white(residual(chosen.model, whole), whole)
     return Identification(tried, chosen, trivial, reason, whole.floor, whole, judged, np.size(y), is_white, own)
+
+
+def _each_tried(
+    structures: list[tuple[Compared, Callable[[View], Any]]],
+    fitting: View,
+    held_out: View,
+    units: dict[str, str],
+    progress: Callable[[str], None] | None,
+) -> list[Compared]:
+    """Fit every structure in turn but those that the ones before make needless; the simplest first."""
+    tried: list[Compared] = []
+    for compared, fit in structures:
+        if compared.name in LAST and min(c.score for c in tried) < AT_FLOOR:
+            compared.failure = "skipped, because a simpler structure is at the noise floor"
+        elif compared.name == FORCE and min(tried, key=lambda c: c.score).name == GRAVITY:
+            compared.failure = "skipped, because gravity is the best so far"  # over little travel a cubic imitates it
+        else:
+            if progress:
+                progress(compared.name)
+            _score(_fitted(compared, fit, fitting, units), held_out)
+            compared.test = _indices(compared.model, held_out, lead(held_out.longest.u.size, held_out.dt))
+        tried.append(compared)
+    return sorted(tried, key=lambda c: (c.size, c.score))
 
 
 def _logs(

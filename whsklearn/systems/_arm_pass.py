@@ -47,7 +47,7 @@ class Axes(NamedTuple):
     direction: Any  # (m, n)
 
 
-class Course(NamedTuple):
+class PassInput(NamedTuple):
     """The input of a pass: sample time, fine steps per sample, whether the controllers write the drive, samples between
     returns to ``measured`` (2, n, n_samples; 0: none); ``reference`` (3, n, n_samples), ``feed`` (n, n_samples) added
     to the output of the controllers, ``noise`` (n, n_samples) of the encoders, ``controllers`` (n, 8).

@@ -20,7 +20,7 @@ from sklearn.utils import Bunch
 from whsklearn.effects import Effect, effect_names, get_effect
 from whsklearn.effects.base import Array
 from whsklearn.systems._arm_kernels import N_BODY, Links, fill_mass, fill_regressor, fill_torque
-from whsklearn.systems._arm_pass import DRIVE, MEASURED, N_SIGNALS, POSITION, VELOCITY, Axes, Course, run
+from whsklearn.systems._arm_pass import DRIVE, MEASURED, N_SIGNALS, POSITION, VELOCITY, Axes, PassInput, run
 from whsklearn.systems._servo_torques import KAPPA, LIMIT, N_PARTS, RESOLUTION, plant_of
 from whsklearn.systems.arm_files import STANDARD_GRAVITY, across, body_numbers, dh_fields, file_fields
 from whsklearn.systems.base_parameters import BaseParameters, base_parameters
@@ -547,7 +547,7 @@ def simulate_arm(
     rng = np.random.default_rng(random_state)
     out = np.zeros((N_SIGNALS, n, n_samples))
     out[DRIVE] = zeros.T if closed else given.T
-    course = Course(
+    course = PassInput(
         1.0 / sample_rate, int(substeps), closed, round(resync * sample_rate), _rows(q, v), _rows(*path),
         np.ascontiguousarray(feed.T), noise * rng.standard_normal((n, n_samples)) if noise else np.zeros((0, 0)),
         _controllers(arm, controller) if closed else np.zeros((n, 8)),
