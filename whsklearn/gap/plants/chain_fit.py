@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 
@@ -46,27 +47,34 @@ def climb(s: Record, m: ChainHypothesis, sharpness: float, steps: int, *, robust
 
     The fit never steps from a stable model to an unstable one, which a short record of a slow pole may prefer.
     """
-    kappa, z = sharpness / cm.rms_dx(s, m), cm.sizes(s, m)
+    z = cm.sizes(s, m)
+    kappa = sharpness / z.dx
     low, high = cm.bounds(m, z)
     x = np.clip(cm.to_vector(m), low, high)
     sigma = np.sqrt(cm.variance_of(cm.left(s, cm.from_vector(m, x), kappa)[s.fit]))
     begins_stable = _stable(s, m.theta)
+    last: list[Any] = [None]  # the vector simulated last, its model, free run and errors: slopes are asked for there
+
+    def simulated(x: Array) -> Any:
+        if last[0] is not x:
+            at = cm.from_vector(m, x)
+            run = cm.simulate(s, at, kappa)
+            last[:] = x, at, run, cm.left_by(s, at, run[2])[s.fit] / sigma
+        return last[1:]
 
     def errors(x: Array) -> Array:
-        at = cm.from_vector(m, x)
-        if begins_stable and not _stable(s, at.theta):
+        if begins_stable and not _stable(s, x[: m.theta.size]):
             return np.full(int(s.fit.sum()), np.inf)
-        e = cm.left(s, at, kappa)[s.fit] / sigma
+        _, _, e = simulated(x)
         return np.copysign(np.sqrt(cm.capped(e**2)), e) if robust else e
 
     def slopes(x: Array) -> Array:
         """Derivatives of `errors`; a capped error is the root of its cost, so its slope is e w(e) over that root."""
-        at = cm.from_vector(m, x)
-        out = cm.sensitivities(s, at, kappa)[s.fit] / sigma
+        at, run, e = simulated(x)
+        out = cm.sensitivities(s, at, kappa, run)[s.fit] / sigma
         size = np.linalg.norm(out, axis=0)
         out[:, size <= UNSEEN * size.max(initial=0.0)] = 0.0  # a kink far from every x is rounding only
         if robust:
-            e = cm.left(s, at, kappa)[s.fit] / sigma
             out *= (cm.share(e**2) * np.abs(e) / np.maximum(np.sqrt(cm.capped(e**2)), 1e-150))[:, None]
         return out
 

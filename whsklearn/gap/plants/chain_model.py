@@ -328,16 +328,39 @@ def outputs(s: Record, models: list[ChainHypothesis], kappa: float) -> Array:
     return out
 
 
+def _at_vectors(s: Record, m: ChainHypothesis, vectors: Array, kappa: float) -> Array:
+    """y_hat of a model at several vectors of `to_vector`, the rows of ``vectors``, in one compiled call."""
+    packed, p, k = ports(m.terms), m.theta.size, len(vectors)
+    if packed is not None:
+        rows = np.tile(packed.rows, (k, 1, 1))
+        for i, t in enumerate(m.terms):
+            for j in t.free:
+                rows[:, i, j] = np.exp(vectors[:, p]) if t.kind.ratios(j) else vectors[:, p]
+                p += 1
+        packed = Ports(packed.codes, rows, packed.own)
+    out = np.empty((k, s.u.size))
+    _run_packed(s, np.ascontiguousarray(vectors[:, : m.theta.size]), packed, kappa, s.u, (*np.empty((2, s.u.size)), out))
+    return out
+
+
 def _run_all(s: Record, models: list[ChainHypothesis], kappa: float, u: Array, out: tuple[Array, Array, Array]) -> None:
     """Fill y_hat of every model, and x and v of the last one."""
-    thetas, packed = np.array([m.theta for m in models]), [ports(m.terms) for m in models]
+    found = [ports(m.terms) for m in models]
+    rows = [p.rows for p in found if p is not None]
+    packed = None if found[0] is None else Ports(found[0].codes, np.array(rows), found[0].own)
+    _run_packed(s, np.array([m.theta for m in models]), packed, kappa, u, out)
+
+
+def _run_packed(
+    s: Record, thetas: Array, packed: Ports | None, kappa: float, u: Array, out: tuple[Array, Array, Array]
+) -> None:
+    """Like `_run_all`; the rows of ``packed`` have one more axis, over the models."""
     # plain tuples: Numba would find out the types of a named one in Python, which takes longer than a run
     chain = (s.dims, s.law.codes, s.law.shapes, float(kappa), s.dt)
-    if packed[0] is None:
+    if packed is None:
         _runs(thetas, chain, u, s.y, out)
     else:
-        rows = np.array([p.rows for p in packed if p is not None])
-        _runs_with(thetas, (rows, packed[0].codes, packed[0].own), chain, u, s.y, out)
+        _runs_with(thetas, (packed.rows, packed.codes, packed.own), chain, u, s.y, out)
 
 
 @njit(nogil=True, error_model="numpy")
@@ -396,7 +419,12 @@ def pieces_of(seen: Bools) -> list[slice]:
 
 def left(s: Record, m: ChainHypothesis, kappa: float = np.inf) -> Array:
     """A(q) (y - y_hat), shape (n,); zero in holes, and no error in a hole enters those after it."""
-    e = np.clip(np.nan_to_num(s.y - simulate(s, m, kappa)[2], nan=1e9), -1e9, 1e9)
+    return left_by(s, m, simulate(s, m, kappa)[2])
+
+
+def left_by(s: Record, m: ChainHypothesis, y_hat: Array) -> Array:
+    """The same of a given free run."""
+    e = np.clip(np.nan_to_num(s.y - y_hat, nan=1e9), -1e9, 1e9)
     return whiten(e * s.seen, m.ar) * s.seen
 
 
@@ -525,20 +553,24 @@ def bounds(m: ChainHypothesis, z: Sizes) -> tuple[Array, Array]:
     return np.array(ends)[:, 0], np.array(ends)[:, 1]
 
 
-def sensitivities(s: Record, m: ChainHypothesis, kappa: float) -> Array:
+def sensitivities(
+    s: Record, m: ChainHypothesis, kappa: float, at: tuple[Array, Array, Array] | None = None
+) -> Array:
     """Derivatives of A(q) (y - y_hat) by the vector of `to_vector`; shape (n, p).
 
     They are exact for the law's weights, c and d if nothing acts on the reading; the others are forward differences.
+    ``at`` is the free run of `simulate` at this sharpness, if there is one.
     """
-    x, v, y = simulate(s, m, kappa)
+    x, v, y = at or simulate(s, m, kappa)
     vector, p = to_vector(m), m.theta.size
     _, _, weights, up, down = s.blocks
-    moved = list(range(vector.size)) if m.at_sensor else [*range(weights.start), *range(p, vector.size)]
+    moved = np.arange(vector.size) if m.at_sensor else np.r_[: weights.start, p : vector.size]
     out = np.zeros((vector.size, s.u.size))
     fine = np.array([True] * p + [bool(t.kind.linear) for t in m.terms for _ in t.free])
-    steps = [1e-6 * max(abs(vector[i]), 0.05) if fine[i] else 1e-4 for i in moved]
-    others = [from_vector(m, vector + h * np.eye(1, vector.size, i)[0]) for i, h in zip(moved, steps, strict=True)]
-    out[moved] = (outputs(s, others, kappa) - y) / np.array(steps)[:, None]
+    steps = np.where(fine, 1e-6 * np.maximum(np.abs(vector), 0.05), 1e-4)[moved]
+    others = np.tile(vector, (moved.size, 1))
+    others[np.arange(moved.size), moved] += steps
+    out[moved] = (_at_vectors(s, m, others, kappa) - y) / steps[:, None]
     if not m.at_sensor:
         c, d = (np.concatenate([first, m.theta[block]]) for first, block in (([0.0, 1.0], up), ([1.0], down)))
         out[weights] = filtered(c, d, law_values(s.law.codes, s.law.shapes, x, np.diff(x, prepend=0.0), kappa))
