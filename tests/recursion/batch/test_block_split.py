@@ -31,6 +31,18 @@ def test_no_block_gets_more_than_it_can_hold():
     assert not list(divisions(RATIO, Orders(0, 1, 0, 1)))
 
 
+def test_a_pair_that_no_block_can_hold_becomes_two_real_roots():
+    ratio = Ratio(np.poly([-0.5 + 0.3j, -0.5 - 0.3j]).real, np.poly([0.6 + 0.3j, 0.6 - 0.3j, 0.7, 0.1]).real)
+    ways = list(divisions(ratio, Orders(1, 2, 1, 2)))
+    assert ways
+    for block in (b for way in ways for b in way):
+        np.testing.assert_allclose(block.b, [1.0, 0.5])
+        assert block.a.size == 3
+    odd = Ratio(np.ones(1), np.poly([0.6 + 0.3j, 0.6 - 0.3j]).real)
+    for first, second in divisions(odd, Orders(0, 1, 0, 1)):
+        np.testing.assert_allclose([*first.a, *second.a], [1.0, -0.6, 1.0, -0.6])
+
+
 @pytest.mark.parametrize("size", [3, 5])
 def test_padding_does_not_change_the_ratio(size):
     block = Ratio(np.array([1.0, 0.5]), np.array([1.0, -0.3]))

@@ -339,7 +339,8 @@ def _at_vectors(s: Record, m: ChainHypothesis, vectors: Array, kappa: float) -> 
                 p += 1
         packed = Ports(packed.codes, rows, packed.own)
     out = np.empty((k, s.u.size))
-    _run_packed(s, np.ascontiguousarray(vectors[:, : m.theta.size]), packed, kappa, s.u, (*np.empty((2, s.u.size)), out))
+    thetas = np.ascontiguousarray(vectors[:, : m.theta.size])
+    _run_packed(s, thetas, packed, kappa, s.u, (*np.empty((2, s.u.size)), out))
     return out
 
 
@@ -553,9 +554,7 @@ def bounds(m: ChainHypothesis, z: Sizes) -> tuple[Array, Array]:
     return np.array(ends)[:, 0], np.array(ends)[:, 1]
 
 
-def sensitivities(
-    s: Record, m: ChainHypothesis, kappa: float, at: tuple[Array, Array, Array] | None = None
-) -> Array:
+def sensitivities(s: Record, m: ChainHypothesis, kappa: float, at: tuple[Array, Array, Array] | None = None) -> Array:
     """Derivatives of A(q) (y - y_hat) by the vector of `to_vector`; shape (n, p).
 
     They are exact for the law's weights, c and d if nothing acts on the reading; the others are forward differences.

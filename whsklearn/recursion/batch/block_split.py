@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    Roots = list[NDArray[np.complex128]]  # groups that stay together
+
 
 MOST = 512  # divisions tried at most; order 8 with real roots only would have 65,536
 
@@ -31,25 +33,37 @@ class Orders(NamedTuple):
 def divisions(ratio: Ratio, orders: Orders) -> Iterator[tuple[Ratio, Ratio]]:
     """All pairs of blocks whose product has the zeros and poles of the ratio; conjugate pairs stay together.
 
+    Where the orders leave no room for a pair, its roots are real and nearly equal, and noise made a pair of them: one
+    zero in each block.  Each of the two is then their real part.
+
     ``ratio``: the linear model. ``orders``: orders of the blocks. A block with more zeros than poles is skipped, except
     for one zero without a pole.
     """
     zeros, poles = _groups(np.roots(ratio.b)), _groups(np.roots(ratio.a))
-    found = 0
+    for some_zeros, some_poles in ((zeros, poles), (_apart(zeros), poles), (_apart(zeros), _apart(poles))):
+        found = list(itertools.islice(_divided(some_zeros, some_poles, orders), MOST))
+        if found:
+            yield from found
+            return
+
+
+def _divided(zeros: Roots, poles: Roots, orders: Orders) -> Iterator[tuple[Ratio, Ratio]]:
+    """The divisions of these groups of roots."""
     for p in itertools.product((False, True), repeat=len(poles)):
         first, second = _chosen(poles, p, True), _chosen(poles, p, False)
         if first.size > orders.poles_1 or second.size > orders.poles_2:
             continue
         for z in itertools.product((False, True), repeat=len(zeros)):
             up, down = _chosen(zeros, z, True), _chosen(zeros, z, False)
-            if up.size > min(orders.zeros_1, max(first.size, 1)) or down.size > min(
+            if up.size <= min(orders.zeros_1, max(first.size, 1)) and down.size <= min(
                 orders.zeros_2, max(second.size, 1)
             ):
-                continue
-            yield Ratio(_polynomial(up), _polynomial(first)), Ratio(_polynomial(down), _polynomial(second))
-            found += 1
-            if found >= MOST:
-                return
+                yield Ratio(_polynomial(up), _polynomial(first)), Ratio(_polynomial(down), _polynomial(second))
+
+
+def _apart(groups: Roots) -> Roots:
+    """The groups with the two roots of every pair at their real part."""
+    return [np.array([r.real + 0j]) for group in groups for r in group]
 
 
 def padded(block: Ratio, n_zeros: int, n_poles: int) -> Ratio:
