@@ -271,10 +271,6 @@ class ChainPlant(Plant):
                 return f"its {name} is at the end of the range that such a record can show"
             if name == "damping ratio" and value > NO_PEAK:
                 return "a pair of poles with so much damping is not a resonance: the orders are too low"
-        if term.kind.at_sensor and term.kind.scanned == "position":
-            order = term.q[term.kind.fields.index("order")]
-            if order * self.record.step > np.pi:
-                return "it has a period of less than two steps of the grid of the readings: their rounding"
         if term.kind.positive and term.q[0] < 0.0:
             return f"its {term.kind.fields[0].replace('_', ' ')} would be negative"
         if model.terms and self.size(self.errors(model), self.errors(grown)) < STILL * self._first:

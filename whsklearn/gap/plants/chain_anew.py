@@ -181,11 +181,16 @@ def fitted_anew(
 ) -> Iterator[tuple[ChainCandidate, ChainHypothesis]]:
     """The models with a strong candidate as the last effect, fitted from starts of its own that are stable.
 
-    They are fitted under a soft sign first.  Those that explain much less there than the best one are not sharpened.
+    They are fitted under a soft sign first.  Those that explain much less under the next one than the best do are not
+    sharpened further: under the softest, the softness itself is most of the residual.
     """
+
+    def residual(m: ChainHypothesis) -> float:
+        return softened(s, climb(s, m, SOFT[1], 8, robust=False), SOFT[1])
+
     soft = [(kind, ranked(s, starts_of(s, m, others, kind, rng), SOFT[0], 8)) for kind in strong]
-    left = {id(found): softened(s, found[0]) for _, found in soft if found}
-    whole = softened(s, climb(s, m, SOFT[0], 8, robust=False))
+    left = {id(found): residual(found[0]) for _, found in soft if found}
+    whole = residual(m)
     least = WORTH_FITTING * (whole - min(left.values(), default=whole))
     for kind, found in soft:
         if found and whole - left[id(found)] >= max(least, 0.0):
@@ -224,10 +229,10 @@ def best(s: Record, starts: list[ChainHypothesis], n: int) -> list[ChainHypothes
     return [starts[i] for _, i in sorted(scored)[:n]]
 
 
-def softened(s: Record, m: ChainHypothesis) -> float:
+def softened(s: Record, m: ChainHypothesis, sharpness: float = SOFT[0]) -> float:
     """Mean square residual of a model under a soft sign."""
     white = dataclasses.replace(m, ar=np.zeros_like(m.ar))
-    e = cm.left(s, white, SOFT[0] / cm.rms_dx(s, white))[s.fit]
+    e = cm.left(s, white, sharpness / cm.rms_dx(s, white))[s.fit]
     return float(np.mean(e**2))
 
 

@@ -7,6 +7,7 @@ a refit like that of the record.  These null worlds are exact, because a chain i
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -156,13 +157,22 @@ def own_errors(s: Record, m: ChainHypothesis, rng: np.random.Generator) -> Array
 
 
 def look(s: Record, m: ChainHypothesis, rng: np.random.Generator) -> Seen:
-    """Look at every candidate and every nameless function beside the model's own numbers."""
+    """Look at every candidate and every nameless function beside the model's own numbers.
+
+    A candidate is looked at under a sign that has a slope and under the sign itself.  The first sees effects that turn
+    signs; to the second a small effect turns none, and no slope that the errors lack stands in the column of an effect
+    on the drive.
+    """
     scene = Scene.of(s, m)
     e, null = cm.left(s, m)[s.fit], own_errors(s, m, rng)
-    plane = cm.sensitivities(s, m, scene.kappa)[s.fit]
     rows = np.array([cm.clipped(r) for r in null])
-    tangent = Tangent(cm.clipped(e), rows, plane, float(e.size))
-    looks = [tangent.look(family(scene, kind)) for kind in kinds(s, m)]
+
+    def tangent_of(at: Scene) -> Tangent:
+        return Tangent(cm.clipped(e), rows, cm.sensitivities(s, m, at.kappa, (at.x, at.v, at.y))[s.fit], float(e.size))
+
+    tangent = tangent_of(scene)
+    views = [(scene, tangent), (sharp := Scene.of(s, m, np.inf), tangent_of(sharp))]
+    looks = [either([t.look(family(at, kind)) for at, t in views]) for kind in kinds(s, m)]
     together = []
     for f in nameless(scene):
         columns = np.column_stack([scene.seen(g) for g in f.T])
@@ -176,6 +186,14 @@ def look(s: Record, m: ChainHypothesis, rng: np.random.Generator) -> Seen:
     beyond = max(0.0, float(share[0] - share[1:].mean()) / max(1.0 - float(share[1:].mean()), 1e-3))
     smallest = min(k.p_value for k in found)
     return Seen(found, beyond, smallest)
+
+
+def either(looks: list[Look | None]) -> Look | None:
+    """The best of several looks at one candidate; every null row too is taken at its best."""
+    found = [k for k in looks if k is not None]
+    if not found:
+        return None
+    return dataclasses.replace(max(found, key=lambda k: k.gain), null=np.max([k.null for k in found], axis=0))
 
 
 def softly(s: Record, m: ChainHypothesis) -> list[Look]:

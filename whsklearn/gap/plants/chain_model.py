@@ -12,7 +12,6 @@ and scanned parameters come from each effect's `Quantity`.  A chain adds the por
 from __future__ import annotations
 
 import dataclasses
-import itertools
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -28,7 +27,7 @@ from whsklearn.effects.own import WHICH, address_of
 from whsklearn.effects.static import Power
 from whsklearn.effects.terms import law_values
 from whsklearn.gap.plant import FittedTerm, with_vectors
-from whsklearn.gap.plants.variant import EffectVariant
+from whsklearn.gap.plants.variant import WAVE_STEP, EffectVariant
 from whsklearn.gap.record import MAD, rms
 from whsklearn.logs.lattice import lattice
 from whsklearn.recursion.batch.best_linear import stabilised
@@ -38,9 +37,9 @@ READ_OFF = ("quantization",)  # a grid of the readings is visible directly, so i
 # Fields that keep their start value: another rest position is the same as one more offset, and no record of a few
 # thousand samples can distinguish exponents of a Stribeck curve.
 HELD = ("centre", "exponent")
-# Waves over a signal of a chain, which has no revolution to count them by: two thirds of a period within three rms to
-LEAST_ORDER, MOST_ORDER = 0.7, 20.0
-N_SHAPES = 12  # of one number without a grid of its own: neighbours explain 0.95 of each other
+# Waves over a signal of a chain, which has no revolution to count them by: two thirds of a period within three rms of
+# the signal to twelve.
+LEAST_ORDER, MOST_ORDER = 0.7, 12.0
 
 
 @dataclass(frozen=True)
@@ -56,6 +55,7 @@ class Sizes:
     y: float
     seconds: float
     dt: float
+    step: float = 0.0  # of the grid of the readings
 
     def seen_from(self, kind: ChainCandidate) -> Scales:
         """The scales of the signals where a candidate acts, in the form of the scales of an axis."""
@@ -136,7 +136,9 @@ class ChainCandidate(EffectVariant):
             return (0.0, q.high) if bounded and q is not None else (-np.inf, np.inf)
         if field == "order":
             size = z.y if self.at_sensor else z.x
-            return LEAST_ORDER / size, MOST_ORDER / size
+            # a wave of less than two steps of the grid of the readings is their rounding
+            finest = np.pi / z.step if self.at_sensor and z.step else np.inf
+            return LEAST_ORDER / size, max(LEAST_ORDER / size, min(MOST_ORDER / size, finest))
         if self.scanned == "time":
             return 0.7 / z.seconds, 0.5 / z.dt
         low, high = self.cls.quantities[field].bounds(z.seen_from(self))
@@ -144,25 +146,15 @@ class ChainCandidate(EffectVariant):
 
     def shapes(self, z: Sizes) -> list[tuple[float, ...]]:
         """Values of the numbers after the linear ones at which a look tries it."""
-        grids = []
-        for i in range(self.linear, len(self.fields)):
-            low, high = self.range_of(i, z)
-            q = self.cls.quantities[self.fields[i]]
-            if self.scanned == "position":
-                grids.append(np.arange(LEAST_ORDER, 12.0, 0.3) * low / LEAST_ORDER)
-            elif self.scanned == "step":
-                grids.append(np.linspace(low, high, 43))
-            elif self.delays:  # a delay between samples has a local minimum of its own
-                grids.append(z.dt * np.concatenate([np.arange(0.3, 6.0, 0.4), np.geomspace(6.3, 60.0, 6)]))
-            elif i in self.free and self.ratios(i) and len(self.free) - self.linear == 1:
-                known = q.grid(z.seen_from(self))
-                around = max(low, known[0] / 4.0), min(0.97 * high, 1.3 * known[-1])
-                grids.append(np.geomspace(*around, N_SHAPES))
-            else:
-                grids.append(np.array(q.grid(z.seen_from(self))))
+        scales = z.seen_from(self)
+        if self.scanned == "position":
+            return [(float(o),) for o in np.arange(*self.range_of(self.linear, z), WAVE_STEP / scales.reach)]
+        if self.delays:  # a delay between samples has a local minimum of its own
+            return [(z.dt * float(n),) for n in (*np.arange(0.3, 6.0, 0.4), *np.geomspace(6.3, 60.0, 6))]
+        found = self.grid(scales, np.inf)
         if self.fields[-1] == "centre" and len(self.fields) - 1 not in self.free:
-            grids[-1] = np.zeros(1)
-        return list(itertools.product(*(map(float, g) for g in grids)))
+            return list(dict.fromkeys((*shape[:-1], 0.0) for shape in found))
+        return found
 
 
 @dataclass(frozen=True)
@@ -445,7 +437,7 @@ def sizes(s: Record, m: ChainHypothesis) -> Sizes:
     u_peak, x_peak = peaks
     return Sizes(
         size(s.u), u_peak, size(x), x_peak, size(np.diff(x)), size(v), max(float(np.std(s.y[s.seen])), 1e-12),
-        s.u.size * s.dt, s.dt,
+        s.u.size * s.dt, s.dt, s.step,
     )  # fmt: skip
 
 
