@@ -16,6 +16,12 @@ class Symbol(NamedTuple):
     """An expression whose value is known only at run time; ``kind`` is ``real`` or ``bool``.
 
     A product with a constant keeps the ``factor`` and the other operand, so that further constant factors are merged.
+
+    Examples
+    --------
+    >>> sine = Symbol("2.0 * sin(q)", factor=2.0, base="sin(q)")
+    >>> sine.kind, sorted(identifiers(sine.text))
+    ('real', ['q', 'sin'])
     """
 
     text: str
@@ -25,7 +31,13 @@ class Symbol(NamedTuple):
 
 
 class Set(NamedTuple):
-    """An assignment; ``kept`` if the name belongs to the state and is kept between samples."""
+    """An assignment; ``kept`` if the name belongs to the state and is kept between samples.
+
+    Examples
+    --------
+    >>> sorted(used([Set("x", "a * u + x", kept=True)]))
+    ['a', 'u', 'x']
+    """
 
     name: str
     text: str

@@ -49,7 +49,15 @@ def locate(axes: dict[str, tuple[Array, str]], gap: Array, rng: np.random.Genera
 
 
 class Bins:
-    """A signal x of shape (n,) in bins of equally many samples."""
+    """A signal x of shape (n,) in bins of equally many samples.
+
+    Examples
+    --------
+    >>> angle = np.linspace(0.0, 6.28, 400)
+    >>> bins = Bins(angle)
+    >>> bins.between(np.sin(angle)) > 0.95, bins.between(np.cos(200.0 * angle)) < 0.1
+    (True, True)
+    """
 
     def __init__(self, x: Array):
         self.edges = np.unique(np.quantile(x, np.linspace(0, 1, N_BINS + 1)))

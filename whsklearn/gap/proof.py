@@ -19,7 +19,13 @@ NO_GAP = 1e-3
 
 @dataclass(frozen=True)
 class FreeRun:
-    """Errors of one simulation on held-out samples, y - y_hat."""
+    """Errors of one simulation on held-out samples, y - y_hat.
+
+    Examples
+    --------
+    >>> FreeRun(nmse=0.01, mu_e=0.0, rmse=0.002).as_dict()
+    {'nmse': 0.01, 'mu_e': 0.0, 'rmse': 0.002}
+    """
 
     nmse: float
     mu_e: float

@@ -8,7 +8,16 @@ from dataclasses import dataclass, fields
 
 @dataclass(frozen=True)
 class Part:
-    """A part of the axis; its numbers are checked to be finite where required and not below their bounds."""
+    """A part of the axis; its numbers are checked to be finite where required and not below their bounds.
+
+    Examples
+    --------
+    >>> try:
+    ...     Sensor(noise=-1e-5)
+    ... except ValueError as error:
+    ...     print(error)
+    Sensor: noise is -1e-05, expected a number not below zero; use SI units.
+    """
 
     def __post_init__(self) -> None:
         for f in fields(self):
