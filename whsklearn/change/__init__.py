@@ -7,7 +7,7 @@ since Tuesday").  `forgetting_after` and `set_forgetting` let an estimator follo
 """
 
 from whsklearn.change.alarm import ChangeAlarm
-from whsklearn.change.comparison import ParameterChange, compare_parameters
+from whsklearn.change.comparison import ParameterDifference, compare_parameters
 from whsklearn.change.forgetting import forgetting_after, set_forgetting
 
-__all__ = ["ChangeAlarm", "ParameterChange", "compare_parameters", "forgetting_after", "set_forgetting"]
+__all__ = ["ChangeAlarm", "ParameterDifference", "compare_parameters", "forgetting_after", "set_forgetting"]

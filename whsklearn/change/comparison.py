@@ -13,7 +13,7 @@ from whsklearn._inputs import real_array
 
 
 @dataclass(frozen=True)
-class ParameterChange:
+class ParameterDifference:
     """One parameter before and after, with the standard error of the difference.
 
     Attributes
@@ -35,8 +35,8 @@ class ParameterChange:
 
     Examples
     --------
-    >>> from whsklearn.change import ParameterChange
-    >>> change = ParameterChange("coulomb", before=0.70, after=0.84, standard_error=0.01, z=14.0, significant=True)
+    >>> from whsklearn.change import ParameterDifference
+    >>> change = ParameterDifference("coulomb", before=0.70, after=0.84, standard_error=0.01, z=14.0, significant=True)
     >>> print(change)
     coulomb rose 20 % (0.7 to 0.84, standard error 0.01)
     >>> round(change.percent, 6)
@@ -72,7 +72,7 @@ def compare_parameters(
     after: ArrayLike,
     after_covariance: ArrayLike,
     level: float = 0.01,
-) -> list[ParameterChange]:
+) -> list[ParameterDifference]:
     """Which parameters changed between two estimates, the most significant first.
 
     Parameters
@@ -122,5 +122,5 @@ def compare_parameters(
     changes = []
     for name, b, a, error in zip(names, old.tolist(), new.tolist(), np.sqrt(total).tolist(), strict=True):
         z = (a - b) / error if error > 0 else math.copysign(math.inf, a - b) if a != b else 0.0
-        changes.append(ParameterChange(name, b, a, error, z, abs(z) > limit))
+        changes.append(ParameterDifference(name, b, a, error, z, abs(z) > limit))
     return sorted(changes, key=lambda c: -abs(c.z))
