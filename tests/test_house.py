@@ -223,15 +223,18 @@ def test_every_public_class_has_an_example_that_runs():
 
 
 # --- the page of the design -------------------------------------------------------------------------------------------
-NEAR = 0.04  # the page states lines in hundreds, and need not follow every change
+NEAR = 0.04  # the page need not follow every change
 
 
 def test_the_design_page_states_the_figures_that_the_benchmark_prints():
     page = (ROOT / "docs" / "design.md").read_text(encoding="utf-8")
     modules, classes, *_ = house.named_numbers(house.LIBRARY / "gap")
     rooms, drawn = house.arrows(house.LIBRARY)
-    assert f"of which there are {modules + classes} " in page
-    assert f"| packages, imports between them | {len(rooms)}, {len(drawn)} |" in page
+    (constants,) = re.findall(r"of which there are about (\d+) ", page)
+    assert int(constants) == pytest.approx(modules + classes, rel=NEAR)
+    ((told, most),) = re.findall(r"^\| packages, imports between them \| (\d+), (\d+) \|", page, re.MULTILINE)
+    assert len(rooms) == int(told)
+    assert len(drawn) <= int(most) <= 110
     stated = re.findall(r"^\| (`\w+`(?:, `\w+`)*)[^|]* \| ([\d,]+) \| ([\d,]+) \|$", page, re.MULTILINE)
     stated = {tuple(re.findall(r"\w+", names)): counts for names, *counts in stated}
     stated[("",)] = re.search(r"([\d,]+) in total, ([\d,]+) of code", page).groups()
