@@ -131,20 +131,11 @@ def nameless(scene: Scene) -> Iterator[Array]:
 
 @dataclass(frozen=True)
 class Seen:
-    """The result of a look at a model.
-
-    Attributes
-    ----------
-    looks : list of Look
-    share : float
-        Share of the mean square residual that nameless functions explain, beyond their share in own records.
-    p_value : float
-        The smallest p-value of all looks, for the hypothesis that nothing is missing.
-    """
+    """The result of a look at a model."""
 
     looks: list[Look]
-    share: float
-    p_value: float
+    share: float  # share of the mean square residual that nameless functions explain, beyond their share in own records
+    p_value: float  # the smallest p-value of all looks, for the hypothesis that nothing is missing
 
 
 def own_errors(s: Record, m: ChainHypothesis, rng: np.random.Generator) -> Array:
