@@ -65,6 +65,14 @@ def test_a_wave_that_only_the_slow_part_of_a_record_shows_is_asked_for():
     assert look.start.q[2] == pytest.approx(115.0, abs=0.1)
 
 
+def test_a_wave_is_sought_up_to_the_highest_order_of_its_effect():
+    """The poles and slots of a torque motor repeat 200 times a turn."""
+    _, looks = looks_at([Cogging(0.4, 200.0)])
+    (look,) = [k for k in looks if k.name == "cogging"]
+    assert look.p_value < 1e-3
+    assert look.start.q[2] == pytest.approx(200.0, abs=0.1)
+
+
 def test_the_magnets_of_a_linear_motor_have_their_pitch():
     """30 mm, or 209 rad/m: beyond any order of what turns."""
     log = make_servo_log([Cogging(0.1, 2.0 * np.pi / 0.03)], amplitude=0.2, duration=12.0, random_state=0)

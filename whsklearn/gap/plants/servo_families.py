@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 
 from whsklearn.effects import codes as k
+from whsklearn.effects import get_effect
 from whsklearn.effects.quantity import ONE_PERIOD
 from whsklearn.filtering.gaussian import CUTOFF_SIGMA
 from whsklearn.gap.calibration import N_DRAWS, coloured, gain, n_effective, null_rows, smoothed_power
@@ -221,7 +222,7 @@ def orders(scene: Scene, kind: Candidate) -> Blocks:
     # the highest order that the filter passes in the share of the samples that a name must explain
     speed = max(float(np.quantile(np.abs(scene.speed), LEAST_SHARE)), 1e-9)
     high = float(np.clip(2 * np.pi * 1.5 * view.cutoff / speed, 4.0 * max(low, 1.0), highest_order(view)))
-    step = max(0.2 * np.pi / view.scene.reach, high / 300)
+    step = max(0.2 * np.pi / view.scene.reach, high / MOST_WAVES)
     values = np.arange(low, max(high, low + step), step)
     if view.record.units[1] == "rad":
         values = np.union1d(np.arange(np.ceil(low), high + 1), values)
@@ -331,7 +332,8 @@ N_LIMITS = 40  # of the drive, and ages of it, over the plausible range: limits 
 # parabola goes through the last three: a spring of twice the drive, off by a tenth, leaves more than its neighbours
 # explain.
 POLISH = 4
-HIGHEST = 160.0  # periods per turn, or within 2 pi of half the travel of what does not turn
+MOST_WAVES = 480  # orders between the lowest and the highest, beside whole ones: half an order apart
+HIGHEST = get_effect("cogging").quantities["order"].high  # waves per turn, or within 2 pi of half the travel
 
 
 def inverse_kinds(model: ServoHypothesis) -> tuple[Candidate, ...]:
