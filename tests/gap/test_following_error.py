@@ -21,16 +21,18 @@ def command_at(t):
     return 0.8 * np.sin(0.9 * t) + 0.5 * np.sin(2.3 * t + 1.0) + 0.15 * np.sin(5.1 * t + 2.0)
 
 
-def servo(late: float, gravity: float) -> pd.DataFrame:
-    """Command and position (12 bits a turn) of gain (c - q) = J a + B v + C s(v) + G cos q, by small explicit steps."""
+def servo(late: float, gravity: float, derivative: float = 0.0, integral: float = 0.0) -> pd.DataFrame:
+    """Command and position (12 bits a turn) of gain u(c - q) = J a + B v + C s(v) + G cos q, by small explicit steps."""
     n, fine = int(SECONDS * RATE), 200
-    h, q, v = 1.0 / RATE / fine, 0.0, 0.0
+    h, q, v, area = 1.0 / RATE / fine, 0.0, 0.0, 0.0
     out = np.empty(n)
     for i in range(n):
         out[i] = q
         asked = command_at((i + np.arange(fine) / fine) / RATE - late)
-        for c in asked:
-            torque = GAIN * (c - q) - VISCOUS * v - COULOMB * np.tanh(v / 0.01) - gravity * np.cos(q)
+        for c, rate in zip(asked, np.gradient(asked, h), strict=True):
+            area += h * (c - q)
+            asks = c - q + derivative * (rate - v) + integral * area
+            torque = GAIN * asks - VISCOUS * v - COULOMB * np.tanh(v / 0.01) - gravity * np.cos(q)
             v += h * torque / INERTIA
             q += h * v
     t = np.arange(n) / RATE
@@ -51,7 +53,17 @@ def hanging():
 def test_a_late_command_is_found_and_a_prompt_one_is_left(hanging):
     for log, late in ((hanging, 0.06), (servo(0.0, GRAVITY), 0.0)):
         _, found = following_error(record_of(log))
-        assert found == pytest.approx(late, abs=2.1 / RATE)  # viscous friction takes up a part of a delay
+        assert (found.derivative, found.integral) == (0.0, 0.0)
+        assert found.delay == pytest.approx(late, abs=2.1 / RATE)  # viscous friction takes up a part of a delay
+
+
+@pytest.mark.parametrize(("derivative", "integral"), [(0.08, 0.0), (0.08, 1.5)])
+def test_what_the_loop_does_of_the_error_beside_its_gain_is_found(derivative, integral):
+    """A derivative passed for a late command and a friction that drives the axis."""
+    drive, found = following_error(record_of(servo(0.0, GRAVITY, derivative, integral)))
+    assert found.delay == 0.0
+    assert found.derivative == pytest.approx(derivative, rel=0.15)
+    assert found.integral == pytest.approx(integral, rel=0.15)
 
 
 def test_no_command_from_before_a_hole_acts_behind_it(hanging):
@@ -59,7 +71,7 @@ def test_no_command_from_before_a_hole_acts_behind_it(hanging):
     turn = 2.0 * np.pi
     far = hanging.assign(command_rad=hanging.command_rad + turn, position_rad=hanging.position_rad + turn)
     first, second = hanging.iloc[:1000], far.iloc[1150:]
-    error, delay = following_error(record_of(pd.concat([first, second]), starts=(1000,)))
+    error, (delay, *_) = following_error(record_of(pd.concat([first, second]), starts=(1000,)))
     assert delay == pytest.approx(0.06, abs=2.1 / RATE)
     late = round(delay * RATE)
     for part, found in ((first, error[:1000]), (second, error[1000:])):

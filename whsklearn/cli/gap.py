@@ -331,13 +331,19 @@ def as_record(options: dict[str, Any], log: Bunch) -> tuple[Any, dict[str, Any]]
         starts=starts,
     )  # fmt: skip
     if log.command is not None:
-        error, delay = following_error(record)
-        record = replace(record, drive=error)
-        late = f", the command taken {delay:.3g} s later," if delay else ""
+        drive, loop = following_error(record)
+        record = replace(record, drive=drive)
+        of_error = [
+            f"{size:.3g} {unit} times its {name}"
+            for name, size, unit in (("derivative", loop.derivative, "s"), ("integral", loop.integral, "1/s"))
+            if size
+        ]
+        late = f", the command taken {loop.delay:.3g} s later," if loop.delay else ""
         text = (
-            f"No drive is logged: command minus position{late} is used instead. Sizes are per unit of the loop's gain: "
-            "inertia in s2, viscous friction in s, torques in the unit of the position. The gain itself, and what the "
-            "loop does besides (integral action, limits), cannot be known from this log."
+            f"No drive is logged: {' plus '.join([f'command minus position{late}', *of_error])} is used instead. Sizes "
+            "are per unit of the loop's gain: inertia in s2, viscous friction in s, torques in the unit of the "
+            "position. The gain itself, and what the loop does besides (filters, feedforward, limits), cannot be known "
+            "from this log."
         )
         note(text)
         log.notes = (*log.notes, text)

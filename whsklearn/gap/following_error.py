@@ -1,29 +1,51 @@
-"""A position servo of which only command and position are logged: its following error takes the place of the drive."""
+"""A position servo of which only command and position are logged: what its loop makes of their difference is the drive."""
 
 from __future__ import annotations
 
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
 from whsklearn.filtering.gaussian import CUTOFF_SIGMA, HIGHEST_CUTOFF, filtered, gaussian_derivatives
+from whsklearn.gap.plants import inverse_dynamics as ols
 from whsklearn.gap.record import Array, ServoRecord
 
-# Share of the residual without a delay, below which a delay of a position servo's command is accepted: a delay trades
-# off against viscous friction (`benchmarks.real_axes --only so101`).
-WORTH_A_DELAY = 0.9
+# Share of the residual below which a delay, a derivative or an integral is accepted: a delay trades off against viscous
+# friction (`benchmarks.real_axes --only so101`).
+WORTH_IT = 0.9
 LONGEST_DELAY = 0.4  # s between a command's stamp and its effect: a bus of hobby servos needs 0.06 to 0.2
 CUTOFF = 4.0  # Hz: commands of a position servo are slow
+PER_PERIOD = 16  # rows of the regression in a period of that frequency
+# inertia and friction drive no axis, and derivative and integral have the sign of the gain
+POSITIVE = np.array([True, True, True, False, False, False, True, True])
 
 
-def following_error(record: ServoRecord) -> tuple[Array, float]:
-    """(command minus position, rad; the delay, s, by which the command acts late), first samples repeated.
+class Loop(NamedTuple):
+    """What is known of a position loop, beside its gain: delay of the command (s), T_D (s) and 1 / T_I (1/s)."""
 
-    Inside the servo, torque = gain (command - position), so the error is the drive in units of the loop's gain.  A
-    command that is time-stamped when it is sent acts later.  The delay used is the one at which inertia, viscous and
-    dry friction, a constant and gravity explain the error best.  Neither the delay nor a filter reaches across a hole.
+    delay: float
+    derivative: float
+    integral: float
 
-    ``record``: its reference is the command; its drive is not used.
+
+def following_error(record: ServoRecord) -> tuple[Array, Loop]:
+    """(drive in units of the loop's gain, rad; the loop), with the first commands repeated.
+
+    Inside the servo, torque = gain (e + T_D de/dt + 1/T_I int e dt) of the error e = command - position.  A command that
+    is time-stamped when it is sent acts later.  Delay, T_D and T_I are those at which inertia, viscous and dry
+    friction, a constant and gravity explain the error best; each is left out if it does not explain considerably more.
+    Without the signs a delay and a negative friction stood for T_D.  Neither the delay nor a filter or an integral
+    reaches across a hole.
+
+    Parameters
+    ----------
+    record : ServoRecord
+        Its reference is the command; its drive is not used.
+
+    References
+    ----------
+    Astrom, Hagglund 2006, Advanced PID Control, ISA, equation (3.4).
 
     Examples
     --------
@@ -31,29 +53,45 @@ def following_error(record: ServoRecord) -> tuple[Array, float]:
     >>> wave = lambda t: 0.4 * np.sin(1.3 * t) + 0.2 * np.sin(4.1 * t + 1.0) + 0.05 * np.sin(9.0 * t)
     >>> sags = wave(t - 0.1) - 0.02 * np.cos(wave(t - 0.1))
     >>> record = ServoRecord(t, np.zeros_like(t), sags, wave(t), units=("rad", "rad"))
-    >>> round(following_error(record)[1], 2)
+    >>> round(following_error(record)[1].delay, 2)
     0.1
     """
     command, position, dt = record.reference, record.position, record.dt
     assert command is not None
     kernels = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * min(CUTOFF, HIGHEST_CUTOFF / dt)), dt)
-    q, v, a = (record.by_piece(partial(filtered, taps=k, every=1), position - position.mean()) for k in kernels)
-    q = q + position.mean()
-    slow = 0.05 * float(np.std(v)) + 1e-12
-    columns = np.column_stack([a, v, np.tanh(v / slow), np.ones_like(q), np.cos(q), np.sin(q)])
-    edge = kernels[0].size + round(LONGEST_DELAY / dt)
-    inside = record.by_piece(partial(_inner, edge=edge), np.ones(q.size, dtype=bool))
-    basis, _ = np.linalg.qr(columns[inside])
+    middle, longest = position.mean(), round(LONGEST_DELAY / dt)
+    (c, rate), (q, v, a) = (
+        [record.by_piece(partial(filtered, taps=k, every=1), x - middle) for k in taps]
+        for x, taps in ((command, kernels[:2]), (position, kernels))
+    )
+    dry = np.tanh(v / (0.05 * float(np.std(v)) + 1e-12))
+    axis = np.column_stack([a, v, dry, np.ones_like(q), np.cos(q + middle), np.sin(q + middle)])
+    inside = record.by_piece(partial(_inner, edge=kernels[0].size + longest), np.ones(q.size, dtype=bool))
+    rows = np.flatnonzero(inside)[:: max(1, int(1.0 / (PER_PERIOD * CUTOFF * dt)))]
 
-    def left(samples: int) -> float:
-        error = (record.by_piece(lambda x: filtered(late(x, samples), kernels[0], 1), command) - q)[inside]
-        return float(np.linalg.norm(error - basis @ (basis.T @ error)))
+    def fitted(samples: int, n: int) -> tuple[float, Array]:
+        """(rms residual, the first n of T_D and 1 / T_I) at one delay."""
+        error, slope = (record.by_piece(partial(late, samples=samples), x) - y for x, y in ((c, q), (rate, v)))
+        loop = [-slope, -record.by_piece(lambda e: np.cumsum(e) * dt, error)][:n]
+        columns = np.column_stack([axis, *loop])[rows]
+        sizes, _ = ols.solve(columns, error[rows], POSITIVE[: columns.shape[1]])
+        return float(np.std(error[rows] - columns @ sizes)), sizes[axis.shape[1] :]
 
-    losses = [left(k) for k in range(round(LONGEST_DELAY / dt) + 1)]
-    best = int(np.argmin(losses))
-    if losses[best] > WORTH_A_DELAY * losses[0]:
-        best = 0
-    return record.by_piece(partial(late, samples=best), command) - position, best * dt
+    best, least = (0, 0), fitted(0, 0)[0]
+    for n in range(3):
+        losses = [fitted(k, n)[0] for k in range(longest + 1)]
+        for k in (0, int(np.argmin(losses))):  # a delay only for what the loop's gains alone do not explain
+            if losses[k] < WORTH_IT * least:
+                best, least = (k, n), losses[k]
+    derivative, integral = np.append(fitted(*best)[1], np.zeros(2 - best[1]))
+    error = record.by_piece(partial(late, samples=best[0]), command) - position
+    drive = record.by_piece(lambda e: _controlled(e, dt, derivative, integral), error)
+    return drive, Loop(best[0] * dt, float(derivative), float(integral))
+
+
+def _controlled(error: Array, dt: float, derivative: float, integral: float) -> Array:
+    slope = np.gradient(error, dt) if error.size > 1 else np.zeros_like(error)
+    return error + derivative * slope + integral * dt * np.cumsum(error)
 
 
 def late(x: Array, samples: int) -> Array:
