@@ -22,7 +22,7 @@ def command_at(t):
 
 
 def servo(late: float, gravity: float, derivative: float = 0.0, integral: float = 0.0) -> pd.DataFrame:
-    """Command and position (12 bits a turn) of gain u(c - q) = J a + B v + C s(v) + G cos q, by small explicit steps."""
+    """Command and position (12 bits a turn) of gain u(c - q) = J a + B v + C s(v) + G cos q, by small steps."""
     n, fine = int(SECONDS * RATE), 200
     h, q, v, area = 1.0 / RATE / fine, 0.0, 0.0, 0.0
     out = np.empty(n)
@@ -60,7 +60,7 @@ def test_a_late_command_is_found_and_a_prompt_one_is_left(hanging):
 @pytest.mark.parametrize(("derivative", "integral"), [(0.08, 0.0), (0.08, 1.5)])
 def test_what_the_loop_does_of_the_error_beside_its_gain_is_found(derivative, integral):
     """A derivative passed for a late command and a friction that drives the axis."""
-    drive, found = following_error(record_of(servo(0.0, GRAVITY, derivative, integral)))
+    _, found = following_error(record_of(servo(0.0, GRAVITY, derivative, integral)))
     assert found.delay == 0.0
     assert found.derivative == pytest.approx(derivative, rel=0.15)
     assert found.integral == pytest.approx(integral, rel=0.15)

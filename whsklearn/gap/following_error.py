@@ -1,4 +1,4 @@
-"""A position servo of which only command and position are logged: what its loop makes of their difference is the drive."""
+"""A position servo of which only command and position are logged: its loop turns their difference into the drive."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ class Loop(NamedTuple):
 def following_error(record: ServoRecord) -> tuple[Array, Loop]:
     """(drive in units of the loop's gain, rad; the loop), with the first commands repeated.
 
-    Inside the servo, torque = gain (e + T_D de/dt + 1/T_I int e dt) of the error e = command - position.  A command that
-    is time-stamped when it is sent acts later.  Delay, T_D and T_I are those at which inertia, viscous and dry
+    Inside the servo, torque = gain (e + T_D de/dt + 1/T_I int e dt) of the error e = command - position.  A command
+    that is time-stamped when it is sent acts later.  Delay, T_D and T_I are those at which inertia, viscous and dry
     friction, a constant and gravity explain the error best; each is left out if it does not explain considerably more.
     Without the signs a delay and a negative friction stood for T_D.  Neither the delay nor a filter or an integral
     reaches across a hole.
