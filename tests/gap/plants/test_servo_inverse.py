@@ -14,7 +14,7 @@ from whsklearn.effects import GravityImbalance, LuGre
 from whsklearn.gap import GapFinder
 from whsklearn.gap.plants.servo import ServoPlant
 from whsklearn.gap.plants.servo_candidates import candidate
-from whsklearn.gap.plants.servo_inverse import too_large
+from whsklearn.gap.plants.servo_inverse import too_large, unphysical
 from whsklearn.gap.plants.servo_model import ServoTerm
 from whsklearn.gap.plants.servo_start import filtered_motion, start_of, with_earlier_drive
 from whsklearn.gap.proof import closure
@@ -138,6 +138,19 @@ def test_a_drive_that_loses_all_its_effect_is_no_explanation(change, objected):
     _, base = start_of(ServoRecord(r.time, r.drive, r.position), ("viscous",), 0.004)
     gain = replace(candidate("parameter_change"), choice=(("parameter", "gain"),))
     assert bool(too_large(base.with_term(ServoTerm(gain, (change, 3.0))), len(base.terms))) is objected
+
+
+@pytest.mark.parametrize("parameter", ["viscous", "inertia"])
+def test_a_change_that_leaves_a_negative_friction_or_inertia_is_no_explanation(parameter):
+    """A loop that diverges looked like friction that begins to drive the axis, with certainty."""
+    r = log_of(viscous=0.1)
+    record = ServoRecord(r.time, r.drive, r.position)
+    _, base = start_of(record, ("viscous",), 0.004)
+    before = base.inertia if parameter == "inertia" else base.terms[0].q[0]
+    changed = replace(candidate("parameter_change"), choice=(("parameter", parameter),))
+    for share, objected in ((-0.9, False), (-1.9, False), (-2.1, True), (2.0, False)):  # one of -1.9 may be one of -1
+        model = base.with_term(ServoTerm(changed, (share * before, 3.0)))
+        assert ("negative" in unphysical(record, model, len(base.terms))) is objected
 
 
 def test_a_change_of_the_gain_takes_no_credit_for_the_gravity_that_it_takes_away():

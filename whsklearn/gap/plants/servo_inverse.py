@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from whsklearn.effects import EndStop, Scales, codes
+from whsklearn.effects import EndStop, ParameterChange, Scales, codes
 from whsklearn.filtering.gaussian import CUTOFF_SIGMA, decimation, filtered, gaussian_derivatives
 from whsklearn.gap.least_squares import jacobian
 from whsklearn.gap.plant import Linearised
@@ -391,6 +391,7 @@ def unphysical(record: ServoRecord, model: ServoHypothesis, index: int) -> str:
         model.at_the_end(index)
         or never_free(term.effect, record.position)
         or negative_damping(model, index)
+        or negative_after(model, index)
         or too_large(model, index)
         or on_excitation_line(record, term)
     )
@@ -431,6 +432,21 @@ def negative_damping(model: ServoHypothesis, index: int) -> str:
     if t.name == "asymmetric_viscous" and abs(t.q[0]) > max(viscous, 0.0):
         return "the axis would be driven by its own friction in one direction"
     return ""
+
+
+def negative_after(model: ServoHypothesis, index: int) -> str:
+    """The objection that a change leaves a negative inertia or friction, farther below zero than it was above.
+
+    A loop that diverges looks like friction that begins to drive the axis.
+    """
+    t = model.terms[index]
+    if not isinstance(change := t.effect, ParameterChange) or change.parameter == "gain":
+        return ""
+    of_law = sum(o.q[0] for o in model.terms if o.name == change.parameter)
+    before = model.inertia if change.parameter == "inertia" else of_law
+    if before + change.change >= -abs(before):
+        return ""
+    return f"it would leave a negative {change.parameter}, which would drive the axis"
 
 
 def on_excitation_line(record: ServoRecord, term: ServoTerm) -> str:
