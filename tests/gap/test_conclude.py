@@ -248,6 +248,13 @@ def test_what_the_record_shows_is_not_called_untestable(p_value, status):
     assert [c.status for c in conclude.candidates(found, diagnosis, plant, 0.01)] == [status]
 
 
+def test_an_effect_below_the_tolerance_is_said_to_be_small_and_not_to_be_chance():
+    """Its p-value is that of an effect of the tolerance, so it is one."""
+    look = Look("a", 800.0, np.full(15, 1.0), size=0.003, p_value=1.0)
+    plant = SimpleNamespace(scale=1.0, whole="drive", tolerance=0.004)
+    assert "below the tolerance" in conclude._reason(look, None, plant, 0.01)
+
+
 def test_a_run_stays_open_where_its_gap_is_seen_and_next_to_nothing_of_it_is_closed():
     assert stays_open({"closure": 0.03, "before": 2.0, "floor": 1.0})
     assert not stays_open({"closure": 0.5, "before": 2.0, "floor": 1.0})
