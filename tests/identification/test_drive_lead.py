@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests.recursion.axis_log import axis_log, slow_drive
+from whsklearn.datasets import make_servo_log
 from whsklearn.effects import as_law
 from whsklearn.identification import identify
 from whsklearn.identification.drive_lead import earlier, moved, skew
@@ -23,6 +24,20 @@ NOISY = Y + 1e-5 * np.random.default_rng(0).standard_normal(Y.size)
 def test_a_skew_of_up_to_40_ms_is_found_either_way(late):
     record = view(earlier(U, -late), NOISY, 0.005, "position")
     assert skew(record) == pytest.approx(late, abs=1)
+
+
+@pytest.mark.parametrize(
+    ("effects", "size", "turn", "late"),
+    [("gravity_imbalance", 0.3, 65_536, 0), ("stribeck", 0.05, 4_096, 0), ((), 0.05, 4_096, -8), ((), 0.05, 65_536, 8)],
+)
+def test_a_skew_is_found_in_plain_counts(effects, size, turn, late):
+    """The sine of a count is noise; taken for a weight, it moved the first two drives by 6 and -2 ms."""
+    log = make_servo_log(effects, sizes=size, duration=8.0, sample_rate=1000.0, random_state=3)
+    u, counts = earlier(log.torque_nm.to_numpy(), -late), np.round(log.position_rad.to_numpy() * turn / (2.0 * np.pi))
+    record = view(u, counts, 0.001, "position", si=((1.0, "Nm"), (1.0, "counts")))
+    assert skew(record) == pytest.approx(late, abs=1)
+    assert not record.angle
+    assert not view(u, counts, 0.001, "position").angle  # whole numbers, whatever is stated
 
 
 def test_a_linear_system_of_more_poles_is_not_moved():

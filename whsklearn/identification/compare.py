@@ -269,7 +269,7 @@ def identify(
     fitting, held_out = whole.part(0, cut), whole.part(cut, whole.u.size)
     trivial = Compared("constant velocity" if whole.logged == "position" else "constant output", "trivial", {}, "-")
     _score(trivial, held_out)
-    angle = whole.logged != "velocity" and smooth(whole.y, whole.bounds) and output[1] in ("rad", UNKNOWN)
+    angle = whole.logged != "velocity" and smooth(whole.y, whole.bounds) and whole.angle
     structures = list(
         candidates(
             cut,

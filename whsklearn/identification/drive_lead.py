@@ -79,7 +79,7 @@ def skew(log: View) -> int:
     width = smoothing_width(log.dt)
     if 2 * OLDEST < log.dt or log.logged == "output":
         return 0
-    form = AxisForm(hangs=log.logged == "position")
+    form = force_form([log])
     columns, drive = balance(log, width, form)
     if drive.size < 10 * FEWEST:
         return 0
@@ -93,6 +93,25 @@ def skew(log: View) -> int:
     if log.logged == "position" and look(0)[1] < KNOWN * _rms(drive):
         lead = _by_shooting(log.part(0, min(log.u.size, ENOUGH)), lead, form)
     return lead
+
+
+def force_form(logs: Sequence[View]) -> AxisForm:
+    """The force over position that explains the drives better: of a weight if it is an angle, or a cubic.
+
+    A sine of plain counts is noise on the grid of the encoder, beside which the drive looks early.
+    """
+    if logs[0].logged != "position":
+        return AxisForm()
+    cubic = AxisForm(powers=3, centre=float(np.mean(np.concatenate([log.y for log in logs]))))
+    if not logs[0].angle:
+        return cubic
+
+    def left(form: AxisForm) -> float:
+        parts = [balance(log, smoothing_width(log.dt), form) for log in logs]
+        columns, drive = (np.concatenate(x) for x in zip(*parts, strict=True))
+        return float(np.sum((drive - columns @ solved(columns, drive)) ** 2))
+
+    return min((AxisForm(hangs=True), cubic), key=left)
 
 
 def age(log: View, form: AxisForm) -> tuple[float, float]:
@@ -109,7 +128,7 @@ def same_age(logs: Sequence[View]) -> list[int]:
 
     What all logs lack biases their ages alike, so the differences are known where `skew` finds no age.
     """
-    form, leads = AxisForm(hangs=logs[0].logged == "position"), np.zeros(len(logs), dtype=int)
+    form, leads = force_form(logs), np.zeros(len(logs), dtype=int)
     for _ in range(MOST_MOVES):
         ages = np.array([age(moved(log, int(lead)), form)[0] for log, lead in zip(logs, leads, strict=True)])
         more = np.round((ages[np.argmin(np.abs(ages))] - ages) / logs[0].dt).astype(int)

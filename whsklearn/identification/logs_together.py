@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from whsklearn.identification.axis_inverse import balance, solved
-from whsklearn.identification.drive_lead import moved, skew, smoothing_width
-from whsklearn.recursion.batch.axis_free_run import AxisForm
+from whsklearn.identification.drive_lead import force_form, moved, skew, smoothing_width
 
 if TYPE_CHECKING:
     from whsklearn.identification.view import View
@@ -101,7 +100,7 @@ def own_offsets(logs: Sequence[View]) -> tuple[float, ...]:
     if len(logs) < 2 or logs[0].logged == "output":
         return nothing
     width = smoothing_width(logs[0].dt)
-    form = AxisForm(hangs=logs[0].logged == "position")
+    form = force_form([log.in_si for log in logs])
     parts = [balance(log.in_si, width, form) for log in logs]
     columns, drive = (np.concatenate(x) for x in zip(*parts, strict=True))
     each = np.repeat(np.eye(len(logs)), [u.size for _, u in parts], axis=0)

@@ -58,6 +58,8 @@ class View:
     settles : bool
         Whether a logged position does not keep its value without a drive, as that of an axis with gravity. A linear
         model of it is fitted to the position itself.
+    angle : bool
+        Whether the output may be an angle, of which gravity is a sine: not if it counts anything.
 
     References
     ----------
@@ -84,6 +86,7 @@ class View:
     steps: int = 4
     hold: str = "zero"
     settles: bool = False
+    angle: bool = True
 
     @functools.cached_property
     def drive(self) -> Array:
@@ -171,7 +174,8 @@ def view(
     target = derivative(y, dt, bounds)[0] if logged == "position" else y
     u, y, target = (np.ascontiguousarray(x) for x in (u, y, target))
     settles = settles and logged == "position"
-    return View(u, y, target, float(dt), logged, si=(si[0][0], si[1][0]), starts=starts, settles=settles)
+    factors, angle = (si[0][0], si[1][0]), output == "rad" or (output == UNKNOWN and bool(np.any(y != np.round(y))))
+    return View(u, y, target, float(dt), logged, factors, starts, settles=settles, angle=angle)
 
 
 def _segments(u: Array, y: Array, groups: NDArray[Any]) -> tuple[Array, Array, tuple[int, ...]]:
