@@ -69,16 +69,7 @@ class Picture(NamedTuple):
 
 
 def over_records(row: dict[str, Any]) -> Picture:
-    """One number of all records in their order, with whiskers of two standard errors.
-
-    Examples
-    --------
-    >>> picture = over_records({"values": [1.0, 2.0], "standard_errors": [0.25, 0.25]})
-    >>> picture.points
-    [(80.0, 76.0, 60.0, 92.0), (240.0, 44.0, 28.0, 60.0)]
-    >>> picture.low, picture.high
-    (0.5, 2.5)
-    """
+    """One number of all records in their order, with whiskers of two standard errors."""
     spans = [(v - REACH * e, v, v + REACH * e) for v, e in zip(row["values"], row["standard_errors"], strict=True)]
     low, high = min(s[0] for s in spans), max(s[2] for s in spans)
     by = (HEIGHT - 2.0 * MARGIN) / max(high - low, 1e-300)

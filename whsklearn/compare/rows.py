@@ -82,13 +82,6 @@ def blocks_between(reversals: NDArray[np.intp], n: int) -> NDArray[np.intp]:
     """5 to 10 blocks of about equal length that end at reversals; equal blocks if reversals are too rare.
 
     ``reversals``: samples before which the speed changes sign. ``n``: total number of samples.
-
-    Examples
-    --------
-    >>> blocks_between(np.arange(10, 100, 10), 100).max() + 1
-    np.int64(10)
-    >>> blocks_between(np.array([50]), 100).max() + 1
-    np.int64(5)
     """
     count = int(np.clip(reversals.size + 1, FEWEST_BLOCKS, MOST_BLOCKS))
     edges = np.arange(1, count) * n / count

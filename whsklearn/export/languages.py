@@ -50,14 +50,7 @@ _ARITHMETIC = {"Add": "+", "Sub": "-", "Mult": "*", "Div": "/", "Lt": "<", "LtE"
 
 @dataclass(frozen=True)
 class C:
-    """C99; ``real`` is ``double`` or ``float``.
-
-    Examples
-    --------
-    >>> from whsklearn.export.languages import C
-    >>> C().number(0.1), C("float").function("abs", ["x"])
-    ('0.1', 'fabsf(x)')
-    """
+    """C99; ``real`` is ``double`` or ``float``."""
 
     real: str = "double"
     operators: dict[str, str] = field(
@@ -105,14 +98,7 @@ class C:
 
 @dataclass(frozen=True)
 class StructuredText:
-    """IEC 61131-3 Structured Text with LREAL numbers.
-
-    Examples
-    --------
-    >>> from whsklearn.export.languages import StructuredText
-    >>> StructuredText().assign("y", "(a + b)")
-    'y := a + b;'
-    """
+    """IEC 61131-3 Structured Text with LREAL numbers."""
 
     operators: dict[str, str] = field(
         default_factory=lambda: {**_ARITHMETIC, "Eq": "=", "NotEq": "<>", "And": "AND", "Or": "OR"}

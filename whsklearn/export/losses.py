@@ -42,15 +42,7 @@ class Loss:
 
 
 def size_of(effect: Effect) -> str:
-    """All numbers of an effect with their units.
-
-    Examples
-    --------
-    >>> from whsklearn.effects import Cogging
-    >>> from whsklearn.export.losses import size_of
-    >>> size_of(Cogging(0.05, 12.0))
-    'amplitude 0.05 Nm, order 12, phase 0 rad'
-    """
+    """All numbers of an effect with their units."""
     parts = []
     for name, value in {effect.size: effect.magnitude, **effect.shape}.items():
         unit = effect.quantities[name].unit if name in effect.quantities else ""

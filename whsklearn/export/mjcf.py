@@ -48,17 +48,7 @@ class Mjcf:
 
 
 def mjcf(model: Exported) -> tuple[str, list[Loss]]:
-    """The text of the file, and the parts of the model that it cannot represent.
-
-    Examples
-    --------
-    >>> from whsklearn import ServoAxis
-    >>> from whsklearn.export.mjcf import mjcf
-    >>> from whsklearn.export.model import as_exported
-    >>> text, losses = mjcf(as_exported(ServoAxis(inertia=0.05, law="coulomb")))
-    >>> "frictionloss" in text, losses
-    (True, [])
-    """
+    """The text of the file, and the parts of the model that it cannot represent."""
     axis = model.need_axis("MJCF")
     m = mapped(axis, linear=model.linear)
     drive, motion = model.si

@@ -21,13 +21,6 @@ def ranges_of(comparison: dict[str, Any]) -> dict[str, dict[str, Any]]:
     them, plus the uncertainty of the mean.
 
     ``comparison``: ``compare.json``. Raises ValueError if it does not contain numbers of several records.
-
-    Examples
-    --------
-    >>> row = {"name": "viscous", "unit": "mNm s/rad", "mean": 120.0, "spread_between": 10.0, "spread_within": 2.0,
-    ...        "values": [110.0, 120.0, 130.0, 120.0], "to_si": 1e-3}
-    >>> round(ranges_of({"numbers": [row]})["damping"]["low"], 4)
-    0.0999
     """
     rows = comparison.get("numbers") or []
     if not rows or len(rows[0]["values"]) < 2:

@@ -16,18 +16,7 @@ from whsklearn.systems.servo import pack
 
 
 def urdf(model: Exported) -> tuple[str, list[Loss]]:
-    """A robot of one joint with ``<dynamics>``: damping, Coulomb friction, limits, inertia.
-
-    Examples
-    --------
-    >>> from whsklearn import ServoAxis
-    >>> from whsklearn.effects import Cogging
-    >>> from whsklearn.export.model import as_exported
-    >>> from whsklearn.export.robots import urdf
-    >>> text, losses = urdf(as_exported(ServoAxis(effects=[Cogging(0.05, 12.0)])))
-    >>> '<dynamics damping="0.12" friction="0.3"/>' in text, str(losses[0])
-    (True, 'cogging (amplitude 0.05 Nm, order 12, phase 0 rad): URDF has damping, friction and limits only')
-    """
+    """A robot of one joint with ``<dynamics>``: damping, Coulomb friction, limits, inertia."""
     axis = model.need_axis("URDF")
     held = ("viscous", "coulomb", "saturation", "end_stop")
     losses = left_out(axis, lambda e: e.name in held, "URDF has damping, friction and limits only")

@@ -47,15 +47,6 @@ class Specialiser:
         Kinds of the variables in use.
     waves : dict of str to int
         Slots of the arguments whose sine or cosine is stored.
-
-    Examples
-    --------
-    >>> from whsklearn.export.languages import C
-    >>> from whsklearn.export.specialise import Specialiser
-    >>> from whsklearn.export.statements import Symbol
-    >>> from whsklearn.effects.equations import stribeck_level
-    >>> Specialiser(C()).call(stribeck_level, 1.5, 2.0, Symbol("v")).text
-    '(1.0 + (0.5 * exp((-(base_0 * base_0)))))'
     """
 
     def __init__(self, language: Language, prefix: str = "", wave: Callable[[str, int, str], str] | None = None):

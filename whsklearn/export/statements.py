@@ -16,12 +16,6 @@ class Symbol(NamedTuple):
     """An expression whose value is known only at run time; ``kind`` is ``real`` or ``bool``.
 
     A product with a constant keeps the ``factor`` and the other operand, so that further constant factors are merged.
-
-    Examples
-    --------
-    >>> sine = Symbol("2.0 * sin(q)", factor=2.0, base="sin(q)")
-    >>> sine.kind, sorted(identifiers(sine.text))
-    ('real', ['q', 'sin'])
     """
 
     text: str

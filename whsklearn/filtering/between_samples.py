@@ -23,12 +23,6 @@ def fine_drive(u: Array, steps: int, hold: str = "zero", bounds: NDArray[np.int6
 
     ``u`` (n,): the drive. ``steps``: fine steps a sample. ``hold`` {"zero", "cubic"}: what is between two samples.
     ``bounds``: first sample of every segment, and the number of samples.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> fine_drive(np.array([1.0, 2.0, 3.0, 4.0]), 2, "cubic")[1].round(6).tolist()
-    [2.25, 2.75]
     """
     if hold == "zero":
         return np.repeat(u[:, None], steps, axis=1)

@@ -48,15 +48,6 @@ def html_of(template: Path, filters: Mapping[str, Callable[..., str]] | None = N
 
     ``template``: of a jinja2 template; what is put into it is escaped. ``filters``: by the names that the template
     calls them. ``**values``: what the template shows.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     file = Path(folder, "page.html.j2")
-    ...     _ = file.write_text("<p>{{ unit }}</p>")
-    ...     html_of(file, unit="<Nm>")
-    '<p>&lt;Nm&gt;</p>'
     """
     from jinja2 import Environment
 

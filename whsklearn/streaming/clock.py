@@ -52,14 +52,7 @@ class Verdict(NamedTuple):
 
 @dataclass
 class Clock:
-    """Takes rows whose first value is the time; gives verdicts in the order in which the rows are to be learnt.
-
-    Examples
-    --------
-    >>> clock = Clock()
-    >>> [v.what for line, time in enumerate((0.0, 0.1, 0.2, 0.2, 0.3)) for v in clock.take(line, [time, 1.0])]
-    ['row', 'row', 'row', 'repeated', 'row']
-    """
+    """Takes rows whose first value is the time; gives verdicts in the order in which the rows are to be learnt."""
 
     last: float = float("-inf")
     steps: list[float] = field(default_factory=list)

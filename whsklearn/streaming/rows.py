@@ -29,16 +29,7 @@ POLL_SECONDS = 0.2
 
 
 class BadRow(ValueError):
-    """A line that is not a row; the message says why.
-
-    Examples
-    --------
-    >>> try:
-    ...     JsonParser(["u"])(b'{"u": null}')
-    ... except BadRow as error:
-    ...     print(error)
-    u is null, expected a number
-    """
+    """A line that is not a row; the message says why."""
 
 
 class LineSource:
@@ -182,13 +173,6 @@ class CsvParser:
     LogError
         If the file is not text in UTF-8 or a code page; a `ColumnError` if a column is missing or its name occurs more
         than once.
-
-    Examples
-    --------
-    >>> CsvParser("Zeit;Übertemperatur;Strom".encode("cp1252"), ["Zeit", "Strom"])(b"0,5;41;-1,25")
-    [0.5, -1.25]
-    >>> CsvParser(b"stamp,u", ["stamp", "u"], timed=True)(b"1970-01-01T02:00:01.5+02:00,3")
-    [1.5, 3.0]
     """
 
     def __init__(self, header: bytes, columns: Sequence[str], timed: bool = False):
@@ -231,13 +215,7 @@ class CsvParser:
 
 
 class JsonParser:
-    """Numbers from the named members of a JSON object, one object per line.
-
-    Examples
-    --------
-    >>> JsonParser(["u", "y"])(b'{"y": 2, "u": 0.5}')
-    [0.5, 2.0]
-    """
+    """Numbers from the named members of a JSON object, one object per line."""
 
     def __init__(self, columns: Sequence[str]):
         self._names = list(columns)

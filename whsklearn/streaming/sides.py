@@ -29,16 +29,6 @@ class Sides:
     References
     ----------
     Basseville and Nikiforov 1993, Detection of Abrupt Changes, Prentice Hall, sec. 1.2, on detection and diagnosis.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> sides = Sides(lambda a, b: {"sentence": f"{a[1].mean():.0f}, then {b[1].mean():.0f}"}, margin=10)
-    >>> sides.take(np.zeros(300), np.full((300, 1), 2.0))
-    >>> sides.alarm(201)  # at row 201 of 300
-    >>> sides.take(np.zeros(100), np.full((100, 1), 3.0))
-    >>> sides.done(wait=10.0)[0]
-    {'row': 390, 'alarm_row': 201, 'before_rows': [1, 190], 'after_rows': [201, 390], 'sentence': '2, then 2'}
     """
 
     def __init__(self, compare: Compare, margin: int):

@@ -26,12 +26,6 @@ def body_numbers(mass: float, centre: ArrayLike, inertia: ArrayLike) -> Array:
 
     ``mass``: mass (kg). ``centre`` (3,): centre of mass (m). ``inertia`` (3, 3): inertia about the centre of mass (kg
     m2). Returns (10,): m, h_x, h_y, h_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> body_numbers(2.0, [0.5, 0, 0], np.zeros((3, 3))).tolist()
-    [2.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 0.5]
     """
     c = np.asarray(centre, dtype=float)
     about = np.asarray(inertia, dtype=float) + mass * (c @ c * np.eye(3) - np.outer(c, c))

@@ -71,15 +71,6 @@ def follow(
     ``how``: sample time, fine steps, samples between restarts, the observer's gains.
     ``start``: position and velocity at the first sample; those measured by default.
     Returns (7, n): rows ``DRIVE MEASURED POSITION VELOCITY TORQUE LOAD LOAD_VELOCITY``; ``MEASURED`` is y_hat.
-
-    Examples
-    --------
-    >>> from whsklearn.effects import Viscous
-    >>> plant = plant_of([Viscous(0.1)], bare_parts(0.05))
-    >>> still = np.zeros((2, 100))
-    >>> out = follow(plant, np.full(100, 0.05), still, How(1e-3, 1, gains=(0.1, 5.0)))
-    >>> out.shape
-    (7, 100)
     """
     position, velocity = (measured[0, 0], measured[1, 0]) if start is None else start
     out = np.empty((N_SIGNALS, drive.size))
@@ -95,13 +86,5 @@ def effect_torque(plant: AxisNumbers, time: Array, position: Array, velocity: Ar
     Hysteresis is omitted because noise on the path would excite it, and the sensor's effects because they are not
     torques. The difference between this torque on the measured motion and on the observer's is what the innovation does
     not show.
-
-    Examples
-    --------
-    >>> from whsklearn.effects import Coulomb, Viscous
-    >>> plant = plant_of([Viscous(0.1), Coulomb(0.3)], bare_parts(0.05))
-    >>> zeros = np.zeros(2)
-    >>> effect_torque(plant, zeros, zeros, np.array([2.0, -2.0]), zeros)
-    array([ 0.5, -0.5])
     """
     return torque_along(plant, *(np.ascontiguousarray(s, dtype=float) for s in (time, position, velocity, drive)))

@@ -33,13 +33,7 @@ def _column(short: str) -> str:
 
 
 def view_of(experiment: str) -> dict[str, Any]:
-    """Order and columns of an experiment's runs on MLflow's page.
-
-    Examples
-    --------
-    >>> view_of("close_gap")["selectedColumns"][:2]
-    ['tags.`verdict`', 'tags.`effects`']
-    """
+    """Order and columns of an experiment's runs on MLflow's page."""
     key, ascending, columns = _COLUMNS.get(experiment, _COMPARISON)
     return {"orderByKey": _column(key), "orderByAsc": ascending, "selectedColumns": list(map(_column, columns.split()))}
 

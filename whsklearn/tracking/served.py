@@ -25,17 +25,6 @@ class Served:
     References
     ----------
     MLflow Models, https://mlflow.org/docs/latest/ml/model/.
-
-    Examples
-    --------
-    >>> import pathlib, tempfile
-    >>> from whsklearn.models import LinearModel, save_model
-    >>> from whsklearn.tracking.served import Served
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = str(pathlib.Path(folder, "model.json"))
-    ...     save_model(LinearModel([0.0, 0.5], [1.0, -0.5]), path)
-    ...     Served(path).predict([[1], [1], [1]]).tolist()
-    [0.0, 0.5, 0.75]
     """
 
     def __init__(self, path: str):

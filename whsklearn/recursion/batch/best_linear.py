@@ -42,14 +42,7 @@ class IOData(NamedTuple):
 
 
 class Ratio(NamedTuple):
-    """b(q)/a(q), a[0] = 1, from the first input.
-
-    Examples
-    --------
-    >>> step = IOData(np.ones((1, 4)), np.zeros(4), np.array([0, 4]), np.ones(4, dtype=bool))
-    >>> Ratio(np.array([0.0, 0.5]), np.array([1.0, -0.5])).run(step).tolist()
-    [0.0, 0.5, 0.75, 0.875]
-    """
+    """b(q)/a(q), a[0] = 1, from the first input."""
 
     b: Array
     a: Array

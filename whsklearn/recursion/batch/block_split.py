@@ -116,11 +116,6 @@ def exchanged(theta: Array, dims: tuple[int, ...]) -> list[Array]:
     ``theta`` (n_parameters,): a_2 ..., b_1 ..., weights of the law, c_2 ..., d_1 ...
     ``dims``: n_a, n_b, n_c, n_d and the number of the law's terms.
     Returns the new starts, without ``theta`` itself; the weights of the law are unchanged.
-
-    Examples
-    --------
-    >>> [t.tolist() for t in exchanged(np.array([0.5, 1.0, -0.2]), (2, 0, 2, 0, 1))]
-    [[-0.2, 1.0, 0.5]]
     """
     na, nb, nc, nd, nw = dims
     first = slice(0, na - 1), slice(na - 1, na - 1 + nb)
