@@ -11,7 +11,16 @@ import pytest
 from tests.lags.test_rigid_body import RATE, smooth_log
 from tests.systems.drawn_arms import drawn_arm
 from whsklearn.datasets import default_arm, make_arm_log
-from whsklearn.effects import CableSpring, Cogging, ContactStop, Coulomb, LoadFriction, Stribeck, Viscous
+from whsklearn.effects import (
+    CableSpring,
+    Cogging,
+    ContactStop,
+    Coulomb,
+    LoadFriction,
+    PreslidingHysteresis,
+    Stribeck,
+    Viscous,
+)
 from whsklearn.gap import GapFinder
 from whsklearn.gap.plants.arm import ArmRecord, arm_plant
 from whsklearn.gap.plants.arm_terms import JointTerm, candidates, present
@@ -144,6 +153,21 @@ def test_a_law_with_a_shape_must_explain_more_than_one_without(empty):
     )  # of the drive of the joint, of which 0.1 Nm is 20 %
     assert plant.objection(model, dry) == ""
     assert plant.objection(model, soft) == "coulomb explains as much with fewer numbers"
+
+
+def test_a_model_that_is_no_better_tells_a_shape_only_if_it_is_a_good_part_of_the_effect(empty):
+    r, said = record({"pitch": [PreslidingHysteresis(0.1, 0.02)]}, random_state=3), {}
+    for share in (0.0, 1.0):
+        noise = share * r.drive.std(axis=0) * np.random.default_rng(1).standard_normal(r.drive.shape)
+        plant = arm_plant(empty.model, dataclasses.replace(r, drive=r.drive + noise), law=None, tolerance=0.004)
+        plant.check()
+        model = plant.base(np.random.default_rng(0))
+        looks = {k.name: k for k in plant.looks(model, np.random.default_rng(0))}
+        dry, soft = (plant.refine(model, looks[f"{n} at pitch"]) for n in ("coulomb", "presliding_hysteresis"))
+        beyond, most = (plant.size(*map(plant.errors, pair)) for pair in ((dry, soft), (model, dry)))
+        assert 0.3 < beyond / most < 0.5  # between a tenth and a quarter of the power
+        said[share] = plant.objection(model, soft)
+    assert said == {0.0: "", 1.0: "coulomb explains as much with fewer numbers"}
 
 
 def test_a_name_must_lower_the_error_on_blocks_that_were_not_fitted():

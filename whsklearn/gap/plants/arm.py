@@ -41,7 +41,7 @@ from whsklearn.gap.plants.servo_evidence import OWN_MOTION
 from whsklearn.gap.plants.servo_inverse import negative_damping, never_free, too_large
 from whsklearn.gap.plants.servo_model import ServoTerm
 from whsklearn.gap.record import SPLIT, Array, held_out_blocks, rms
-from whsklearn.gap.search import STILL
+from whsklearn.gap.search import LEAST_SHARE, STILL
 from whsklearn.gap.tangent import Family, Look, Tangent
 from whsklearn.identification.arm_fit import Known, blocks_of, fitted, suspicions, swapped, updated
 from whsklearn.identification.payload import ALIKE, FURTHEST, Beside
@@ -56,11 +56,6 @@ from whsklearn.systems.servo import FEWEST_STEPS
 # of a spring against gravity, the effect only cancels other terms.  The sum is then below one part in twenty, and the
 # columns of a real arm are no better than that (4 to 10 % on held-out blocks, `python -m benchmarks.arms`).
 CANCELS = 20.0
-# Least rms that a law must explain beyond an elementary one without a shape, as a share of what that one explains, as
-# long as it is less than what stays without a name: of a model that is no better than that, a shape is not to be told.
-# Above a quarter (6 % of the power) the elementary law is no longer most of the effect.  `python -m
-# benchmarks.blind_arms --kinds coulomb` prints the names that change with it.
-DOUBTFUL = 0.25
 UNTOLD = 1e6  # m: the standard error of a centre that no drive tells, in place of infinity
 SOME = 200  # positions at which the mass matrix is checked for being positive definite
 
@@ -259,9 +254,10 @@ class ArmPlant(Plant):
                 plain = view.fit(model.with_term(JointTerm(replace(t.kind, cls=c.cls, catalogued=c), (0.0,))))
                 beyond, most = (self.size(*map(self.errors, pair)) for pair in ((plain, grown), (model, plain)))
                 stays = float(self._shares(self.errors(grown))[view.arm.joints.index(t.joint)])
-                # a smaller part may stay without a name: MuJoCo's dry friction is soft, and adding a distance of some
-                # mrad explains 3 % (`python -m benchmarks.blind_arms --kinds coulomb`)
-                if beyond < max(STILL * most, min(stays, DOUBTFUL * most)):
+                # Beyond it, a shape must explain the share of the power that a name must, or more than stays without
+                # one, and in any case what may stay: MuJoCo's dry friction is soft, and adding a distance of some mrad
+                # explains 3 % (`python -m benchmarks.blind_arms --kinds coulomb`).
+                if beyond < max(STILL * most, min(stays, LEAST_SHARE**0.5 * most)):
                     return f"{c.name.replace('_', ' ')} explains as much with fewer numbers"
         at = [view.arm.joints.index(j) for j in t.kind.place or view.arm.joints]
         before, after = (view.held_out(view.fit(m)) * view.weight * view.drive_rms for m in (model, grown))
