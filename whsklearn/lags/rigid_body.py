@@ -30,7 +30,7 @@ from whsklearn.systems.arm import direction_of
 from whsklearn.systems.base_parameters import BaseParameters, base_parameters
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
     from numpy.typing import ArrayLike, NDArray
 
@@ -46,7 +46,7 @@ EDGE = 3
 # Instants of random motion that show which columns to merge: the same for every law below 39 terms per joint,
 # so that two laws of one robot keep the same parameters of its links.
 DRAWN = 200
-AT_ONCE = 512  # samples of links, or columns behind the filter: of all, each step would hold a copy (GB for 20 joints)
+AT_ONCE = 128  # samples of links, or columns behind the filter: of all, each step would hold a copy (GB for 20 joints)
 NOISY = 5.0  # times the velocity's noise: a joint with a lower rms speed counts as not moving
 
 
@@ -530,20 +530,19 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
 
     def _all_columns(self, moved: Motion, drive: Array, time: Array) -> Array:
         """All columns (n, n_joints, all), before merging: links, motor inertia by axis, effects by group of axes."""
-        return np.concatenate([self.arm_.regressor(*moved), self._axis_columns(moved, drive, time)], axis=2)
+        return np.concatenate([self.arm_.regressor(*moved), *self._axis_columns(moved, drive, time)], axis=2)
 
-    def _axis_columns(self, moved: Motion, drive: Array, time: Array) -> Array:
-        """All columns (n, n_joints, all) but those of the links."""
+    def _axis_columns(self, moved: Motion, drive: Array, time: Array) -> Iterator[Array]:
+        """All columns but those of the links, block by block, (n, n_joints, some) each."""
         n, length = self.arm_.n_joints, len(time)
         directions = np.array([d for d, _ in self._axes.values()])
-        blocks = [directions.T * (moved.acceleration @ directions.T)[:, None, :]]
+        yield directions.T * (moved.acceleration @ directions.T)[:, None, :]
         for group in self._groups:
             d = np.array([self._axes[a][0] for a in group])
             along = Motion(*((x @ d.T).T.ravel() for x in moved))
             stacked = stack_columns(self._axes[group[0]][1], along, (drive @ d.T).T.ravel(), np.tile(time, len(group)))
             each = stacked[:, 1:].reshape(len(group), length, -1)
-            blocks.append(np.einsum("kj,ktw->tjkw", d, each).reshape(length, n, -1))
-        return np.concatenate(blocks, axis=2)
+            yield np.einsum("kj,ktw->tjkw", d, each).reshape(length, n, -1)
 
     def _columns(self, moved: Motion, drive: Array, time: Array) -> Array:
         """The columns that are kept, (n, n_joints, n_columns); those of the links, without a memory, by parts."""
@@ -551,11 +550,14 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         out = np.zeros((len(time), n, kept.size))
         if not len(time):
             return out
-        of_links = np.searchsorted(kept, N_BODY * n)
+        at = N_BODY * n
         for i in range(0, len(time), AT_ONCE):
             s = slice(i, i + AT_ONCE)
-            out[s, :, :of_links] = self.arm_.regressor(*(x[s] for x in moved))[:, :, kept[:of_links]]
-        out[:, :, of_links:] = self._axis_columns(moved, drive, time)[:, :, kept[of_links:] - N_BODY * n]
+            out[s][:, :, kept < at] = self.arm_.regressor(*(x[s] for x in moved))[:, :, kept[kept < at]]
+        for block in self._axis_columns(moved, drive, time):
+            here = (at <= kept) & (kept < at + block.shape[2])
+            out[:, :, here] = block[:, :, kept[here] - at]
+            at += block.shape[2]
         return out
 
     def _predicted(self, X: Array, drive: Array, theta: Array, groups: ArrayLike | None = None) -> Array:
