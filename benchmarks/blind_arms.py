@@ -6,7 +6,8 @@ An arm of three and one of six joints in turn, drawn for each case: links, axes,
 steps at 500 Hz, 20 s along drawn sines.  A first record, in which nothing is hidden, gives the numbers
 (`identify_arm`); a second one along other sines has one thing more, and `GapFinder` is asked what.  "right" is the
 name and the joint that was hidden, the verdict's first name (its verdict beside it where that is not "named");
-"ambiguous" has it among those that cannot be told; "wrong" is any other name without the right one beside it.  Sizes
+"ambiguous" has it among those that cannot be told; "wrong" is any other name without the right one beside it, and,
+where the verdict is "named", any second name.  Sizes
 are drawn where they matter, and nothing of what is drawn is told to the finder.  A limit is a rubber stop: its
 constraint in MuJoCo is made so soft that the force is a spring's and not the drive's.  With ``--numbers`` both records
 have nothing hidden and are identified: by how many standard errors do their numbers differ?
@@ -231,12 +232,14 @@ def case(kind: str, n: int, seed: int) -> dict[str, Any]:
     sure = finder.verdict_ == "named"
     if not kind:
         outcome = "silent" if not names else "false"
+    elif sure and set(names) != {label}:
+        outcome = "wrong"
     elif names and names[0] == label:
         outcome = "right" if sure else f"right ({finder.verdict_})"
     elif label in names + beside:
         outcome = "ambiguous" if finder.verdict_ == "ambiguous" else "beside"
     else:
-        outcome = "wrong" if sure else ("unnamed" if not names else f"wrong ({finder.verdict_})")
+        outcome = "unnamed" if not names else f"wrong ({finder.verdict_})"
     return {"kind": kind, "n": n, "seed": seed, "label": label, "outcome": outcome, "verdict": finder.verdict_,
             "names": names, "beside": beside, "figures": finder.diagnosis_.figures,
             "seconds": time.process_time() - began}  # fmt: skip

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.effects import ContactStop
-from whsklearn.gap.calibration import p_value
+from whsklearn.gap.calibration import gain, p_value
 from whsklearn.gap.data_check import DataProblem
 from whsklearn.gap.filters import whiteness
 from whsklearn.gap.localisation import spectra
@@ -181,27 +181,46 @@ class ArmPlant(Plant):
 
     def _sized(self, look: Look) -> Look:
         """The look with its size as a share of the drive of the joint where it is largest."""
-        view, names = self.view, self.view.arm.joints
-        if len(look.place) == 1:  # its columns lie on one joint's rows
-            j = names.index(next(iter(look.place)))
-            power = look.size**2 * view.keep.size
-            each = power / max(int(view.keep[:, j].sum()), 1) / view.weight[j] ** 2
-            return replace(look, size=float(np.sqrt(each) / max(view.drive_rms[j], 1e-300)))
-        before = self.tangent.rows[:, 0]
-        kind = look.start.kind
-        columns = view.body(kind) if kind.cls is Load else view.columns(kind, look.start.shape)
-        columns = self.tangent._weighted(columns)
-        columns -= self.tangent.plane @ (self.tangent.plane.T @ columns)
-        after = before - columns @ np.linalg.lstsq(columns, before, rcond=1e-9)[0]
-        return replace(look, size=self.size(before, after))
+        before = after = self.tangent.rows[:, 0]
+        if len(look.place) != 1:  # its columns lie on the rows of several joints
+            kind = look.start.kind
+            columns = self.view.body(kind) if kind.cls is Load else self.view.columns(kind, look.start.shape)
+            columns = self.tangent._weighted(columns)
+            columns -= self.tangent.plane @ (self.tangent.plane.T @ columns)
+            after = before - columns @ np.linalg.lstsq(columns, before, rcond=1e-9)[0]
+        return replace(look, size=self._share(before, after, look.size**2 * before.size, look.place))
 
     def size(self, before: Array, after: Array) -> float:
         """Rms of the change of the residual, as a share of the drive of the joint where it is largest."""
+        return self._share(before, after, float(before @ before) - float(after @ after))
+
+    def _share(self, before: Array, after: Array, power: float, place: frozenset[str] = frozenset()) -> float:
+        """Rms of so much power, as a share of a joint's drive: of the joint of its place, or where it is largest.
+
+        At several joints it is divided between them like the change of the residual.
+        """
         view = self.view
-        there = view.drive_rms > 0.0  # a joint at rest has no rows
-        count = np.maximum(view.keep.sum(axis=0), 1)[there] * (view.weight * view.drive_rms)[there] ** 2
-        gone = np.sum((before**2 - after**2).reshape(-1, view.n_joints), axis=0)[there] / count
-        return float(np.sqrt(max(float(gone.max()), 0.0)))
+        whole = np.maximum(view.keep.sum(axis=0), 1) * (view.weight * view.drive_rms) ** 2
+        gone = np.sum((before**2 - after**2).reshape(-1, view.n_joints), axis=0)
+        if len(place) == 1:
+            gone = np.isin(view.arm.joints, list(place)).astype(float)
+        shares = np.divide(gone, whole, out=np.zeros(gone.size), where=whole > 0.0)  # a joint at rest has no rows
+        return float(np.sqrt(max(power, 0.0) * shares.max() / max(float(gone.sum()), 1e-300)))
+
+    def explained(self, model: ArmState, grown: ArmState, look: Look) -> tuple[float, float]:
+        """As of any plant; numbers of another record that need move less with the effect count as explained by it.
+
+        Without the effect they bend to it as far as their errors allow, and what is left then shows little of it.
+        """
+        before, after = self.errors(model), self.errors(grown)
+        powers = [float(e @ e) + self._moved(m) for e, m in ((before, model), (after, grown))]
+        size = self._share(before, after, powers[0] - powers[1], look.place)
+        return gain(*powers, self.n_effective), size
+
+    def _moved(self, model: ArmState) -> float:
+        """How far the numbers are from those of another record, squared, in the unit of the power of the errors."""
+        view = self.view
+        return float(np.sum((view.known_rows(view.root.shape[1]) @ (view.fit(model).numbers - view.expected)) ** 2))
 
     def refine(self, model: ArmState, look: Look) -> ArmState:
         """The candidate with its shape polished and all sizes solved for."""
