@@ -7,10 +7,10 @@ steps at 500 Hz, 20 s along drawn sines.  A first record, in which nothing is hi
 (`identify_arm`); a second one along other sines has one thing more, and `GapFinder` is asked what.  "right" is the
 name and the joint that was hidden, the verdict's first name (its verdict beside it where that is not "named");
 "ambiguous" has it among those that cannot be told; "wrong" is any other name without the right one beside it, and,
-where the verdict is "named", any second name.  Sizes
-are drawn where they matter, and nothing of what is drawn is told to the finder.  A limit is a rubber stop: its
-constraint in MuJoCo is made so soft that the force is a spring's and not the drive's.  With ``--numbers`` both records
-have nothing hidden and are identified: by how many standard errors do their numbers differ?
+where the verdict is "named", any second name.  Sizes are drawn where they matter, and nothing of what is drawn is told
+to the finder.  A limit is a rubber stop: its constraint in MuJoCo is made so soft that the force is a spring's and not
+the drive's.  With ``--numbers`` both records have nothing hidden and are identified: by how many standard errors do
+their numbers differ?
 """
 
 from __future__ import annotations

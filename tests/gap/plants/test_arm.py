@@ -337,3 +337,15 @@ def test_a_log_that_is_none_is_refused_in_a_sentence(change, told):
     r = record(duration=2.0)
     with pytest.raises(ValueError, match=told):
         GapFinder(ARM).fit(change(r.time, r.position, r.drive))
+
+
+def test_beside_known_numbers_a_fitted_effect_explains_what_its_look_did(empty):
+    # without it the known numbers bend, and what is left then shows little of it
+    plant = arm_plant(empty.model, record(robot=dataclasses.replace(ARM, armature=ARM.armature + [0.0, 0.004])),
+                      law=None, tolerance=0.004)  # fmt: skip
+    plant.check()
+    model = plant.base(np.random.default_rng(0))
+    look = next(k for k in plant.looks(model, np.random.default_rng(0)) if k.name == "joint_inertia at pitch")
+    grown = plant.refine(model, look)
+    assert plant.explained(model, grown, look) == pytest.approx((look.gain, look.size), rel=0.01)
+    assert plant.size(plant.errors(model), plant.errors(grown)) < 0.97 * look.size

@@ -212,9 +212,12 @@ class ArmPlant(Plant):
 
         Without the effect they bend to it as far as their errors allow, and what is left then shows little of it.
         """
+        return self._explains(model, grown, look.place)
+
+    def _explains(self, model: ArmState, grown: ArmState, place: frozenset[str]) -> tuple[float, float]:
         before, after = self.errors(model), self.errors(grown)
         powers = [float(e @ e) + self._moved(m) for e, m in ((before, model), (after, grown))]
-        size = self._share(before, after, powers[0] - powers[1], look.place)
+        size = self._share(before, after, powers[0] - powers[1], place)
         return gain(*powers, self.n_effective), size
 
     def _moved(self, model: ArmState) -> float:
@@ -279,6 +282,9 @@ class ArmPlant(Plant):
                 if beyond < max(STILL * most, min(stays, LEAST_SHARE**0.5 * most)):
                     return f"{c.name.replace('_', ' ')} explains as much with fewer numbers"
         at = [view.arm.joints.index(j) for j in t.kind.place or view.arm.joints]
+        there = float(self._shares(self.errors(model.with_terms(())))[at].max())
+        if model.terms and self._explains(model, grown, t.kind.place)[1] < STILL * there:
+            return "it explains no more than may stay without a name beside the effects already found"
         before, after = (view.held_out(view.fit(m)) * view.weight * view.drive_rms for m in (model, grown))
         if np.nansum(after[at] ** 2) >= np.nansum(before[at] ** 2):
             return "on blocks of the record that were not fitted, the error is no smaller with it"
