@@ -215,10 +215,10 @@ class ArmPlant(Plant):
         return self._explains(model, grown, look.place)
 
     def _explains(self, model: ArmState, grown: ArmState, place: frozenset[str]) -> tuple[float, float]:
+        """(gain, size) of what the last effect explains at its place."""
         before, after = self.errors(model), self.errors(grown)
-        powers = [float(e @ e) + self._moved(m) for e, m in ((before, model), (after, grown))]
-        size = self._share(before, after, powers[0] - powers[1], place)
-        return gain(*powers, self.n_effective), size
+        first, last = (float(e @ e) + self._moved(m) for e, m in ((before, model), (after, grown)))
+        return gain(first, last, self.n_effective), self._share(before, after, first - last, place)
 
     def _moved(self, model: ArmState) -> float:
         """How far the numbers are from those of another record, squared, in the unit of the power of the errors."""
