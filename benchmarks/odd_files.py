@@ -175,6 +175,16 @@ FILES: dict[str, tuple[str, Maker, list[str]]] = {
     "degrees called rad": ("a.csv", lambda f: csv(changed(f, position_rad=np.degrees(f.position_rad))), []),
     "ms called s": ("a.csv", lambda f: csv(changed(f, time_s=1e3 * f.time_s)), []),
     "inverted drive": ("a.csv", lambda f: csv(changed(f, torque_nm=-f.torque_nm)), []),
+    "encoder reset": (
+        "a.csv",
+        lambda f: csv(changed(f, position_rad=f.position_rad - (f.index >= 5000) * f.position_rad[5000])),
+        [],
+    ),
+    "counts, no unit": (
+        "a.csv",
+        lambda f: csv(f.assign(position=np.round(f.position_rad * 651.9)).drop(columns="position_rad")),
+        ["--position", "position"],
+    ),
     "velocity as position": (
         "a.csv",
         lambda f: csv(changed(f, position_rad=np.gradient(f.position_rad, f.time_s))),

@@ -89,3 +89,17 @@ def test_worse_than_the_mean_is_told(files):
     log["torque_nm"] *= -3.0
     log.to_csv(files / "log.csv", index=False)
     assert "Worse than the mean of the output (an NMSE above 1): model.json" in run(files).output
+
+
+def test_a_velocity_is_integrated_for_a_model_of_the_position(files):
+    model = LinearModel([0.0, 0.5], [1.0, -0.8], dt=0.01, logged="position", units={"input": "Nm", "output": "turns"})
+    save_model(model, files / "model.json")
+    t = 0.01 * np.arange(300)
+    u = np.sin(5 * t)
+    rpm = 60 * np.gradient(model.simulate(u), t)
+    pd.DataFrame({"time_s": t, "torque_Nm": u, "speed_rpm": rpm}).to_csv(files / "log.csv", index=False)
+    for asked in ([], ["--output", "speed_rpm"], ["--output", "speed_rpm", "--unit", "position=rpm"]):
+        done = run(files, *asked)
+        assert done.exit_code == 0, done.output
+        assert done.output.rstrip().endswith("simulated and measured in turns")
+        assert np.abs(np.subtract(*pd.read_csv(files / "out.csv")[["simulated", "measured"]].to_numpy().T)).max() < 0.02

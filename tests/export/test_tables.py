@@ -128,3 +128,12 @@ def test_the_command_says_what_is_left(tmp_path):
     assert (tmp_path / "out" / "tf5200_frict_comp.lis").exists()
     chain = CliRunner().invoke(main, [*arguments[:3], "table", "--out", str(tmp_path / "o2"), "--speed", "-1"])
     assert chain.exit_code == 2
+
+
+def test_a_model_in_counts_asks_for_its_highest_speed(tmp_path):
+    model = AxisModel(1e-5, LAW, dt=0.001, logged="position", units={"input": "Nm", "output": "counts"})
+    with pytest.raises(ValueError, match="moves in counts; give the highest speed in counts/s"):
+        written(model, tmp_path, Ratings(RATED))
+    _, files = written(model, tmp_path, Ratings(RATED, speed=5000.0))
+    assert "tf5200_frict_comp.lis" not in files  # in mdeg/s, which counts do not tell
+    assert pd.read_csv(files["friction.csv"])["velocity_counts_per_s"].max() == 5000.0

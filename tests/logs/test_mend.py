@@ -71,3 +71,38 @@ def test_values_beyond_measure(load):
     table["torque_nm"] = table["torque_nm"] * 0 + 1e-300
     with pytest.raises(LogError, match="never exceeds 1e-300"):
         load(table)
+
+
+@pytest.mark.parametrize("unit", ["rad", "counts"])
+def test_an_encoder_that_was_reset_or_misread_goes_on(load, unit):
+    table = turning()
+    table["torque_nm"] = np.cos(7.0 * table["time_s"])
+    true = table.pop("position_rad") * (1.0 if unit == "rad" else 1e4)
+    true = true if unit == "rad" else np.round(true)
+    read = true.copy()
+    read[700:] -= true[700]
+    read[1200] += 50 * np.abs(np.diff(true)).max()
+    table[f"position_{unit}"] = read
+    with pytest.warns(LogWarning, match=r"jumps by .* at row 700 \(3 such"):
+        log = load(table, position=f"position_{unit}")
+    assert np.allclose(log.y, true, atol=0.01 * np.ptp(np.diff(true)) + (unit == "counts") * 3)
+
+
+def test_an_impact_and_a_coarse_step_are_no_resets(load):
+    t = np.arange(2000) / 500
+    wall = {"time_s": t, "torque_nm": np.cos(7 * t), "position_rad": np.abs(np.sin(3 * t))}
+    assert "LOG023" not in load(wall).report.codes
+    step = {
+        "time_s": t,
+        "torque_nm": np.cos(7 * t),
+        "position_rad": (t > 2.0) + np.random.default_rng(0).normal(0.0, 1e-4, 2000),
+    }
+    assert "LOG023" not in load(step).report.codes
+
+
+def test_whole_numbers_are_counts_where_no_unit_is_stated(load):
+    table = columns()
+    table["position"] = np.round(4096 / 6 * table.pop("position_rad"))
+    log = load(table, position="position")
+    assert log.units["position"] == "counts"
+    assert any("whole numbers" in note for note in log.notes)

@@ -31,7 +31,7 @@ POSITIVE = click.FloatRange(min=0, min_open=True)
 @click.option("--real", type=click.Choice(["double", "float"]), default="double", help="Number type of the C code.")
 @click.option("--rated-torque", type=POSITIVE, help="Rated torque in Nm, for tables of TF5200 and ServoOne.")
 @click.option("--torque-constant", type=POSITIVE, help="Torque constant in Nm/A, for ServoOne's cogging table.")
-@click.option("--speed", type=POSITIVE, default=10.0, help="Highest speed of friction tables, rad/s or m/s.")
+@click.option("--speed", type=POSITIVE, help="Highest speed of friction tables; 10 rad/s or m/s if omitted.")
 @click.option(
     "--spread",
     type=click.Path(exists=True, dir_okay=False),

@@ -65,10 +65,14 @@ def roles_of(
     return roles
 
 
-def read_system(path: str | Path, options: Mapping[str, Any]) -> Bunch:
-    """Read a log by ``--columns`` or `system_options`; columns that are not named are recognised by their names."""
+def read_system(path: str | Path, options: Mapping[str, Any], logged: str = "") -> Bunch:
+    """Read a log by ``--columns`` or `system_options`; columns that are not named are recognised by their names.
+
+    An output may be any motion; if ``logged`` is a position, a velocity is integrated.
+    """
     from whsklearn.logs import open_source
     from whsklearn.logs.roles import by_number, guess
+    from whsklearn.logs.units import integral_of, unit_of
 
     source = open_source(path)
     named = {"time": "time_column", "drive": "input_column", "position": "output_column"}
@@ -80,9 +84,13 @@ def read_system(path: str | Path, options: Mapping[str, Any]) -> Bunch:
         if given["time"] is not None:
             note(f"Column {given['time']!r} is taken for the time.")
     roles = roles_of(source, given, ("drive", "position"), {}, options)
-    if "velocity" in roles:
-        roles["position"] = roles.pop("velocity")  # an output may be any motion
-    return read(path, options, **roles)
+    output = roles.pop("velocity", None) or roles.pop("position")
+    assert output is not None
+    unit = units_of(options.get("units", ())).get("position") or source.units.get(output) or unit_of(output)
+    if logged == "position" and integral_of(unit)[1] != unit:
+        units = (*(u for u in options.get("units", ()) if not u.startswith("position")), f"velocity={unit}")
+        return read(path, {**options, "units": units}, **roles, velocity=output)
+    return read(path, options, **roles, position=output)
 
 
 def read(path: str | Path, options: Mapping[str, Any], quiet: tuple[str, ...] = (), /, **columns: Any) -> Bunch:
@@ -100,7 +108,8 @@ def read(path: str | Path, options: Mapping[str, Any], quiet: tuple[str, ...] = 
             torque_constant=options.get("torque_constant"),
         )
     for finding in log.report.findings:
-        if finding.code == "LOG019" and not finding.explanation.startswith("The unit of time"):
+        unknown = finding.code == "LOG019" and finding.explanation.startswith("The unit of ")
+        if unknown and not finding.explanation.startswith("The unit of time"):
             continue  # `note_assumed` says what is assumed, where a command assumes anything
         if finding.code not in (*_QUIET, *quiet) and not (finding.code == "LOG022" and options.get("gains")):
             note(f"{finding.title}. {finding.explanation}")

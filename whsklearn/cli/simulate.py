@@ -40,7 +40,7 @@ def main(**options: Any) -> None:
 
         arm.simulate(options, model)
         return
-    log = read_system(options["log_file"], options)
+    log = read_system(options["log_file"], options, model.logged)
     timed = log.units["time"] == model.units.get("time", "s" if model.dt != 1.0 else "samples") == "s"
     if timed and abs(1.0 / log.sample_rate / model.dt - 1.0) > 0.01:
         raise ValueError(

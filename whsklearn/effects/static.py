@@ -191,7 +191,8 @@ class SpeedHinge(LawTerm):
     [-1.0, 0.0, 1.0]
     """
 
-    knot: float = number(1.0, "x", 1e-9, 1e6, log=True)
+    weight: float = number(1.0, "Nm s/rad", -1e6, 1e6)
+    knot: float = number(1.0, "rad/s", 1e-9, 1e6, log=True)
 
     name = "speed_hinge"
     equation = "w sign(dx) max(|dx| - knot, 0)"

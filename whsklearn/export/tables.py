@@ -34,6 +34,7 @@ _FINE = 36_000  # angles of a turn at which the replay compares table and model
 # A fitted order is never whole.  Rounding by this much shifts a wave by 3.6 degrees per turn and leaves 4 % of it;
 # orders that are fractional by construction, because of a gear, are further off.
 NEARLY_WHOLE = 0.01
+_USUAL = 10.0  # rad/s or m/s
 _KEBA_ENTRIES = 250
 _TF5200_ENTRIES = 20
 _RPM = math.pi / 30
@@ -49,8 +50,8 @@ class Ratings(NamedTuple):
         Rated torque of the motor (Nm or N).
     constant : float or None
         Nm (or N) per ampere.
-    speed : float
-        Highest speed of the friction tables (rad/s or m/s).
+    speed : float or None
+        Highest speed of the friction tables, in the unit of the model's motion per second; None for 10 rad/s or m/s.
 
     References
     ----------
@@ -59,13 +60,13 @@ class Ratings(NamedTuple):
     Examples
     --------
     >>> from whsklearn.export import Ratings
-    >>> Ratings(torque=1.3, constant=0.12).speed
-    10.0
+    >>> Ratings(torque=1.3, constant=0.12).speed is None
+    True
     """
 
     torque: float | None = None
     constant: float | None = None
-    speed: float = 10.0
+    speed: float | None = None
 
 
 class Left(NamedTuple):
@@ -98,10 +99,13 @@ class Left(NamedTuple):
 def write_tables(model: Exported, out: Path, ratings: Ratings) -> tuple[list[Path], list[Loss], list[Left]]:
     """Write ``cogging.csv``, ``friction.csv`` and, where ratings are given, the lists of TF5200 and ServoOne.
 
-    Raises ValueError if the model is a chain, or has neither cogging nor friction.
+    Raises ValueError if the model is a chain, has neither cogging nor friction, or moves in a unit for which no highest
+    speed is known.
     """
     axis = model.need_axis("A table for a drive")
     unit, length = model.si
+    if ratings.speed is None and length not in ("rad", "m"):
+        raise ValueError(f"The model moves in {length}; give the highest speed in {length}/s with --speed.")
     asked, friction, rest = divided(axis)
     if not asked and not friction:
         raise ValueError("The model has neither cogging nor friction, so there is nothing to put into a table.")
@@ -158,6 +162,10 @@ class _Tabled(NamedTuple):
             return torque
         return None if constant is None else torque / constant
 
+    @property
+    def _top(self) -> float:
+        return self.ratings.speed or _USUAL
+
     def over_a_turn(self) -> tuple[list[str], list[Left]]:
         if not self.waves:
             return [], []
@@ -168,15 +176,15 @@ class _Tabled(NamedTuple):
     def over_speed(self) -> tuple[list[str], list[Left]]:
         if not self.friction:
             return [], []
-        top = self.ratings.speed
+        top = self._top
         speeds = top * np.concatenate([-np.geomspace(1, 1e-3, 100), np.geomspace(1e-3, 1, 100)])
         torque = self._rubbing(speeds)
         lines = [f"velocity_{self.length}_per_s,feedforward_{self.unit.lower()}", *_rows(speeds, torque)]
         return lines, [_over_speed("friction.csv", self._rubbing, speeds, top, torque)]
 
     def tf5200(self) -> tuple[list[str], list[Left]]:
-        rated, top = self._rated, self.ratings.speed
-        if not self.friction or rated is None:
+        rated, top = self._rated, self._top
+        if not self.friction or rated is None or self.length not in ("rad", "m"):
             return [], []
         speeds = top * np.geomspace(1e-3, 1, _TF5200_ENTRIES)
         unit = _MILLIDEGREE if self.length == "rad" else 1e-6
@@ -189,7 +197,7 @@ class _Tabled(NamedTuple):
         return lines, [_over_speed("tf5200_frict_comp.lis", self._rubbing, steps * unit, top, read)]
 
     def servo_one(self) -> tuple[list[str], list[Left]]:
-        rated, top = self._rated, self.ratings.speed
+        rated, top = self._rated, self._top
         ampere = 1.0 if self.unit == "A" else self.ratings.constant
         lines: list[str] = []
         left: list[Left] = []

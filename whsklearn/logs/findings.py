@@ -38,6 +38,7 @@ TITLES = {
     "LOG020": "The log falls into segments",
     "LOG022": "The drive is a current",
     "LOG021": "Signed numbers were logged as unsigned ones",
+    "LOG023": "The encoder jumped",
 }
 SEVERITIES = ("info", "warning", "error")
 

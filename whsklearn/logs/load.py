@@ -19,13 +19,24 @@ from whsklearn.logs.formats import open_source
 from whsklearn.logs.grid import even
 from whsklearn.logs.source import Column, Source
 from whsklearn.logs.timebase import in_order, to_seconds
-from whsklearn.logs.units import UNKNOWN, integral_of, stated, symbol_of, time_unit_of, unit_for, unit_of, written_unit
+from whsklearn.logs.units import (
+    UNKNOWN,
+    UNSTATED,
+    factor_of,
+    integral_of,
+    stated,
+    symbol_of,
+    time_unit_of,
+    unit_for,
+    unit_of,
+    written_unit,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-_MENDED = {"LOG001", "LOG002", "LOG003", "LOG004", "LOG010", "LOG011", "LOG013", "LOG014", "LOG018"}
+_MENDED = {"LOG001", "LOG002", "LOG003", "LOG004", "LOG010", "LOG011", "LOG013", "LOG014", "LOG018", "LOG023"}
 FEWEST = 3  # rows
 _STAMPS = {"LOG001", "LOG002", "LOG003", "LOG004", "LOG010"}
 
@@ -248,6 +259,10 @@ def read_columns(
     for role, column in columns.items():
         if role != "time":
             mend.too_small(role, column, values[role])
+        if role == "position" and units[role] == UNKNOWN and mend.counted(values[role]):
+            units[role] = "counts"
+            text = f"Column {column!r} has whole numbers only; it is taken to be in counts. --unit {role}=UNIT states "
+            found.append(Finding("LOG019", "info", text + "another unit, or the counts of a turn: counts/4096."))
         if units[role] == UNKNOWN or (role == "time" and doubtful):
             text = f"The unit of {role}, column {column!r}, is not known; --unit {role}=UNIT states it."
             found.append(Finding("LOG019", "info", text))
@@ -386,6 +401,11 @@ def _mended(name: str, table: _Table) -> Bunch:
             clock, segment = clock[~out], segment[~out]
             signals = {k: v[~out] for k, v in signals.items()}
             segment = np.unique(segment, return_inverse=True)[1].astype(np.int64)
+    if "position" in signals and factor_of(table.units["position"])[1] in (*UNSTATED, "rad", "m", "counts"):
+        jump = mend.jumps_in(clock, signals["position"], segment)
+        if jump is not None:
+            signals["position"], more_one = mend.without_jumps(signals["position"], jump)
+            found.append(more_one)
     done = even(clock, signals, segment)
     if done.finding is not None:
         found.append(done.finding)

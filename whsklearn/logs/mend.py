@@ -21,6 +21,10 @@ NONE = (999.0, 9999.0, 99999.0, 999999.0)  # what loggers write for a missing va
 APART = 0.1  # as a share of such a value; all others are below it
 HELD_SECONDS, HELD_ROWS = 1.0, 100  # time for which drive and position do not change in any digit: not controlled
 LIVELY = 0.5  # share of rows in which the drive changes while the loop is closed
+FEW_COUNTS = 50.0  # a range of fewer whole numbers is that of a mode or a switch
+MOST_JUMPS = 10  # of an encoder in one log; more are no faults of it but its way of reading
+OUTSIDE = 10.0  # a jump leaves the steps around it by this multiple of any other change from step to step
+RESOLVED = 20.0  # steps across the range; a motion in fewer of them may jump by itself
 BRAKED = 0.5  # s; an axis that stops sooner after its drive fell was braked, one that stops later coasted
 
 
@@ -76,6 +80,18 @@ def too_small(role: str, column: str, values: Array) -> None:
         )
 
 
+def counted(values: Array) -> bool:
+    """Whether a motion was logged in the counts of its encoder: whole numbers, each a small part of the range.
+
+    Examples
+    --------
+    >>> counted(np.round(2000 * np.sin(np.arange(500.0)))), counted(np.sin(np.arange(500.0)))
+    (True, False)
+    """
+    there = values[np.isfinite(values)]
+    return there.size > 0 and bool(np.ptp(there) > FEW_COUNTS and np.all(there == np.round(there)))
+
+
 def turn_in(values: Array, unit: str) -> float | None:
     """The turn at which an angle is wrapped, in its own unit; None if it is not wrapped.
 
@@ -115,6 +131,53 @@ def unwrap(role: str, values: Array, turn: float) -> tuple[Array, Finding]:
         f"The {role} jumps by a turn of {turn:.6g} at {leaps.size} rows, the first is row {leaps[0]}; it was unwrapped."
     )
     return out, finding("LOG012", "info", leaps, text, turn)
+
+
+def jumps_in(time: Array, position: Array, segment: NDArray[np.int64]) -> Array | None:
+    """Steps that an encoder made and the motion cannot have made: one for each row, 0 where there is none.
+
+    A motion has inertia, so each step lies near or between those around it, also in an impact. A reset of the encoder
+    leaves them far, in a few rows only. None if there is no such step.
+
+    Examples
+    --------
+    >>> t = np.arange(1000) / 500
+    >>> angle = np.sin(3 * t)
+    >>> angle[600:] -= angle[600]
+    >>> jump = jumps_in(t, angle, np.zeros(1000, dtype=np.int64))
+    >>> np.flatnonzero(jump), round(float(jump[600]), 2)
+    (array([600]), 0.44)
+    """
+    if position.size < 3 * MOST_JUMPS:
+        return None
+    steps, clock = np.diff(position), np.diff(time)
+    sound = (np.diff(segment) == 0) & (clock < 1.5 * np.median(clock))  # a hole is no step of one sample
+    excess = np.zeros(steps.size)
+    low, high = np.minimum(steps[:-2], steps[2:]), np.maximum(steps[:-2], steps[2:])
+    middle = steps[1:-1]
+    excess[1:-1] = np.maximum(middle - high, low - middle).clip(0.0) * (sound[:-2] & sound[1:-1] & sound[2:])
+    order = np.argsort(excess)[::-1][: MOST_JUMPS + 1]
+    for last in np.flatnonzero(excess[order[:-1]] > OUTSIDE * excess[order[1:]])[::-1]:
+        found = np.sort(order[: last + 1])
+        usual = np.setdiff1d(np.flatnonzero(sound), found)
+        made = steps.copy()
+        made[found] = np.interp(found, usual, steps[usual])  # a wrong reading of one sample makes two jumps in turn
+        most = np.abs(np.diff(made))[sound[1:] & sound[:-1]].max()
+        if excess[found].min() > OUTSIDE * most and np.ptp(np.cumsum(made)) > RESOLVED * np.abs(made[sound]).max():
+            out = np.zeros(position.size)
+            out[found + 1] = steps[found] - made[found]
+            return out
+    return None
+
+
+def without_jumps(position: Array, jump: Array) -> tuple[Array, Finding]:
+    """The position without the steps of its encoder, continued from the first value."""
+    rows = np.flatnonzero(jump)
+    text = (
+        f"The position jumps by {jump[rows[0]]:.4g} at row {rows[0]} ({rows.size} such row(s) in all), which the "
+        "motion cannot have made: the encoder was reset or misread. The position was continued without the jump."
+    )
+    return position - np.cumsum(jump), finding("LOG023", "warning", rows, text, float(jump[rows[0]]))
 
 
 def signed(role: str, values: Array) -> tuple[Array, Finding | None]:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from whsklearn.effects import Effect, FrictionLaw, LearnedTorque, SpeedHinge
+from whsklearn.effects import Effect, FrictionLaw, LearnedTorque
 from whsklearn.filtering.between_samples import HOLDS, fine_drive
 from whsklearn.logs.units import UNKNOWN, inertia_unit, respelled
 from whsklearn.models.base import IdentifiedModel, as_input
@@ -178,5 +178,5 @@ def unit_of_field(effect: Effect, field: str) -> str:
         return _OVER.get(effect.over, "rad")
     unit = effect.quantities[field].unit if field in effect.quantities else "1"
     if unit == "y per x":
-        return "Nm s/rad" if isinstance(effect, SpeedHinge) else "Nm"
+        return "Nm"
     return "rad/s" if unit == "x" else unit
