@@ -7,7 +7,7 @@ import pytest
 
 from tests.logs.rig import columns
 from whsklearn.logs import LogError, LogWarning
-from whsklearn.logs.mend import turn_in
+from whsklearn.logs.mend import jumps_in, turn_in
 
 
 def turning(n=2000):
@@ -106,3 +106,12 @@ def test_whole_numbers_are_counts_where_no_unit_is_stated(load):
     log = load(table, position="position")
     assert log.units["position"] == "counts"
     assert any("whole numbers" in note for note in log.notes)
+
+
+def test_an_output_of_unknown_unit_that_jumps_with_its_input_is_no_encoder(load):
+    t = np.arange(2000) / 500
+    jump = np.where((t > 1) & (t < 3), 3.0, 0.0)
+    y = np.sin(3 * t) + jump
+    assert np.flatnonzero(jumps_in(t, y, np.zeros(2000, dtype=np.int64))).tolist() == [501, 1500]
+    log = load({"time_s": t, "torque_nm": np.cos(2 * t) + jump, "y": y}, position="y")
+    assert np.allclose(log.y, y)

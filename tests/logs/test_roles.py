@@ -66,3 +66,10 @@ def test_columns_by_number_want_two_to_four():
     assert by_number("0,1,2,3")["reference"] == "3"
     with pytest.raises(ValueError, match="expected two"):
         by_number("1")
+
+
+def test_accents_are_letters_and_other_languages_are_known():
+    french = Source("a.csv", ["temps (s)", "couple (Nm)", "angle (degrés)"], lambda columns: {})
+    assert [guess(french, r) for r in ("time", "drive", "position")] == french.names
+    italian = Source("a.csv", ["tempo", "coppia", "velocità"], lambda columns: {})
+    assert [guess(italian, r) for r in ("time", "drive", "velocity")] == italian.names

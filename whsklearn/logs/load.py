@@ -403,6 +403,9 @@ def _mended(name: str, table: _Table) -> Bunch:
             segment = np.unique(segment, return_inverse=True)[1].astype(np.int64)
     if "position" in signals and factor_of(table.units["position"])[1] in (*UNSTATED, "rad", "m", "counts"):
         jump = mend.jumps_in(clock, signals["position"], segment)
+        if jump is not None and table.units["position"] in UNSTATED and "drive" in signals:  # perhaps no motion
+            driven = mend.jumps_in(clock, signals["drive"], segment)
+            jump = jump if driven is None or not np.any(driven[jump != 0]) else None
         if jump is not None:
             signals["position"], more_one = mend.without_jumps(signals["position"], jump)
             found.append(more_one)

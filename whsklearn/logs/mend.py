@@ -22,8 +22,8 @@ APART = 0.1  # as a share of such a value; all others are below it
 HELD_SECONDS, HELD_ROWS = 1.0, 100  # time for which drive and position do not change in any digit: not controlled
 LIVELY = 0.5  # share of rows in which the drive changes while the loop is closed
 FEW_COUNTS = 50.0  # a range of fewer whole numbers is that of a mode or a switch
-MOST_JUMPS = 10  # of an encoder in one log; more are no faults of it but its way of reading
-OUTSIDE = 10.0  # a jump leaves the steps around it by this multiple of any other change from step to step
+MOST_JUMPS = 10  # of an encoder in one log, and one in 500 rows; more are no faults of it but its way of reading
+OUTSIDE = 10.0  # a jump leaves the steps around it by this multiple of any change between two others
 RESOLVED = 20.0  # steps across the range; a motion in fewer of them may jump by itself
 BRAKED = 0.5  # s; an axis that stops sooner after its drive fell was braked, one that stops later coasted
 
@@ -152,22 +152,26 @@ def jumps_in(time: Array, position: Array, segment: NDArray[np.int64]) -> Array 
         return None
     steps, clock = np.diff(position), np.diff(time)
     sound = (np.diff(segment) == 0) & (clock < 1.5 * np.median(clock))  # a hole is no step of one sample
+    both = sound[1:] & sound[:-1]
     excess = np.zeros(steps.size)
     low, high = np.minimum(steps[:-2], steps[2:]), np.maximum(steps[:-2], steps[2:])
     middle = steps[1:-1]
-    excess[1:-1] = np.maximum(middle - high, low - middle).clip(0.0) * (sound[:-2] & sound[1:-1] & sound[2:])
-    order = np.argsort(excess)[::-1][: MOST_JUMPS + 1]
-    for last in np.flatnonzero(excess[order[:-1]] > OUTSIDE * excess[order[1:]])[::-1]:
-        found = np.sort(order[: last + 1])
+    excess[1:-1] = np.maximum(middle - high, low - middle).clip(0.0) * (both[:-1] & both[1:])
+    found = np.sort(np.argsort(excess)[-MOST_JUMPS - steps.size // 500 :])
+    found = found[excess[found] > 0.0]
+    while found.size:  # what is left makes the others smaller, so the set only shrinks
         usual = np.setdiff1d(np.flatnonzero(sound), found)
         made = steps.copy()
         made[found] = np.interp(found, usual, steps[usual])  # a wrong reading of one sample makes two jumps in turn
-        most = np.abs(np.diff(made))[sound[1:] & sound[:-1]].max()
-        if excess[found].min() > OUTSIDE * most and np.ptp(np.cumsum(made)) > RESOLVED * np.abs(made[sound]).max():
-            out = np.zeros(position.size)
-            out[found + 1] = steps[found] - made[found]
-            return out
-    return None
+        most = np.abs(np.diff(made))[both].max()
+        if excess[found].min() > OUTSIDE * most:
+            break
+        found = found[excess[found] > OUTSIDE * most]
+    if found.size == 0 or np.ptp(np.cumsum(made)) <= RESOLVED * np.abs(made[sound]).max():
+        return None
+    out = np.zeros(position.size)
+    out[found + 1] = steps[found] - made[found]
+    return out
 
 
 def without_jumps(position: Array, jump: Array) -> tuple[Array, Finding]:

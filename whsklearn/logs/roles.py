@@ -13,15 +13,21 @@ from whsklearn.logs.units import factor_of, symbol_of, unit_of
 WORDS: dict[str, tuple[str, ...]] = {
     "time": (
         "time", "t", "timestamp", "stamp", "timestamps", "zeit", "uhrzeit", "clock", "ts", "seconds", "millis",
-        "micros", "milliseconds", "microseconds", "ms", "us", "ticks", "tick", "datetime", "date", "datum", "xvalue",
+        "temps", "tiempo", "tempo", "micros", "milliseconds", "microseconds", "ms", "us", "ticks", "tick", "datetime",
+        "date", "datum", "xvalue",
     ),
     "drive": (
-        "torque", "tau", "drive", "moment", "drehmoment", "current", "strom", "iq", "effort", "force", "kraft", "load",
-        "voltage", "u", "input",
+        "torque", "tau", "drive", "moment", "drehmoment", "couple", "coppia", "current", "strom", "iq", "effort",
+        "force", "kraft", "load", "voltage", "u", "input",
     ),
-    "position": ("position", "pos", "angle", "theta", "q", "lage", "winkel", "encoder", "enc", "qpos", "y", "output"),
+    "position": (
+        "position", "pos", "angle", "theta", "q", "lage", "winkel", "posición", "posicion", "posizione", "encoder",
+        "enc", "qpos", "y", "output",
+    ),
     "reference": ("reference", "ref", "setpoint", "desired", "target", "goal", "soll", "sollwert", "set", "demand"),
-    "velocity": ("velocity", "vel", "speed", "omega", "geschwindigkeit", "drehzahl", "qvel"),
+    "velocity": (
+        "velocity", "vel", "speed", "omega", "geschwindigkeit", "drehzahl", "vitesse", "velocidad", "velocità", "qvel",
+    ),
 }  # fmt: skip
 _NOT_MEASURED = {
     *WORDS["reference"], *WORDS["velocity"], "command", "commanded", "cmd", "error", "acceleration", "acc", "limit",
@@ -67,7 +73,7 @@ def words_of(column: str) -> list[str]:
     """The words in a column's name, including its unit; i_q, the torque-producing current, is one word."""
     spelled = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", column).lower()
     spelled = re.sub(r"(?<![a-z0-9])(i_?q|x_value)(?![a-z0-9])", lambda m: m[1].replace("_", ""), spelled)
-    words = re.split(r"[^a-z0-9]+", spelled)
+    words = re.split(r"[^a-z0-9à-öø-ÿ]+", spelled)
     return [re.sub(r"(?<=[a-z]{4})\d+$", "", w) for w in words if w]  # position0 is a position
 
 

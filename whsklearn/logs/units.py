@@ -22,7 +22,7 @@ _KNOWN: dict[str, tuple[float, str, tuple[str, ...]]] = {
     "ns": (1e-9, "s", ("nsec", "nanos", "nanosecond", "nanoseconds")),
     "min": (60.0, "s", ("mins", "minute", "minutes")), "h": (3600.0, "s", ("hr", "hrs", "hour", "hours")),
     "rad": (1.0, "rad", ("radian", "radians")), "mrad": (1e-3, "rad", ()), "urad": (1e-6, "rad", ()),
-    "deg": (math.pi / 180, "rad", ("degree", "degrees", "°", "grad")),  # Grad: German for degree
+    "deg": (math.pi / 180, "rad", ("degree", "degrees", "°", "grad", "degré", "degrés", "grado", "grados", "gradi")),
     "arcmin": (math.pi / 10800, "rad", ()), "arcsec": (math.pi / 648000, "rad", ()),
     "turns": (2 * math.pi, "rad", ("turn", "rev", "revs", "revolution", "revolutions")),
     "m": (1.0, "m", ()), "cm": (1e-2, "m", ()), "mm": (1e-3, "m", ()), "um": (1e-6, "m", ()),
@@ -81,8 +81,8 @@ def unit_of(column: str, default: str = UNKNOWN) -> str:
     ('as logged', 'as logged', 'as logged', 'min')
     >>> unit_of("torque_nm_filtered"), unit_of("encoder_ticks"), unit_of("counts_per_s"), unit_of("stiffness [Nm/rad]")
     ('Nm', 'counts', 'counts/s', 'as logged')
-    >>> unit_of("Actual Current (0.01 A)"), unit_of("Position [0.001 deg]")
-    ('0.01 A', '0.001 deg')
+    >>> unit_of("Actual Current (0.01 A)"), unit_of("Position [0.001 deg]"), unit_of("angle (degrés)")
+    ('0.01 A', '0.001 deg', 'deg')
     """
     written = written_unit(column)
     if (symbol := symbol_of(written) or multiple_of(written)) is not None:
@@ -103,7 +103,7 @@ def unit_of(column: str, default: str = UNKNOWN) -> str:
 
 def _words(text: str) -> list[str]:
     """Words in lower case, with ``/`` as a word."""
-    return re.findall(r"[a-z0-9%°²³]+|/", re.sub("[µμ]", "u", text.lower()))
+    return re.findall(r"[a-z0-9%°²³à-öø-ÿ]+|/", re.sub("[µμ]", "u", text.lower()))
 
 
 def _at_end(words: list[str]) -> str | None:
