@@ -264,6 +264,10 @@ class Plant(Protocol):
         before, after = self.errors(model), self.errors(grown)
         return gain(float(before @ before), float(after @ after), self.n_effective), self.size(before, after)
 
+    def complete(self, before: Array, model: Any) -> bool:
+        """Whether a model leaves nothing worth naming of these errors where its effects act; False: not known here."""
+        return False
+
     def alone(self, model: Any) -> Array:
         """Residual of a model minus the artefacts of its own records: here the residual itself."""
         return np.asarray(self.errors(model))

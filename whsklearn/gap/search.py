@@ -268,6 +268,8 @@ class Search:
         Both are scored by the number of independent samples in the residual without either, which a strong slow effect
         makes small.  With a wrong name the residual is smaller and faster, so its independent samples are counted as
         well.  If a plant's own records are exact, those simulated with the rival say more than blocks of this record.
+        Blocks tell which of two wrong models is less wrong; if the one taken is complete, nothing is left to ask them,
+        and the few events in which two laws differ, such as the touches of a stop, cannot make a rival of the other.
         """
         lead = taken.score - other.score
         if lead < 0.0:  # the one taken is the commoner
@@ -277,15 +279,16 @@ class Search:
         lead = max(lead, gain(worse, better, n_effective(other.errors)) - 2.0 * null)
         if lead < least_lead(self.alpha):
             return False
-        z = vuong(other.errors, taken.errors)
+        whole = self.plant.complete(taken.before, taken.model)
+        z = np.inf if whole else vuong(other.errors, taken.errors)
         if self.plant.exact and separable(lead, z, np.zeros(0), self.alpha):
             return True
         leads = self.plant.leads(taken, other, taken.before, self.rng)
         if self.plant.exact:
             return bool(leads.size) and separable(lead, np.inf, leads, self.alpha)
-        return separable(lead, z, leads, self.alpha) and self._still_apart(taken, other)
+        return separable(lead, z, leads, self.alpha) and self._still_apart(taken, other, whole)
 
-    def _still_apart(self, taken: Named, other: Named) -> bool:
+    def _still_apart(self, taken: Named, other: Named, whole: bool) -> bool:
         """Whether they still differ if each is judged with its own artefacts instead of those of their base.
 
         A rival whose residual has more than twice the power has lost.
@@ -297,7 +300,7 @@ class Search:
         n = max(self.plant.n_effective, n_effective(rest))
         lead = gain(float(rest @ rest), float(left @ left), n)
         lead -= 2.0 * float(np.mean(taken.look.null) - np.mean(other.look.null))
-        return separable(lead, vuong(rest, left), np.zeros(0), self.alpha)
+        return separable(lead, np.inf if whole else vuong(rest, left), np.zeros(0), self.alpha)
 
     def _needless(self, taken: Named, other: Named) -> bool:
         """Whether a rival describes the same with more numbers: the two differ by less than is worth naming."""

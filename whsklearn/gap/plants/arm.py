@@ -220,6 +220,12 @@ class ArmPlant(Plant):
         first, last = (float(e @ e) + self._moved(m) for e, m in ((before, model), (after, grown)))
         return gain(first, last, self.n_effective), self._share(before, after, first - last, place)
 
+    def complete(self, before: Array, model: ArmState) -> bool:
+        """Whether what is left at the joints of its terms may stay without a name: see `whsklearn.gap.conclude`."""
+        (first, last), here = (self._shares(e) for e in (before, self.errors(model))), self._acting(model)
+        quiet = last**2 <= (QUIET * self.floor) ** 2 + 2.0 * self.tolerance**2
+        return bool(np.all((quiet | (last <= STILL * first))[here]))
+
     def _moved(self, model: ArmState) -> float:
         """How far the numbers are from those of another record, squared, in the unit of the power of the errors."""
         view = self.view
