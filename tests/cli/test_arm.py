@@ -161,7 +161,7 @@ def test_what_is_doubtful_in_a_log_is_told_in_one_sentence(folder, tmp_path, cha
 @pytest.mark.parametrize(
     ("inner", "said"),
     [
-        ("<equality><joint joint1='pitch' joint2='yaw'/></equality>", "follows another joint (mimic)"),
+        ("<equality><joint joint1='pitch' joint2='yaw'/></equality>", "follows joint 'yaw' (mimic)"),
         ("<equality><connect body1='pitch_link' anchor='0.2 0 0'/></equality>", "has a closed loop"),
     ],
 )

@@ -90,7 +90,7 @@ def test_gravity_may_be_another():
     [
         (
             urdf(joint("a", "base", "one"), joint("b", "one", "two", inner='<mimic joint="a"/>')),
-            "follows another joint",
+            "follows joint 'a'",
         ),
         (urdf(joint("a", "base", "one", "fixed")), "no joint"),
         (BALL, "ball or a free joint"),

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
-from whsklearn.cli.arm_log import checked_gains, columns_of, gains_of, read_arm, robot_of, to_si
+from whsklearn.cli.arm_log import checked_gains, columns_of, gains_of, note_locked, read_arm, robot_of, to_si
 from whsklearn.cli.job import say_where, table, tracker_for, wrapped, writable_file, writable_folder
 from whsklearn.cli.options import given
 from whsklearn.cli.records import long_segments, note
@@ -46,6 +46,7 @@ def gap_log(options: dict[str, Any]) -> Bunch:
     loaded one, and the estimate from the unloaded log is passed on in the options.
     """
     arm = robot_of(options)
+    note_locked(options, arm)
     if options["load"] and not options["loaded"]:
         raise ValueError("--load is the mass of a known load; give the log with it as --loaded.")
     if options["load"]:
@@ -97,6 +98,11 @@ def identified(log: Bunch, arm: Arm, **settings: Any) -> ArmFit:
         found = identify_arm(log.y, log.X, dt=1.0 / log.sample_rate, robot=arm, groups=log.groups, **settings)
     for text in dict.fromkeys(str(w.message) for w in said if w.category is UserWarning):
         note(text)
+    if worse := [j for j, share in found.missing.items() if share > 1.0]:
+        note(
+            f"What one part of the log says of {', '.join(worse)} does not hold in another: the error there exceeds the "
+            "drive. Record larger motions of each joint that is named."
+        )
     return found
 
 
@@ -106,6 +112,7 @@ def identify(options: dict[str, Any]) -> None:
     from whsklearn.models import save_model
 
     arm = robot_of(options)
+    note_locked(options, arm)
     log = long_segments(read_arm(options["train"], options, arm))
     folder = writable_folder(options["out"])
     tracker = tracker_for("identify", options["track"], data=Path(options["train"]).stem)

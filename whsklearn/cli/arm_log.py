@@ -238,3 +238,18 @@ def robot_of(options: Mapping[str, Any]) -> Arm:
     from whsklearn.models import as_arm
 
     return as_arm(options["robot"], list(joint_columns(options["joints"])) if options.get("joints") else None)
+
+
+def note_locked(options: Mapping[str, Any], arm: Arm) -> None:
+    """Print a note on joints of the robot that ``--joints`` does not name, because the file is then read without them.
+
+    Nothing is printed if the file cannot be read with all joints: those that follow others have no columns anyway.
+    """
+    from contextlib import suppress
+
+    from whsklearn.models import as_arm
+
+    with suppress(ValueError):
+        if locked := [j for j in as_arm(options["robot"]).joints if j not in arm.joints]:
+            verb = "is" if len(locked) == 1 else "are"
+            note(f"--joints does not name {', '.join(locked)}, which {verb} taken to stand still at zero.")

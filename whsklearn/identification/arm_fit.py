@@ -543,17 +543,39 @@ def swapped(
     return [f"The drives fit far better in another order ({', '.join(told)}); name the columns with --joints."]
 
 
+def in_degrees(
+    lags: RigidBodyLags, q: Array, torque: Array, rows: tuple[Array, Array, NDArray[np.bool_]],
+    groups: ArrayLike | None = None,
+) -> list[str]:  # fmt: skip
+    """A sentence if the drives of all joints that turn fit far better with their positions taken as degrees, else none.
+
+    The arguments are those of `swapped`.
+    """
+    turns = ~np.asarray(lags.arm_.slides, dtype=bool)
+    if not (np.ptp(q[:, turns], axis=0) > FAR).any():
+        return []
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        trial = clone(lags).set_params(cutoff=lags.cutoff_)
+        left = _left(*trial.joint_rows(np.where(turns, np.radians(q), q), torque, groups))
+    if (left[turns] > CLEARLY * _left(*rows)[turns]).any():
+        return []
+    return ["The drives fit far better with the positions taken as degrees; give --unit position=deg."]
+
+
 def _length(s: slice) -> int:
     return int(s.stop - s.start)
 
 
 def _left(phi: Array, target: Array, keep: NDArray[np.bool_]) -> Array:
     """What the numbers that all joints share leave of each drive, as a share of its variance, (n_joints,)."""
-    mean = np.sum(np.where(keep, target, 0.0), axis=0) / np.maximum(keep.sum(axis=0), 1)
-    size = np.sum(np.where(keep, target - mean, 0.0) ** 2, axis=0)
-    size = np.where(size > 0.0, size, 1.0)
-    error = np.where(keep, target - phi @ fitted(phi, target, keep, 1.0 / np.sqrt(size))[0], 0.0)
-    return np.asarray(np.sum(error**2, axis=0) / size)
+    count = np.maximum(keep.sum(axis=0), 1)
+    size = np.sum(np.where(keep, target - np.sum(np.where(keep, target, 0.0), axis=0) / count, 0.0) ** 2, axis=0)
+    unit = np.sqrt(size / count)
+    unit = np.where(unit > 0.0, unit, 1.0)
+    largest = float(unit.max())  # the weak prior of the fit is that of drives near one, and a log may be in counts
+    error = target - largest * (phi @ fitted(phi, target / largest, keep, largest / unit)[0])
+    return np.asarray(np.sum(np.where(keep, error, 0.0) ** 2, axis=0) / np.where(size > 0.0, size, 1.0))
 
 
 def _ordered(phi: Array, target: Array, keep: NDArray[np.bool_]) -> tuple[NDArray[np.int64], Array]:

@@ -238,11 +238,12 @@ def _refuse_loops(mujoco: Any, model: Any, names: list[str], wanted: list[str], 
     for i in range(model.neq):
         kind, one, other = int(model.eq_type[i]), int(model.eq_obj1id[i]), int(model.eq_obj2id[i])
         if kind == int(kinds.mjEQ_JOINT):
-            bound = [names[k] for k in (one, other) if k >= 0 and names[k] in wanted]
-            if bound:
+            bound = [names[k] for k in (one, other) if k >= 0]
+            if set(bound) & set(wanted):
+                leader = f"joint {bound[1]!r}" if bound[1:] else "an equation"
                 raise ValueError(
-                    f"Joint {bound[0]!r} follows another joint (mimic), expected independent joints; name the "
-                    "others with --joints."
+                    f"Joint {bound[0]!r} follows {leader} (mimic), expected independent joints; name the joints that "
+                    "are not bound to each other with --joints."
                 )
         elif kind in (int(kinds.mjEQ_CONNECT), int(kinds.mjEQ_WELD)):
             if int(model.eq_objtype[i]) == int(mujoco.mjtObj.mjOBJ_SITE):

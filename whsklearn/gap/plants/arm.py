@@ -43,7 +43,7 @@ from whsklearn.gap.plants.servo_model import ServoTerm
 from whsklearn.gap.record import SPLIT, Array, held_out_blocks, rms
 from whsklearn.gap.search import LEAST_SHARE, STILL
 from whsklearn.gap.tangent import Family, Look, Tangent
-from whsklearn.identification.arm_fit import Known, blocks_of, fitted, suspicions, swapped, updated
+from whsklearn.identification.arm_fit import Known, blocks_of, fitted, in_degrees, suspicions, swapped, updated
 from whsklearn.identification.payload import ALIKE, FURTHEST, Beside
 from whsklearn.lags.rigid_body import RigidBodyLags
 from whsklearn.models.arm import ArmModel
@@ -104,8 +104,10 @@ class ArmPlant(Plant):
         v = self.view
         texts = [*(str(w.message) for w in said if w.category is UserWarning), *suspicions(arm, q, u)]
         problems = [DataProblem("data-arm", "Check the log", text, fatal=False) for text in texts]
-        order = swapped(self.lags, q, u, (v.phi, v.target, v.keep), self.record.groups)
-        return [*(DataProblem("data-order", "The joints are in another order", text) for text in order), *problems]
+        rows = self.lags, q, u, (v.phi, v.target, v.keep), self.record.groups
+        if turned := in_degrees(*rows):
+            return [DataProblem("data-units", "The positions are in degrees", turned[0])]
+        return [*(DataProblem("data-order", "The joints are in another order", x) for x in swapped(*rows)), *problems]
 
     def base(self, rng: np.random.Generator) -> ArmState:
         """The rigid arm with its law, fitted; or the given arm, within what is known of it."""
