@@ -140,6 +140,12 @@ def test_what_is_wrong_is_told_in_one_sentence(folder, log, more, said):
         ({"p2": lambda t: 0.5 * t["p1"]}, [], "All joints move along one line"),
         ({"u2": lambda t: 0.0}, [], "The drive of pitch is zero throughout"),
         ({"p1": lambda t: 0.0, "p2": lambda t: 0.0}, [], "No joint moves more than its encoder's noise"),
+        ({}, ["--joints", "pitch:p2,u2"], "--joints does not name yaw, which is taken to stand still at zero"),
+        (
+            {"u2": lambda t: np.where(np.arange(len(t)) < len(t) / 2, t["u2"], 9.0 * t["u1"])},
+            [],
+            "What one part of the log says of pitch does not hold in another",
+        ),
         ({}, ["--joints", "yaw:p1,u1;pitch:p9,u2"], "p9"),
         ({}, ["--joints", "yaw:p1,u1;pitch:p2,u2", "--time", "nowhere"], "nowhere"),
     ],

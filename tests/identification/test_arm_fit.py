@@ -136,6 +136,7 @@ def test_joints_in_another_order_are_told_by_what_is_left_of_their_drives():
     assert "the drive of yaw by that given for pitch" in order_told(Q, TORQUE[:, ::-1])[0]
     assert "in another order" in order_told(Q[:, ::-1], TORQUE)[0]
     assert "the columns of yaw by those given for pitch" in order_told(Q[:, ::-1], TORQUE[:, ::-1])[0]
+    assert "the columns of yaw by those given for pitch" in order_told(Q[:, ::-1], 1e5 * TORQUE[:, ::-1])[0]  # counts
 
 
 @pytest.mark.parametrize("seed", [3, 5])
