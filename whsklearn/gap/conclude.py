@@ -305,8 +305,8 @@ def candidates(found: Found, diagnosis: Diagnosis, plant: Any, alpha: float) -> 
                 reason = f"{100 * SHOWN:.0f} % of the rms {plant.whole} would not show in this record"
             price = look.n_numbers * np.log(step.n_effective)
             g = fitted[look.name].delta_bic if look.name in fitted else look.gain - price
-            share = (look.size / max(step.gap, 1e-300)) ** 2
-            lines[look.name] = CandidateLine(look.name, float(g), float(min(share, 1.0)), status, reason, look.p_value)
+            share = plant.part(look, step)
+            lines[look.name] = CandidateLine(look.name, float(g), share, status, reason, look.p_value)
     for name, line in lines.items():
         if name in named:
             line.status, line.reason = "named", "accepted"

@@ -264,6 +264,10 @@ class Plant(Protocol):
         before, after = self.errors(model), self.errors(grown)
         return gain(float(before @ before), float(after @ after), self.n_effective), self.size(before, after)
 
+    def part(self, look: Any, step: Any) -> float:
+        """Share of the power of a round's gap that a look explains."""
+        return float(min((look.size / max(step.gap, 1e-300)) ** 2, 1.0))
+
     def complete(self, before: Array, model: Any) -> bool:
         """Whether a model leaves nothing worth naming of these errors where its effects act; False: not known here."""
         return False

@@ -222,6 +222,10 @@ class ArmPlant(Plant):
         first, last = (float(e @ e) + self._moved(m) for e, m in ((before, model), (after, grown)))
         return gain(first, last, self.n_effective), self._share(before, after, first - last, place)
 
+    def part(self, look: Look, step: Any) -> float:
+        """Share of the weighted residual of all joints: sizes are shares of the drives of different joints."""
+        return float(-np.expm1(-max(look.gain, 0.0) / step.n_effective))
+
     def complete(self, before: Array, model: ArmState) -> bool:
         """Whether what is left at the joints of its terms may stay without a name: see `whsklearn.gap.conclude`."""
         (first, last), here = (self._shares(e) for e in (before, self.errors(model))), self._acting(model)
