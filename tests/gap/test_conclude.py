@@ -242,7 +242,7 @@ def test_an_effect_is_credited_with_nothing_that_other_numbers_of_the_base_close
 def test_what_the_record_shows_is_not_called_untestable(p_value, status):
     look = Look("a", 5.0, np.full(15, 1e6), size=0.5, p_value=p_value)  # under such noise 2 % would not show
     step = SimpleNamespace(looks=[look], fitted=[], n_effective=1e3, gap=1.0)
-    plant = SimpleNamespace(scale=1.0, whole="drive", tolerance=0.004, part=lambda *_: 0.25)
+    plant = SimpleNamespace(scale=1.0, whole="drive", tolerance=0.004, gap_share=lambda *_: 0.25)
     diagnosis = SimpleNamespace(effects=[])
     found = SimpleNamespace(steps=[step], remainder=[look])
     assert [c.status for c in conclude.candidates(found, diagnosis, plant, 0.01)] == [status]

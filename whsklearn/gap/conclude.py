@@ -305,7 +305,7 @@ def candidates(found: Found, diagnosis: Diagnosis, plant: Any, alpha: float) -> 
                 reason = f"{100 * SHOWN:.0f} % of the rms {plant.whole} would not show in this record"
             price = look.n_numbers * np.log(step.n_effective)
             g = fitted[look.name].delta_bic if look.name in fitted else look.gain - price
-            share = plant.part(look, step)
+            share = plant.gap_share(look, step)
             lines[look.name] = CandidateLine(look.name, float(g), share, status, reason, look.p_value)
     for name, line in lines.items():
         if name in named:

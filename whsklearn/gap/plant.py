@@ -264,7 +264,7 @@ class Plant(Protocol):
         before, after = self.errors(model), self.errors(grown)
         return gain(float(before @ before), float(after @ after), self.n_effective), self.size(before, after)
 
-    def part(self, look: Any, step: Any) -> float:
+    def gap_share(self, look: Any, step: Any) -> float:
         """Share of the power of a round's gap that a look explains."""
         return float(min((look.size / max(step.gap, 1e-300)) ** 2, 1.0))
 

@@ -222,7 +222,7 @@ class ArmPlant(Plant):
         first, last = (float(e @ e) + self._moved(m) for e, m in ((before, model), (after, grown)))
         return gain(first, last, self.n_effective), self._share(before, after, first - last, place)
 
-    def part(self, look: Look, step: Any) -> float:
+    def gap_share(self, look: Look, step: Any) -> float:
         """Share of the weighted residual of all joints: sizes are shares of the drives of different joints."""
         return float(-np.expm1(-max(look.gain, 0.0) / step.n_effective))
 
