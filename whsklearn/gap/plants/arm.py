@@ -175,7 +175,7 @@ class ArmPlant(Plant):
         null, _ = view.null(rest, self.own.apart, rng)
         beside = self._tangent(model, null.reshape(len(null), -1)).look(family)
         assert beside is not None
-        return self._significant(replace(look, null=beside.null), families)
+        return replace(look, p_value=self._significant(replace(look, null=beside.null), families).p_value)
 
     def _significant(self, look: Look, families: int) -> Look:
         """The look with its p-value."""
