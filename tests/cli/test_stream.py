@@ -9,9 +9,11 @@ import sys
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from tests.streaming.recorded_stream import QUICK, ROOT, carried, records, stream, write
 from whsklearn.checks import state_difference
+from whsklearn.cli.stream import main as stream_command
 
 
 def test_estimates_and_predictions_come_at_their_rows(undisturbed, rows):
@@ -87,3 +89,20 @@ def test_rows_sent_again_and_again_are_said_a_few_times(tmp_path, rows):
     assert done.exit_code == 0, done.output
     assert done.stderr.count("was sent before") == 11
     assert sum(r["cause"] == "repeated_rows" for r in records(tmp_path / "out.jsonl", "alarm")) == 150
+
+
+def test_a_start_with_a_wrong_column_does_not_bind_the_next_one(tmp_path):
+    log = tmp_path / "log.csv"
+    log.write_text("torque_nm,speed\n" + "".join(f"{i % 7},{2 * (i % 7)}\n" for i in range(300)))
+    run = [str(log), "--no-track", "--estimator", "rls", "--output", "speed"]
+    assert CliRunner().invoke(stream_command, [*run, "--input", "torque"]).exit_code == 2
+    done = CliRunner().invoke(stream_command, [*run, "--input", "torque_nm"])
+    assert done.exit_code == 0, done.output
+
+
+def test_json_lines_in_a_file_are_sent_to_stdin(tmp_path):
+    log = tmp_path / "log.jsonl"
+    log.write_text('{"u": 1.0, "y": 2.0}\n')
+    done = CliRunner().invoke(stream_command, [str(log), "--no-track"])
+    assert done.exit_code == 3
+    assert "whsklearn stream - <" in done.output

@@ -151,8 +151,10 @@ def view(
     starts: tuple[int, ...] = ()
     if groups is not None and u.shape == y.shape:
         u, y, starts = _segments(u, y, np.asarray(groups).reshape(-1))
-    if u.shape != y.shape or u.size < 100:
-        raise ValueError(f"The record has {u.size} inputs and {y.size} outputs; expected equal numbers, at least 100.")
+    if u.shape != y.shape:
+        raise ValueError(f"The record has {u.size} inputs and {y.size} outputs; expected equal numbers.")
+    if u.size < 100:
+        raise ValueError(f"The record has {u.size} samples; expected at least 100. Log longer, or at a higher rate.")
     for name, signal in (("input", u), ("output", y)):
         if not np.isfinite(signal).all():
             raise ValueError(

@@ -182,6 +182,8 @@ class CsvParser:
                 "export the log as CSV in UTF-8. identify and gap read other encodings and formats."
             )
         text = text_of(header).lstrip("\ufeff").strip("\r\n")
+        if text.startswith("{"):
+            raise LogError("The file holds JSON lines, which a stream reads from stdin: whsklearn stream - < FILE.")
         self.delimiter = max(",;\t", key=text.count)
         names = [name.strip().strip('"') for name in text.split(self.delimiter)]
         for name in columns:

@@ -397,6 +397,9 @@ class Keeper:
 def _load(kept: Path, model: Any, columns: list[str]) -> dict[str, Any]:
     """The state in the checkpoint; raises if it belongs to another model or other columns."""
     params, state = read_state(kept, KIND)
+    other = state["place"]["columns"] != columns or repr(params["estimator"]) != repr(model)
+    if other and not state["place"]["offset"]:  # of a start that failed before it read a line
+        return {}
     if state["place"]["columns"] != columns:
         learnt, given = (", ".join(map(_with_unit, names)) for names in (state["place"]["columns"], columns))
         raise ValueError(
