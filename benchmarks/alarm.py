@@ -19,7 +19,7 @@ from tqdm import tqdm
 from whsklearn import RMILSRegressor, WienerHammersteinLags
 from whsklearn.change import ChangeAlarm
 from whsklearn.datasets import make_wiener_hammerstein
-from whsklearn.streaming.innovations import BLOCK, Innovations
+from whsklearn.streaming.monitor import BLOCK, Innovations
 
 ROWS = 50_000  # of a stream
 SNR_DB = (7.462, 20.0, 40.0)  # of the article's example; rare wrong signs stand out most where there is little noise

@@ -25,7 +25,7 @@ from whsklearn import Arm
 from whsklearn.cli.gap import main as gap
 from whsklearn.datasets import make_arm_log
 from whsklearn.effects import Coulomb, LoadFriction, Viscous
-from whsklearn.export.arm import arm_mjcf
+from whsklearn.export.robots import arm_mjcf
 from whsklearn.identification.arm_fit import N_LEFT_OUT
 
 RATE, GROWS, NOISE = 250.0, 0.07, 0.03

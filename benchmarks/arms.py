@@ -34,7 +34,7 @@ import pandas as pd
 from whsklearn import Arm
 from whsklearn.datasets import make_arm_log
 from whsklearn.effects import Cogging, Coulomb, Viscous
-from whsklearn.export.arm import arm_mjcf
+from whsklearn.export.robots import arm_mjcf
 from whsklearn.filtering import motion
 from whsklearn.gap import GapFinder
 from whsklearn.gap.plants.arm import arm_plant

@@ -31,9 +31,8 @@ from whsklearn.checks import state_difference
 from whsklearn.state import read_state, write_state
 from whsklearn.streaming import rows as _stream_rows
 from whsklearn.streaming import service as stream
-from whsklearn.streaming.files import alone, check_files
+from whsklearn.streaming.files import Out, alone, check_files
 from whsklearn.streaming.monitor import Options, StreamMonitor
-from whsklearn.streaming.records import Out
 
 COLUMNS = ["t", "u", "y"]
 OPTIONS = Options(every=50, predictions=True, timed=True)

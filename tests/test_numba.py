@@ -27,7 +27,7 @@ PACKAGE = Path(whsklearn.__file__).parent
 SCRIPT = """
 import numpy as np
 from whsklearn.effects.codes import VISCOUS
-from whsklearn.effects.terms import law_values
+from whsklearn.effects.rows import law_values
 value = law_values(np.array([VISCOUS]), np.zeros((1, 3)), np.zeros(1), np.ones(1), np.inf)[0, 0]
 print(value, sum(law_values.stats.cache_hits.values()))
 """
@@ -74,7 +74,7 @@ def test_kernels_that_nobody_declared_for_long_make_room(tmp_path, monkeypatch):
 
 
 def test_imports_are_found_however_they_are_written():
-    lines = ("from whsklearn.effects import codes, Effect", "from whsklearn.effects.terms import (", "    term,  # a",
+    lines = ("from whsklearn.effects import codes, Effect", "from whsklearn.effects.rows import (", "    term,  # a",
              "    tanh as t,", ")", "import numpy", "import whsklearn.effects.law", "")  # fmt: skip
     names = [f.name for f in imported("\n".join(lines))]
     assert names == ["codes.py", "terms.py", "law.py"]

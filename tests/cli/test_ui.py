@@ -6,7 +6,7 @@ import json
 
 from whsklearn.cli.ui import _announce
 from whsklearn.tracking import experiments, open_tracker
-from whsklearn.tracking.page import VIEW, page_of
+from whsklearn.tracking.store import VIEW, page_of
 
 
 def test_page_opens_on_runs_not_on_traces():

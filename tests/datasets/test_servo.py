@@ -11,6 +11,59 @@ from whsklearn.datasets.turntable import make_turntable
 from whsklearn.effects import BoucWen, Cogging, GeneralizedMaxwellSlip, LuGre, effect_names, get_effect
 
 KINDS = ("sine", "multisine", "staircase", "sweep", "rich")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_height_length_and_seed(kind):
+    path = reference_signal(kind, 10.0, 500.0, 0.7, random_state=3)
+    assert path.shape == (5000,)
+    assert np.abs(path).max() <= 0.7 * 1.35  # the rich one is a triangle with tones on it
+    np.testing.assert_array_equal(path, reference_signal(kind, 10.0, 500.0, 0.7, random_state=3))
+
+
+@pytest.mark.parametrize("kind", ["multisine", "staircase", "sweep", "rich"])
+def test_the_axis_is_not_kicked_at_the_start(kind):
+    path = reference_signal(kind, 20.0, 1000.0)
+    speed = np.abs(np.diff(path))
+    assert speed[:20].max() < 0.1 * speed.max()
+
+
+def test_a_multisine_has_its_eight_tones_and_no_other():
+    path = reference_signal("multisine", 50.0, 200.0, random_state=0)[1000:9000]  # 40 s: a whole number of periods
+    power = np.abs(np.fft.rfft(path)) ** 2
+    frequencies = np.fft.rfftfreq(path.size, 1 / 200)
+    tones = np.isclose(frequencies[:, None], 0.1 + 0.4 * np.arange(8)).any(axis=1)
+    assert power[tones].sum() / power[1:].sum() > 0.999
+
+
+@pytest.mark.parametrize("wrong", [{"kind": "square"}, {"duration": -1.0}, {"sample_rate": np.inf}, {"amplitude": 0.0}])
+def test_what_cannot_be_is_refused(wrong):
+    with pytest.raises(ValueError, match=next(iter(wrong)) if "kind" not in wrong else "Unknown reference"):
+        reference_signal(**{"kind": "sine", "duration": 5.0, "sample_rate": 100.0, **wrong})
+
+
+AXIS = default_axis()
+PATH = reference_signal("rich", 10.0, AXIS.sample_rate, random_state=0)
+
+
+@pytest.mark.parametrize("name", ["coulomb", "cogging", "cable_spring", "load_friction", "disturbance_tone"])
+@pytest.mark.parametrize("share", [0.02, 0.2])
+def test_the_size_is_a_share_of_the_rms_drive(name, share):
+    effect = draw_effect(name, AXIS, PATH, share, random_state=1)
+    base = AXIS.simulate(PATH, noise=False)
+    torque = effect.value(
+        time=base.time, position=base.true_position, velocity=base.velocity, drive=base.torque,
+        acceleration=np.gradient(base.velocity, base.time),
+    )  # fmt: skip
+    assert np.sqrt(np.mean(torque**2)) == pytest.approx(share * np.std(base.drive), rel=0.3)
+
+
+def test_the_same_seed_draws_the_same_effect():
+    first, second = (draw_effect("cogging", AXIS, PATH, 0.05, random_state=7) for _ in range(2))
+    assert first == second
+    assert draw_effect("cogging", AXIS, PATH, 0.05, random_state=8) != first
+
+
 NAMES = [n for n in effect_names() if get_effect(n).__module__.startswith("whsklearn.")]
 
 

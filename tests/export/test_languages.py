@@ -6,13 +6,31 @@ import math
 
 import pytest
 
-from tests.export.small_functions import _early
+from tests.export.small_functions import _counted, _early, _python
 from whsklearn import ServoAxis
 from whsklearn.effects import Cogging, Stribeck
 from whsklearn.export import export_model
-from whsklearn.export.languages import C, StructuredText
+from whsklearn.export.languages import C, StateArray, StructuredText, Symbol
 from whsklearn.export.specialise import Specialiser
-from whsklearn.export.statements import Symbol
+
+
+@pytest.mark.parametrize("x", [-2.0, 0.3, 2.0])
+def test_early_returns_meet(x):
+    work = Specialiser(C())
+    a, b = work.call(_early, Symbol("x"), 1.0)
+    assert (_python(work, a, x=x), _python(work, b, x=x)) == _early(x, 1.0)
+
+
+def test_the_state_is_read_before_it_is_written():
+    work = Specialiser(C())
+    result = work.call(_counted, StateArray(lambda i: f"z{i}"), Symbol("x"))
+    assert _python(work, result, z0=1.0, x=2.0) == 4.0
+
+
+def test_what_nobody_needs_is_left_out():
+    work = Specialiser(C())
+    work.call(_early, Symbol("x"), 1.0)
+    assert work.finish() == ([], {})
 
 
 def test_structured_text_is_balanced_and_names_what_it_uses(tmp_path):

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from tests.export.small_functions import _curve, _early, _python
-from whsklearn.export.languages import C
+from whsklearn.export.languages import C, Symbol
 from whsklearn.export.specialise import Specialiser
-from whsklearn.export.statements import Symbol
 
 
 @pytest.mark.parametrize("x", [-2.0, 0.3, 0.7])

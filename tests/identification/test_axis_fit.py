@@ -10,7 +10,7 @@ import pytest
 from tests.recursion.axis_log import TRUTH, axis_log, slow_drive
 from whsklearn import ServoAxis
 from whsklearn.datasets import make_servo_log, make_silverbox
-from whsklearn.datasets.silverbox import SAMPLE_RATE
+from whsklearn.datasets.twins import SAMPLE_RATE
 from whsklearn.effects import (
     CableSpring,
     Cogging,

@@ -21,7 +21,7 @@ from click.testing import CliRunner
 from pipelines.turntable import main
 from whsklearn.cli.ui import free_port
 from whsklearn.datasets import load_turntable
-from whsklearn.tracking.page import VIEW_NAME, view_of
+from whsklearn.tracking.store import VIEW_NAME, view_of
 
 COLUMNS = ["--time", "time_s", "--reference", "reference_rad", "--drive", "torque_nm", "--position", "position_rad"]
 ROOT = Path(__file__).resolve().parents[2]

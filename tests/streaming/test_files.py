@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import os
+
 import pytest
 from filelock import FileLock
 
 from tests.streaming.short_stream import carried, rows, run, write
+from whsklearn.streaming.files import Out, OutputLost
 
 
 @pytest.mark.parametrize("option", ["--out", "--checkpoint"])
@@ -54,3 +57,14 @@ def test_a_longer_file_in_the_place_of_the_source_is_noticed(tmp_path):
     write(log, rows(90, first=7))
     assert "not the file that the checkpoint was written for" in run(log).stderr
     assert carried(tmp_path / "log.csv.whs")["rows"] == 50
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full")
+def test_records_that_find_no_room_are_an_error_with_the_files_name(tmp_path):
+    out = Out(tmp_path / "out", None)
+    out.file.close()
+    out.file = open("/dev/full", "ab", buffering=0)
+    out({"kind": "estimate"})
+    with pytest.raises(OutputLost, match="out cannot be written"):
+        out.settle()
+    out.close()

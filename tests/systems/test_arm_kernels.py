@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
-from tests.systems.drawn_arms import drawn_arm
+from tests.systems.drawn_arms import drawn_arm, drawn_mjcf
+from whsklearn import Arm, ServoAxis
+from whsklearn.effects import Cogging, Coulomb, InputDelay, LuGre, Saturation, Viscous
+from whsklearn.export.robots import arm_mjcf
+from whsklearn.systems import PIDController
 
 ARMS = [(n, seed) for seed, n in enumerate([1, 2, 3, 5, 6, 7, 8])]
 
@@ -67,3 +73,132 @@ def test_power_of_the_drives_is_the_rate_of_the_energy(n, seed):
 
     power = np.einsum("ti,ti->t", arm.inverse_dynamics(q, v, a), v)
     np.testing.assert_allclose(power, (energy(h) - energy(-h)) / (2 * h), rtol=1e-6)
+
+
+ONE = np.array([[0.0] * 9 + [0.05]])  # 0.05 kg m2 about z
+
+
+def one_joint(*effects):
+    return Arm(["axis"], [-1], [False], [np.eye(3)], [[0, 0, 0]], [[0, 0, 1]], ONE, effects=[effects])
+
+
+def test_energy_is_kept_without_friction():
+    arm = drawn_arm(3, 2, gravity=(0, 0, 0))
+    start = np.random.default_rng(0).normal(size=(2, 3))
+    record = arm.simulate_drive(np.zeros((2000, 3)), position=[start[0]], velocity=[start[1]], substeps=20)
+    energy = 0.5 * np.einsum("ti,tij,tj->t", record.velocity, arm.mass_matrix(record.true_position), record.velocity)
+    assert np.ptp(record.true_position, axis=0).max() > 0.5
+    assert np.ptp(energy) < 1e-3 * energy[0]
+
+
+def test_halving_the_step_halves_the_error():
+    arm = drawn_arm(3, 4)
+    drive = np.sin(np.arange(300)[:, None] / 50 * np.arange(1, 4))
+    fine, half, whole = (arm.simulate_drive(drive, substeps=s).true_position for s in (160, 20, 10))
+    errors = [np.abs(x - fine).max() for x in (half, whole)]
+    assert 1.6 < errors[1] / errors[0] < 2.6
+
+
+def test_it_moves_as_in_mujoco():
+    mujoco = pytest.importorskip("mujoco")
+    text = drawn_mjcf(3, 1)
+    arm, model = Arm.from_file(text), mujoco.MjModel.from_xml_string(text)
+    model.opt.timestep, model.opt.integrator = 1e-5, mujoco.mjtIntegrator.mjINT_RK4
+    data, drive = mujoco.MjData(model), np.sin(np.arange(200)[:, None] / 20 * np.arange(1, arm.n_joints + 1))
+    data.qpos[:] = 0.0
+    theirs = []
+    for u in drive:
+        theirs.append(data.qpos.copy())
+        data.qfrc_applied[:] = u
+        mujoco.mj_step(model, data, 100)
+    ours = arm.simulate_drive(drive, substeps=50).true_position
+    assert np.abs(ours - np.array(theirs)).max() < 1e-3 * np.abs(ours).max()
+
+
+@pytest.mark.parametrize(
+    "effects",
+    [
+        (Viscous(0.1), Coulomb(0.2)),
+        (Viscous(0.1), Cogging(0.1, 6)),
+        (Viscous(0.1), InputDelay(0.004), Saturation(0.4)),
+        (Viscous(0.1), LuGre(0.1)),
+    ],
+)
+def test_one_joint_is_a_servo_axis(effects):
+    drive = 0.6 * np.sin(np.arange(3000) / 1000 * 7)
+    axis = ServoAxis(0.05, [Viscous(0.1)], effects[1:], friction="tanh", substeps=10)
+    there = axis.simulate_drive(drive, noise=False)
+    arm = one_joint(*effects)
+    here = arm.simulate_drive(drive[:, None])
+    assert np.ptp(there.true_position) > 0.1
+    assert np.abs(here.true_position[:, 0] - there.true_position).max() < 2e-3 * np.ptp(there.true_position)
+
+
+def test_a_joint_that_friction_holds_stays():
+    arm = one_joint(Coulomb(0.5))
+    record = arm.simulate_drive(np.full((1000, 1), 0.4))
+    assert np.abs(record.velocity).max() < 2e-3, "less than a few times the smoothing"
+    assert arm.simulate_drive(np.full((1000, 1), 0.6)).velocity[-1, 0] == pytest.approx(0.1 / 0.05, rel=0.01)
+
+
+def test_controllers_follow_their_references_and_an_encoder_has_its_steps():
+    arm = drawn_arm(2, 5, slides=0.0)
+    reference = 0.3 * np.sin(np.arange(2000)[:, None] / 1000 * [2.0, 3.0])
+    record = arm.simulate(reference, feed_forward=arm, resolution=1e-3)
+    assert np.abs(record.true_position - reference).max() < 0.02
+    np.testing.assert_allclose(record.position, np.round(record.position / 1e-3) * 1e-3, atol=1e-12)
+
+
+def test_a_replay_that_returns_to_the_log_begins_there_anew():
+    arm = one_joint(Viscous(0.1))
+    drive = np.sin(np.arange(1000)[:, None] / 100)
+    record = arm.simulate_drive(drive)
+    other = dataclasses.replace(arm, inertial=1.1 * ONE)
+    both = {"position": record.true_position, "velocity": record.velocity}
+    free, held = other.simulate_drive(drive, **both), other.simulate_drive(drive, **both, resync=0.1)
+    error = [np.abs(r.true_position - record.true_position).max() for r in (free, held)]
+    assert error[1] < 0.2 * error[0]
+    np.testing.assert_array_equal(held.true_position[100], record.true_position[100])
+
+
+def test_what_does_not_stay_finite_is_told():
+    with pytest.raises(FloatingPointError, match="use more substeps"):
+        one_joint().simulate(np.eye(500)[:, 1:2], controller=PIDController(kp=1e9, ki=0.0, kd=0.0), substeps=1)
+
+
+def geared():
+    """A wrist whose second motor turns both joints."""
+    acting = {"j0": [Viscous(0.2)], "j1+j2": [Viscous(0.3), LuGre(0.1)]}
+    arm = drawn_arm(3, 4, slides=0.0, gravity=(0, 0, -9.81)).with_effects(acting)
+    return dataclasses.replace(arm, sum_armature={"j1+j2": 0.05})
+
+
+def test_along_a_sum_of_joints_both_pay_for_friction_and_motor():
+    arm, still = geared(), dataclasses.replace(geared(), sums={}, sum_armature={})
+    d, rng = np.array([0.0, 1.0, 1.0]), np.random.default_rng(0)
+    q, v, a = rng.normal(size=(3, 50, 3))
+    along = dataclasses.replace(arm, sums={"j1+j2": [Viscous(0.3)]})
+    more = along.inverse_dynamics(q, v, a) - still.inverse_dynamics(q, v, a)
+    np.testing.assert_allclose(more, np.outer(0.3 * v @ d + 0.05 * a @ d, d), atol=1e-12)
+    np.testing.assert_allclose(along.forward_dynamics(q, v, along.inverse_dynamics(q, v, a)), a, atol=1e-8)
+
+
+def test_a_motor_along_a_sum_moves_as_the_same_friction_in_mujoco():
+    mujoco = pytest.importorskip("mujoco")
+    arm = dataclasses.replace(geared(), sums={"j1+j2": [Viscous(0.3)]})
+    model = mujoco.MjModel.from_xml_string(arm_mjcf(arm)[0])
+    model.opt.timestep, model.opt.integrator = 1e-4, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    data, drive = mujoco.MjData(model), np.sin(np.arange(300)[:, None] / 20 * np.arange(1, 4))
+    theirs = []
+    for u in drive:
+        theirs.append(data.qpos.copy())
+        data.ctrl[:] = u
+        mujoco.mj_step(model, data, 10)
+    ours = arm.simulate_drive(drive, substeps=50).true_position
+    without = dataclasses.replace(arm, sums={}, sum_armature={}).simulate_drive(drive, substeps=50).true_position
+    assert np.abs(ours - np.array(theirs)).max() < 0.01 * np.abs(ours - without).max()
+
+
+def test_an_axis_that_is_no_sum_of_its_joints_is_refused():
+    with pytest.raises(ValueError, match="nor a sum of joints"):
+        drawn_arm(3, 4).with_effects({"j1+hand": [Viscous(0.3)]})

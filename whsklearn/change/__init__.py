@@ -6,8 +6,7 @@ also finds slow changes, which the estimator tracks without an alarm ("coulomb r
 since Tuesday").  `forgetting_after` and `set_forgetting` let an estimator follow a change.
 """
 
-from whsklearn.change.alarm import ChangeAlarm
+from whsklearn.change.alarm import ChangeAlarm, forgetting_after, set_forgetting
 from whsklearn.change.comparison import ParameterDifference, compare_parameters
-from whsklearn.change.forgetting import forgetting_after, set_forgetting
 
 __all__ = ["ChangeAlarm", "ParameterDifference", "compare_parameters", "forgetting_after", "set_forgetting"]

@@ -51,7 +51,7 @@ def write(model: Path, to: str, out: str, effects: str | None = None, **options:
     """Export the model, and print what the format cannot represent and where the files are."""
     from whsklearn.cli.own_effects import load_effects
     from whsklearn.export import FORMATS, Ratings, export_model
-    from whsklearn.export.ranges import write_ranges
+    from whsklearn.export.model import write_ranges
 
     spread = options.get("spread")
     if spread and to != "mjcf":

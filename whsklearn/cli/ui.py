@@ -104,7 +104,7 @@ def _show(port: int, browser: bool) -> None:
 
 def _announce(server: str, found: list[tuple[str, str]], browser: bool) -> None:
     """Print an address for every experiment, with its own columns, and open the newest in a browser."""
-    from whsklearn.tracking.page import page_of
+    from whsklearn.tracking.store import page_of
 
     addresses = {name: page_of(server, experiment_id) for name, experiment_id in found} or {"no runs yet": server}
     width = max(map(len, addresses))

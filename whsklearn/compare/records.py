@@ -5,27 +5,150 @@ from __future__ import annotations
 import dataclasses
 import time
 import warnings
-from collections.abc import Collection, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.stats import chi2
+from scipy.stats import t as student
 from threadpoolctl import threadpool_limits
 
 from whsklearn.compare.arm import MOST_LEFT, ArmLog, arm_rows, poor_joints
 from whsklearn.compare.axis import OneWay, axis_rows
 from whsklearn.compare.comparison import Change, Comparison, spoken
-from whsklearn.compare.estimate import Estimate, estimate, walking
-from whsklearn.compare.hypotheses import OF_ZERO, Difference, hypotheses, smallest
+from whsklearn.compare.estimate import Estimate, Summand, degrees_of, estimate, walking
+from whsklearn.compare.hypotheses import LEAST, OF_ZERO, Difference, hypotheses, smallest
 from whsklearn.compare.pair import between, changes_between
-from whsklearn.compare.rows import Regression
-from whsklearn.compare.series import change_point, course, scatter, spread
+from whsklearn.compare.rows import Array, Regression
 from whsklearn.gap.data_check import FEWEST_SAMPLES, SHORTEST_RECORD, check_servo
-from whsklearn.gap.record import ServoRecord
+from whsklearn.gap.record import KINDS, MOTIONS, ServoRecord
 from whsklearn.identification.arm_fit import N_LEFT_OUT, identify_arm
 from whsklearn.identification.payload import find_payload
+from whsklearn.logs.units import UNKNOWN, factor_between, factor_of, integral_of, unit_of
 from whsklearn.models.files import as_arm
 from whsklearn.systems.arm import Arm
 
+
+def spread(values: Array, variances: Array) -> tuple[float, float, float]:
+    """The mean, the deviation between records beyond that within them, and the p-value that there is none.
+
+    References
+    ----------
+    DerSimonian and Laird 1986, Controlled Clinical Trials 7(3), 177-188.
+    """
+    w = 1.0 / variances
+    mean = float(w @ values / w.sum())
+    q = float(w @ (values - mean) ** 2)
+    tau2 = max(0.0, (q - (values.size - 1.0)) / float(w.sum() - w @ w / w.sum()))
+    if tau2 > 0.0:
+        mean = float((1.0 / (variances + tau2)) @ values / (1.0 / (variances + tau2)).sum())
+    return mean, float(np.sqrt(tau2)), float(chi2.sf(q, values.size - 1))
+
+
+def scattered(parts: list[Estimate]) -> Array:
+    """Variance of every number between records beyond that within them, shape (p,)."""
+    if len(parts) < 2:
+        return np.zeros(parts[0].values.size)
+    values, variances = np.array([e.values for e in parts]), np.array([np.diag(e.covariance) for e in parts])
+    return np.array([spread(v, s)[1] ** 2 for v, s in zip(values.T, variances.T, strict=True)])
+
+
+class Course(NamedTuple):
+    """How a number goes from record to record: ``trend``, ``change point`` or ``neither``; its slope a record.
+
+    Examples
+    --------
+    >>> course(np.array([1.0, 1.2, 1.4, 1.6, 1.8]), np.full(5, 1e-4), 0.01).word
+    'trend'
+    """
+
+    word: str
+    slope: float
+    standard_error: float
+    p_value: float
+
+
+def course(values: Array, variances: Array, alpha: float) -> Course:
+    """A line through the records in their order, against a step between two of them and against neither.
+
+    Errors of the slope are widened by Birge's ratio, so that records which scatter show no trend.  Of a line and a step
+    the one with the lower BIC is told; a step has one number more, its place.
+
+    ``values``, ``variances`` (n_records,): in the order of time. ``alpha``: probability of a word other than
+    ``neither`` although the number stays.
+
+    References
+    ----------
+    Birge 1932, The calculation of errors by the method of least squares, Physical Review 40(2), 207-227; Schwarz 1978,
+    Annals of Statistics 6(2), 461-464.
+    """
+    n = values.size
+    place = np.arange(n, dtype=float)
+    weighed = [_line(values, variances, x) for x in (place, *(np.float64(place >= k) for k in range(1, n)))]
+    slope, variance, left = weighed[0]
+    step, of_step, left_by_step = min(weighed[1:], key=lambda fit: fit[2])
+
+    def p(size: float, spread: float, rest: float, asked: int) -> float:
+        z = abs(size) / np.sqrt(spread * max(1.0, rest / (n - 2.0)))
+        return float(min(1.0, asked * 2.0 * student.sf(z, n - 2.0)))
+
+    of_line, of_a_step = p(slope, variance, left, 1), p(step, of_step, left_by_step, n - 1)
+    word = "trend" if left < left_by_step + np.log(n) else "change point"
+    if (of_line if word == "trend" else of_a_step) > alpha:
+        word = "neither"
+    return Course(word, slope, float(np.sqrt(variance * max(1.0, left / (n - 2.0)))), of_line)
+
+
+def _line(values: Array, variances: Array, x: Any) -> tuple[float, float, float]:
+    """(slope over ``x``, its variance, chi-squared of the rest) of a weighted line."""
+    w = 1.0 / variances
+    beside = x - (w @ x) / w.sum()
+    slope = float(w @ (beside * values) / (w @ beside**2))
+    rest = values - (w @ values) / w.sum() - slope * beside
+    return slope, float(1.0 / (w @ beside**2)), float(w @ rest**2)
+
+
+def change_point(rows: list[Regression], parts: list[Estimate], alpha: float) -> tuple[list[Change], Difference]:
+    """What changed between two consecutive records and stayed, and the difference in which it was found.
+
+    The records of each side must agree better than the two sides do: their scatter counts as noise.
+    """
+    splits = range(1, len(parts))
+    best: tuple[list[Change], Difference] | None = None
+    for k in splits:
+        inside = np.maximum(scattered(parts[:k]), scattered(parts[k:]))
+        between_them = Summand(np.diag(inside), max(len(parts) - 2.0, 1.0))
+        noisy = [replace(e, parts=(*e.parts, between_them)) for e in parts]
+        d = between(rows, noisy[:k], noisy[k:])
+        at = (parts[k - 1].label, parts[k].label)
+        found = changes_between(d, rows[0].units, alpha / len(splits))
+        found = [replace(c, between=at, p_value=min(1.0, c.p_value * len(splits))) for c in found]
+        if best is None or (found and (not best[0] or found[0].p_value < best[0][0].p_value)):
+            best = found, d
+    assert best is not None
+    return best
+
+
+def scatter(rows: list[Regression], parts: list[Estimate], alpha: float) -> list[Change]:
+    """Numbers that vary between records without any order, each with its lowest and highest record."""
+    out = []
+    for i, name in enumerate(rows[0].names):
+        values, variances = np.array([e.values[i] for e in parts]), np.array([e.covariance[i, i] for e in parts])
+        _, apart, p = spread(values, variances)
+        share = apart * float(np.mean([r.sizes[i] / r.drives[i] for r in rows]))
+        if p * len(rows[0].names) <= alpha and share > LEAST:
+            a, b = int(np.argmin(values)), int(np.argmax(values))
+            error = float(np.sqrt(variances[a] + variances[b]))
+            nu = degrees_of((*parts[a].parts, *parts[b].parts), np.eye(len(rows[0].names))[[i]])
+            out.append(Change(
+                name, float(values[a]), float(values[b]), error, nu, rows[0].units[i],
+                min(1.0, p * len(rows[0].names)), [], share, between=(parts[a].label, parts[b].label),
+            ))  # fmt: skip
+    return sorted(out, key=lambda c: c.p_value)
+
+
+# --- `compare_records` and `compare_arms`: what changed between several records of one axis or one arm ---------------
 SURE = 3.0  # standard errors below zero: one in a thousand by chance
 SEEN = 0.5  # of a number: a comparison that would miss half of every number has seen nothing
 FOLLOWS = 0.01  # of the drive that a function of position leaves: then the drive is the controller's, not the axis's
@@ -168,7 +291,7 @@ def weighed(found: Comparison, records: Sequence[ArmLog], arm: Arm) -> Compariso
             changes[k] = dataclasses.replace(
                 changes[k], after=p.mass, standard_error=p.mass_error, degrees=N_LEFT_OUT - 1.0
             )
-    return dataclasses.replace(found, changes=changes, sentence=told(changes))
+    return dataclasses.replace(found, changes=changes, sentence=changes_in_words(changes))
 
 
 def at(name: str, joints: Collection[str]) -> bool:
@@ -328,7 +451,7 @@ def unseen(d: Difference, smallest_seen: dict[str, float]) -> str:
 def sentence(found: Comparison, d: Difference) -> str:
     """The answer in words."""
     if found.verdict == "moved":
-        return told(found.changes)
+        return changes_in_words(found.changes)
     if found.verdict == "cannot_tell":
         return f"It cannot be said what changed. {found.reason}"
     sizes = own_sizes(d)
@@ -344,7 +467,7 @@ def sentence(found: Comparison, d: Difference) -> str:
     return text + (f" A change of {' or '.join(hidden)} by less than half would not." if hidden else "")
 
 
-def told(changes: Sequence[Change]) -> str:
+def changes_in_words(changes: Sequence[Change]) -> str:
     """The changes in one sentence."""
     text = "; ".join(map(str, changes))
     return text[0].upper() + text[1:] + "."
@@ -371,3 +494,111 @@ def by_effect(shares: Mapping[str, float]) -> list[str]:
         where = f" at {len(joints)} joints" if len(joints) > NAMED else f" at {' and '.join(joints)}"
         out.append(f"{text}{effect}{'' if '' in joints else where}")
     return out
+
+
+# --- what changed at the alarm of a stream: its rows before and after it as two records ------------------------------
+# The alarm and the comparison so tell one story of the same data.  An alarm says that the innovations differ; whether a
+# number of the axis changed or a drift went on is for the comparison to say.
+Side = tuple[Array, Array]  # numbers of the experiments (n,), rows (n, n_columns) with their time first
+
+LABELS = ("before the alarm", "after it")
+SHORTEST = 50  # samples of an experiment that is used
+
+
+def at_an_alarm(columns: Sequence[str]) -> Callable[[Side, Side], dict[str, Any]] | None:
+    """What compares the rows of an axis's stream; None unless they are time, a drive and a motion by their units.
+
+    Parameters
+    ----------
+    columns : sequence of str
+        Of the rows: time, input, output.
+
+    Examples
+    --------
+    >>> at_an_alarm(["time_s", "torque_nm", "velocity_rad_s"]) is None, at_an_alarm(["t", "u", "y"]) is None
+    (False, True)
+    """
+    if len(columns) != 3:
+        return None
+    clock, drive, motion = (unit_of(c) for c in columns)
+    (per, position), rate = integral_of(motion), factor_of(motion)[1].endswith("/s")
+    kind = factor_of(position)[1]
+    if UNKNOWN in (drive, motion) or factor_of(drive)[1] not in KINDS["drive"] or kind not in MOTIONS:
+        return None
+    by = 1.0 if clock == UNKNOWN else factor_between(clock, "s")
+
+    def record(side: Side) -> ServoRecord:
+        parts, starts, n = [], [], 0
+        for t, u, y in evenly(side, by):
+            if rate:
+                y = per * np.concatenate([[0.0], np.cumsum(0.5 * (y[1:] + y[:-1]) * np.diff(t))])
+            parts.append((t, u, y))
+            starts.append(n)
+            n += t.size
+        time, u, y = (np.concatenate(x) for x in zip(*parts, strict=True))
+        return ServoRecord(time, u, y, units=(drive, position), starts=tuple(starts[1:]))
+
+    return lambda before, after: stream_record(compare_records([record(before), record(after)], LABELS))
+
+
+def at_an_alarm_of(arm: Arm, dt: float, timed: bool) -> Callable[[Side, Side], dict[str, Any]]:
+    """What compares the rows of an arm's stream: time, the positions of all joints, their drives.
+
+    Parameters
+    ----------
+    arm : Arm
+    dt : float
+        Sampling time, in s, of rows without a time.
+    timed : bool
+        Whether a row begins with its time.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from whsklearn.datasets import default_arm, make_arm_log
+    >>> arm = default_arm()
+    >>> logs = (make_arm_log(arm, random_state=k, return_arrays=True) for k in range(2))
+    >>> sides = [(np.zeros(len(q)), np.hstack([q, u])) for q, u in logs]
+    >>> at_an_alarm_of(arm, 0.002, timed=False)(*sides)["verdict"]
+    'nothing'
+    """
+
+    def record(side: Side) -> ArmLog:
+        experiments, rows = side
+        rows = rows if timed else np.column_stack([np.arange(len(rows)) * dt, rows])
+        longest = max(evenly((experiments, rows), 1.0), key=lambda part: part[0].size)
+        q_and_u = np.column_stack(longest[1:])
+        n = arm.n_joints
+        return ArmLog(1.0 / float(longest[0][1] - longest[0][0]), q_and_u[:, :n], q_and_u[:, n:])
+
+    return lambda before, after: stream_record(compare_arms([record(before), record(after)], arm, LABELS))
+
+
+def evenly(side: Side, by: float) -> list[list[Array]]:
+    """Time (s, ``by`` times as logged) and other columns of every experiment, each on an even grid.
+
+    Where the clock restarted, the time goes on behind that of the experiment before.
+
+    Raises ValueError if no experiment has enough samples.
+    """
+    experiments, rows = side
+    step = float(np.median(np.diff(rows[:, 0])))
+    out: list[list[Array]] = []
+    for k in np.unique(experiments):
+        part = rows[experiments == k]
+        if len(part) >= SHORTEST:
+            t = np.arange(part[0, 0], part[-1, 0] + 0.5 * step, step)
+            signals = [np.interp(t, part[:, 0], x) for x in part.T[1:]]
+            behind = out[-1][0][-1] + by * step if out else -np.inf
+            out.append([by * t + max(0.0, behind - by * t[0]), *signals])
+    if not out:
+        raise ValueError(f"No {SHORTEST} rows without a pause were logged.")
+    return out
+
+
+def stream_record(found: Comparison) -> dict[str, Any]:
+    """The fields of a stream's record."""
+    return {
+        "verdict": found.verdict, "sentence": found.sentence, "changes": [c.as_dict() for c in found.changes],
+        "notes": found.notes,
+    }  # fmt: skip

@@ -3,14 +3,16 @@ records.
 """
 
 from whsklearn.datasets.arm import default_arm, make_arm_log
-from whsklearn.datasets.coupled_drives import make_coupled_drives
-from whsklearn.datasets.drawn_effects import draw_effect
-from whsklearn.datasets.nonlinear_benchmark import fetch_cascaded_tanks, fetch_coupled_drives, fetch_silverbox
-from whsklearn.datasets.real import fetch_emps, fetch_kr300
-from whsklearn.datasets.references import reference_signal
-from whsklearn.datasets.servo import default_axis, make_servo_log
-from whsklearn.datasets.silverbox import make_silverbox
+from whsklearn.datasets.published import (
+    fetch_cascaded_tanks,
+    fetch_coupled_drives,
+    fetch_emps,
+    fetch_kr300,
+    fetch_silverbox,
+)
+from whsklearn.datasets.servo import default_axis, draw_effect, make_servo_log, reference_signal
 from whsklearn.datasets.turntable import load_turntable
+from whsklearn.datasets.twins import make_coupled_drives, make_silverbox
 from whsklearn.datasets.wiener_hammerstein import make_wiener_hammerstein
 from whsklearn.logs import Finding, LogReport, check_log, load_log
 

@@ -1,23 +1,269 @@
-"""Logs of a simulated servo axis with any effects."""
+"""Logs of a simulated servo axis with any effects: its reference, effects of a given size, and the record."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Sequence
+import math
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.utils import Bunch
 
-from whsklearn.datasets.drawn_effects import draw_effect
-from whsklearn.datasets.references import reference_signal
-from whsklearn.effects import Effect
-from whsklearn.systems.servo import ServoAxis
+from whsklearn.effects import Effect, get_effect
+from whsklearn.systems.servo import ServoAxis, simulate_many
 from whsklearn.systems.servo_parts import PIDController, Sensor
 from whsklearn.systems.servo_simulation import record_frame
 
+REFERENCES = ("sine", "multisine", "staircase", "sweep", "rich")
 
+
+def reference_signal(
+    kind: str,
+    duration: float = 40.0,
+    sample_rate: float = 1000.0,
+    amplitude: float | None = None,
+    random_state: Any = 0,
+) -> NDArray[np.float64]:
+    """A reference for the position.
+
+    Parameters
+    ----------
+    kind : str
+        ``sine``: 0.8 sin(2/5 pi t) of sec. 5.2.  ``multisine``: eight tones from 0.1 to 2.9 Hz
+        of equal velocity and random phase. ``staircase``: constant speeds in both directions, from slow to fast.
+        ``sweep``: 0.1 to 5 Hz at constant velocity.  ``rich``: the multisine on a slow triangle, which excites every
+        effect of the catalogue.
+    duration : float
+        Length (s).
+    sample_rate : float
+        Samples per second (Hz).
+    amplitude : float, optional
+        Largest position (rad); the default is 0.8 for the sine, 1 for multisine and sweep,
+        and 5 for staircase and rich.
+    random_state : int, Generator or None
+        Of the phases.
+
+    Returns
+    -------
+    ndarray of shape (n,)
+        Position (rad).
+
+    Raises
+    ------
+    ValueError
+        If the kind is unknown or a number is not above zero.
+
+    Examples
+    --------
+    >>> from whsklearn.datasets import reference_signal
+    >>> float(reference_signal("sine", 10.0, 100.0).max().round(3))
+    0.8
+    """
+    makers: dict[str, tuple[Callable[..., NDArray[np.float64]], float]] = {
+        "sine": (_sine, 0.8),
+        "multisine": (_multisine, 1.0),
+        "staircase": (_staircase, 5.0),
+        "sweep": (_sweep, 1.0),
+        "rich": (_rich, 5.0),
+    }
+    if kind not in makers:
+        raise ValueError(f"Unknown reference {kind!r}; expected one of: {', '.join(makers)}, or an array.")
+    make, default = makers[kind]
+    peak = default if amplitude is None else amplitude
+    for name, value in (("duration", duration), ("sample_rate", sample_rate), ("amplitude", peak)):
+        if not (0 < value < math.inf):
+            raise ValueError(f"{name} is {value!r}, expected a finite number above zero.")
+    n = round(duration * sample_rate)
+    if n < 2:
+        raise ValueError(f"{duration} s at {sample_rate} Hz are {n} samples, expected at least two; lengthen it.")
+    return make(np.arange(n) / sample_rate, peak, np.random.default_rng(random_state))
+
+
+def _sine(t: NDArray[np.float64], peak: float, _rng: np.random.Generator) -> NDArray[np.float64]:
+    """The paper's reference."""
+    return peak * np.sin(0.4 * math.pi * t)
+
+
+def _scaled(path: NDArray[np.float64], peak: float) -> NDArray[np.float64]:
+    """A path scaled by its largest value."""
+    return path * (peak / np.abs(path).max())
+
+
+def _faded(t: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A rise from 0 to 1 within the first second, so that the axis starts from rest."""
+    return 0.5 - 0.5 * np.cos(math.pi * np.minimum(t, 1.0))
+
+
+def _multisine(t: NDArray[np.float64], peak: float, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Eight tones of equal velocity; frequencies 0.1, 0.5, 0.9 ... 2.9 Hz."""
+    frequencies = 0.1 + 0.4 * np.arange(8)
+    phases = rng.uniform(0.0, 2.0 * math.pi, 8)
+    tones = np.sin(2.0 * math.pi * frequencies[:, None] * t + phases[:, None]) / frequencies[:, None]
+    return _scaled(tones.sum(axis=0) * _faded(t), peak)
+
+
+def _rich(t: NDArray[np.float64], peak: float, rng: np.random.Generator) -> NDArray[np.float64]:
+    """A triangle over 20 s with rounded corners, from 0 upwards, and the multisine at a sixth of its height."""
+    triangle = np.arcsin(0.98 * np.sin(2.0 * math.pi * t / min(20.0, t[-1]))) / math.asin(0.98)
+    return _scaled(triangle * _faded(t) + _multisine(t, 1.0, rng) / 6.0, peak)
+
+
+def _staircase(t: NDArray[np.float64], peak: float, _rng: np.random.Generator) -> NDArray[np.float64]:
+    """Eight speeds, each forwards and backwards, with smooth reversals."""
+    speeds = np.geomspace(0.02, 1.0, 8)
+    edges = np.linspace(0.0, t[-1] * (1 + 1e-12), 17)
+    step = np.minimum(np.searchsorted(edges, t, side="right") - 1, 15)
+    velocity = speeds[step // 2] * np.where(step % 2 == 0, 1.0, -1.0)
+    width = max(3, round(0.1 * t.size / 16))
+    window = np.hanning(width + 2)[1:-1]
+    soft = np.convolve(np.pad(velocity, width, mode="edge"), window / window.sum(), mode="same")[width:-width]
+    return _scaled(np.cumsum(soft * _faded(t)), peak)
+
+
+def _sweep(t: NDArray[np.float64], peak: float, _rng: np.random.Generator) -> NDArray[np.float64]:
+    """A geometric sweep from 0.1 to 5 Hz with constant velocity amplitude."""
+    low, high = 0.1, 5.0
+    frequency = low * (high / low) ** (t / t[-1])
+    phase = 2.0 * math.pi * np.cumsum(frequency) * (t[1] - t[0])
+    return _scaled(np.sin(phase) / frequency * _faded(t), peak)
+
+
+# --- draw an effect of a given size, for tests and examples that hide it in a log ------------------------------------
+# ranges from which shapes are drawn; a pair is uniform, a longer tuple a choice
+_SHAPES: dict[str, dict[str, tuple[Any, ...]]] = {
+    "stribeck": {"velocity": (0.05, 0.4), "exponent": (1.0, 2.0, 2.0)},
+    "position_friction": {"order": (1.0, 2.0, 3.0, 4.0, 6.0)},
+    "presliding_hysteresis": {"distance": (2e-3, 3e-2)},
+    "friction_drift": {"time_constant": (5.0, 30.0)},
+    "torque_ripple": {"order": (2.0, 3.0, 4.0, 6.0, 8.0, 12.0)},
+    "cogging": {"order": (4.0, 6.0, 8.0, 12.0, 17.0, 24.0)},
+    "backlash": {"load_share": (0.4, 0.7), "frequency": (40.0, 100.0)},
+    "flexible_coupling": {"load_share": (0.4, 0.7), "damping_ratio": (0.02, 0.06)},
+    "encoder_eccentricity": {"order": (1.0, 2.0, 2.0)},
+    "disturbance_tone": {"frequency": (3.0, 30.0)},
+    "parameter_change": {"parameter": ("inertia", "viscous", "coulomb", "gain")},
+}
+
+
+def draw_effect(
+    name: str | type[Effect],
+    axis: ServoAxis,
+    reference: NDArray[np.float64],
+    share: float = 0.05,
+    random_state: Any = 0,
+) -> Effect:
+    """Draw an effect of the catalogue with random shape and phase and the given influence on the drive.
+
+    Parameters
+    ----------
+    name : str or Effect class
+        Canonical name, or the class of one of the shapes that share it, such as ``LuGre``.
+    axis : ServoAxis
+        The axis to which it will be added.
+    reference : ndarray of shape (n,)
+        The experiment (rad).
+    share : float
+        Size as a share of the rms drive: that of the effect's torque if it has one, otherwise that of the response of
+        the controller. For offset and drift of the sensor, to which no drive responds, it is a share of the rms
+        position.
+    random_state : int, Generator or None
+        Of shape and phase.
+
+    Returns
+    -------
+    Effect
+        Ready for ``axis.with_effect``.
+
+    Examples
+    --------
+    >>> from whsklearn.datasets import draw_effect, reference_signal
+    >>> from whsklearn.systems import ServoAxis
+    >>> effect = draw_effect("cogging", ServoAxis(), reference_signal("rich", 4.0), 0.1)
+    >>> effect.name
+    'cogging'
+    """
+    rng = np.random.default_rng(random_state)
+    cls = get_effect(name) if isinstance(name, str) else name
+    if not 0 < share < math.inf:
+        raise ValueError(f"share is {share!r}, expected a finite number above zero, such as 0.05.")
+    base = simulate_many([axis], reference=reference, noise=False)[0]
+    effect = _shaped(cls, base, rng)
+    signals = _signals(base, axis)
+    torque = np.std(base.torque)
+    if cls.name == "saturation":
+        return _limited(effect, signals, share * torque)
+    if effect.port in ("torque", "input") and effect.column_kind == "exact":
+        unit = effect.columns(signals) @ (effect.coefficients / effect.magnitude)
+        return effect.resized(math.copysign(share * torque / _rms(unit), effect.magnitude))
+    if cls.name in ("output_offset", "output_drift"):
+        return effect.resized(share * np.std(base.true_position) / _rms(effect.columns(signals)))
+    return _answered(effect, axis, reference, base, share)
+
+
+def _shaped(cls: type[Effect], base: Bunch, rng: np.random.Generator) -> Effect:
+    """The effect at its default size with shapes drawn."""
+    fields: dict[str, Any] = {}
+    for field, choice in _SHAPES.get(cls.name, {}).items():
+        if len(choice) > 2:
+            value = choice[rng.integers(len(choice))]
+            fields[field] = value if isinstance(value, str) else float(value)
+        else:
+            fields[field] = float(rng.uniform(*choice))
+    if cls.phased:
+        fields["phase"] = float(rng.uniform(-math.pi, math.pi))
+    travel = np.abs(base.true_position).max()
+    if cls.name == "end_stop":
+        fields["angle"] = float(travel * rng.uniform(0.7, 0.9))
+    if cls.name == "parameter_change":
+        fields["time"] = float(base.time[-1] * rng.uniform(0.3, 0.7))
+    return cls(**fields)
+
+
+def _signals(base: Bunch, axis: ServoAxis) -> Bunch:
+    """True signals of a simulated record."""
+    from sklearn.utils import Bunch
+
+    return Bunch(
+        time=base.time,
+        position=base.true_position,
+        velocity=base.velocity,
+        acceleration=np.gradient(base.velocity) * axis.sample_rate,
+        drive=base.torque,
+    )
+
+
+def _rms(values: NDArray[np.float64]) -> float:
+    """Root mean square, never zero."""
+    return max(float(np.sqrt(np.mean(np.square(values)))), 1e-12)
+
+
+def _limited(effect: Effect, signals: Bunch, wanted: float) -> Effect:
+    """A saturation that cuts off a wanted rms of the drive, by bisection."""
+    low, high = 0.0, float(np.abs(signals.drive).max())
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if _rms(effect.resized(middle).contribution(signals)) < wanted else (middle, high)
+    return effect.resized(high)
+
+
+def _answered(effect: Effect, axis: ServoAxis, reference: NDArray[np.float64], base: Bunch, share: float) -> Effect:
+    """A size at which the response of the controller has the wanted rms, by repeated scaling."""
+    wanted = share * np.std(base.drive)
+    for _ in range(8):
+        record = simulate_many([axis.with_effect(effect)], reference=reference, noise=False)[0]
+        change = np.nan_to_num(record.drive - base.drive, nan=1e6, posinf=1e6, neginf=-1e6)
+        answer = _rms(np.clip(change, -1e6, 1e6))
+        if abs(answer / wanted - 1.0) < 0.05:
+            break
+        factor = float(np.clip(wanted / answer, 0.2, 5.0))
+        quantity = effect.quantities[effect.size]
+        effect = effect.resized(min(effect.magnitude * factor, quantity.high))
+    return effect
+
+
+# --- logs of a simulated servo axis with any effects -----------------------------------------------------------------
 def make_servo_log(
     effects: Effect | str | Iterable[Effect | str] = (),
     *,

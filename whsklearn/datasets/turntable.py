@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.datasets.references import reference_signal
+from whsklearn.datasets.servo import reference_signal
 from whsklearn.systems.servo import ServoAxis
 from whsklearn.systems.servo_simulation import record_frame
 

@@ -142,7 +142,7 @@ class ChainSpring(HardeningSpring):
     from the input.
 
     With the second, L1 linear behind u - c x^3 is Duffing's oscillator: the input is held over a sample, and the force
-    changes with x (`whsklearn.systems.chain_ports.held_pull`).
+    changes with x (`whsklearn.systems.chain.held_pull`).
 
     See Also
     --------

@@ -1,7 +1,7 @@
 """All equations of the catalogue as compiled functions of numbers, at weight one unless they are phased.
 
 The effects' classes (`whsklearn.effects.friction` and its neighbours) say what an equation means, in which units and
-ranges; `whsklearn.effects.terms` and `whsklearn.effects.rows` map a code to an equation. Signs follow the torque
+ranges; `whsklearn.effects.rows` and `whsklearn.effects.rows` map a code to an equation. Signs follow the torque
 balance J a = tau - friction, so the drive must supply what is positive.  On a Wiener-Hammerstein system velocity is dx
 = x(t) - x(t-1) of (4).
 

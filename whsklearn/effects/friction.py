@@ -16,7 +16,7 @@ from whsklearn.effects.quantity import number
 class StaticEffect(Effect):
     """An effect that is a memoryless term f(x, dx), so a law can hold it.
 
-    `whsklearn.effects.terms.term` takes its ``code``, and ``term_shape`` gives its shape numbers.
+    `whsklearn.effects.rows.term` takes its ``code``, and ``term_shape`` gives its shape numbers.
 
     References
     ----------

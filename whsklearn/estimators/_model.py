@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from whsklearn.effects import FrictionLaw
 from whsklearn.effects.base import Array, Bools, Integers
 from whsklearn.effects.codes import VISCOUS
-from whsklearn.effects.terms import law_values
+from whsklearn.effects.rows import law_values
 from whsklearn.recursion.memory.blocks import ahead, denominator_of_l2, first_block, numerator_of_l2
 from whsklearn.recursion.memory.linearised import jumps
 from whsklearn.systems.stability import is_stable

@@ -12,9 +12,8 @@ from whsklearn.effects.base import Array, Bools, Integers
 from whsklearn.estimators import _model as wh
 from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
 from whsklearn.recursion.batch.best_linear import IOData
-from whsklearn.recursion.batch.block_split import Orders
 from whsklearn.recursion.batch.simulation_error import Fitted, FittedChain, refine, sensitivities
-from whsklearn.recursion.batch.simulation_search import UNKNOWN, SearchedOrders, record, search
+from whsklearn.recursion.batch.simulation_search import UNKNOWN, Orders, SearchedOrders, record, search
 
 LARGEST_LINEAR = 8  # total order of the best linear model; beyond it poles and zeros cancel, and blocks are padded
 BATCHES = 60  # batches of the scores, for a covariance that does not assume a white error

@@ -20,8 +20,7 @@ from whsklearn.estimators._simulation_fit import natural_of, to_chain
 from whsklearn.estimators.pem import ChainRegressor, PEMRegressor
 from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
 from whsklearn.recursion.batch.best_linear import IOData
-from whsklearn.recursion.batch.block_update import Coordinates, block_update, information_of
-from whsklearn.recursion.batch.simulation_error import FittedChain
+from whsklearn.recursion.batch.simulation_error import Coordinates, FittedChain, block_update, information_of
 from whsklearn.recursion.batch.simulation_search import SKIP
 
 

@@ -6,7 +6,7 @@ comment.
 
 from whsklearn.export.files import FORMATS, Export, export_model
 from whsklearn.export.linear import to_control, to_dlti
-from whsklearn.export.losses import Loss
+from whsklearn.export.model import Loss
 from whsklearn.export.tables import Left, Ratings
 
 __all__ = ["FORMATS", "Export", "Left", "Loss", "Ratings", "export_model", "to_control", "to_dlti"]

@@ -19,13 +19,12 @@ from whsklearn.effects import codes
 from whsklearn.effects.equations import smooth_sign
 from whsklearn.export.axis_code import Fragment, Law, compensated
 from whsklearn.export.code import identifier, render
-from whsklearn.export.languages import C
-from whsklearn.export.losses import Loss, losses_of
+from whsklearn.export.languages import C, OneOf, Symbol
+from whsklearn.export.model import Loss, losses_of
 from whsklearn.export.specialise import Specialiser
-from whsklearn.export.statements import OneOf, Symbol
 from whsklearn.logs.files import atomic_write
 from whsklearn.systems import _arm_kernels as kernels
-from whsklearn.systems._servo_torques import Ends, arranged, load_sum, motor_sum, plant_of
+from whsklearn.systems._servo_kernel import Ends, arranged, load_sum, motor_sum, plant_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

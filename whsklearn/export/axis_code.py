@@ -9,13 +9,22 @@ from typing import Any, NamedTuple
 
 from whsklearn.effects import codes
 from whsklearn.effects.equations import quantized, smooth_sign
-from whsklearn.export.languages import Language
+from whsklearn.export.languages import Language, OneOf, StateArray, Symbol
 from whsklearn.export.specialise import Specialiser
-from whsklearn.export.statements import OneOf, StateArray, Symbol
-from whsklearn.systems._servo_drive import DriveStage, chain_of, effective
-from whsklearn.systems._servo_kernel import lattice_of
-from whsklearn.systems._servo_step import Body, body_of, fine_step
-from whsklearn.systems._servo_torques import Ends, arranged, load_sum, motor_sum, read
+from whsklearn.systems._servo_kernel import (
+    Body,
+    DriveStage,
+    Ends,
+    arranged,
+    body_of,
+    chain_of,
+    effective,
+    fine_step,
+    lattice_of,
+    load_sum,
+    motor_sum,
+    read,
+)
 from whsklearn.systems.servo import ServoAxis, pack
 
 STATES = ("position", "velocity", "load_position", "load_velocity")

@@ -12,13 +12,11 @@ from numpy.typing import NDArray
 from whsklearn.effects import Effect, FrictionLaw
 from whsklearn.effects import codes as fx
 from whsklearn.effects.equations import delayed
-from whsklearn.effects.terms import term
+from whsklearn.effects.rows import term
 from whsklearn.export.axis_code import Fragment
-from whsklearn.export.languages import Language
+from whsklearn.export.languages import Language, OneOf, StateArray, Symbol
 from whsklearn.export.specialise import Specialiser
-from whsklearn.export.statements import OneOf, StateArray, Symbol
-from whsklearn.systems.chain import packed
-from whsklearn.systems.chain_ports import added, driven, sensed, transmitted
+from whsklearn.systems.chain import added, driven, packed, sensed, transmitted
 
 
 @dataclass(frozen=True)
@@ -26,7 +24,7 @@ class CodedChain:
     """x = b1/f1 u, v = law(x, dx), y = b2/f2 v + offset, integrated if the output is a position.
 
     Polynomials in the delay operator, beginning with the direct path; f1 and f2 begin with 1; without a law, v = x.
-    Effects act at the ports of a chain whose blocks both have a delay (`whsklearn.systems.chain_ports`).
+    Effects act at the ports of a chain whose blocks both have a delay (`whsklearn.systems.chain`).
     """
 
     b1: NDArray[Any]

@@ -12,8 +12,7 @@ import jinja2
 from whsklearn.export.axis_code import WAVE, axis_code, compensated, torque_code
 from whsklearn.export.chain_code import chain_code
 from whsklearn.export.languages import C, Language, StructuredText
-from whsklearn.export.losses import Loss, left_out, lost_parts, size_of
-from whsklearn.export.model import Exported
+from whsklearn.export.model import Exported, Loss, left_out, lost_parts, size_of
 from whsklearn.logs.files import atomic_write
 from whsklearn.systems.chain import FAR
 

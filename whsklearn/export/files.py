@@ -7,15 +7,12 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from whsklearn.export.arm import arm_mjcf, arm_urdf
 from whsklearn.export.arm_code import write_arm_c
 from whsklearn.export.code import code_losses as _code_losses
 from whsklearn.export.code import identifier, st_file, write_c
 from whsklearn.export.fmu import write_fmu
-from whsklearn.export.losses import Loss
-from whsklearn.export.mjcf import mjcf
-from whsklearn.export.model import as_exported
-from whsklearn.export.robots import isaac, urdf, write_text
+from whsklearn.export.model import Loss, as_exported
+from whsklearn.export.robots import arm_mjcf, arm_urdf, isaac, mjcf, urdf, write_text
 from whsklearn.export.tables import Left, Ratings, write_tables
 from whsklearn.models import ArmModel, load_model
 from whsklearn.systems.arm import Arm

@@ -12,8 +12,7 @@ import zipfile
 from pathlib import Path
 
 from whsklearn.export.code import c_files, code_losses, identifier, render
-from whsklearn.export.losses import Loss
-from whsklearn.export.model import Exported
+from whsklearn.export.model import Exported, Loss
 from whsklearn.logs.files import atomic_write
 from whsklearn.logs.units import factor_of
 

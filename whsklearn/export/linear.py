@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from whsklearn.export.losses import Loss, left_out, lost_parts, parts_of, size_of
-from whsklearn.export.model import Exported, as_exported
+from whsklearn.export.model import Exported, Loss, as_exported, left_out, lost_parts, parts_of, size_of
 from whsklearn.export.robots import total
 
 _LINEAR = ("viscous", "cable_spring")

@@ -1,22 +1,110 @@
-"""The model to export: an axis or a chain with its units, from a file or an object."""
+"""The model to export: an axis or a chain with its units, from a file or an object.
+
+What a format cannot represent is listed with its size, never dropped silently.
+"""
 
 from __future__ import annotations
 
 import dataclasses
+import json
 import os
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from whsklearn.effects import Effect
+from whsklearn.effects import Effect, LearnedTorque
 from whsklearn.export.chain_code import CodedChain
-from whsklearn.export.losses import Loss
+from whsklearn.logs.files import atomic_write
 from whsklearn.logs.units import UNKNOWN, UNSTATED, factor_of, integral_of, respelled
 from whsklearn.systems.servo import ServoAxis
 from whsklearn.systems.wiener_hammerstein import WienerHammersteinSystem
 
 
+@dataclass(frozen=True)
+class Loss:
+    """A part of the model that is not in the exported file.
+
+    Attributes
+    ----------
+    name : str
+        Of the effect or the part.
+    size : str
+        Its numbers with their units.
+    reason : str
+        Why it is missing, or what replaces it.
+
+    References
+    ----------
+    MuJoCo XML reference, https://mujoco.readthedocs.io/en/stable/XMLreference.html: on what a joint can represent.
+
+    Examples
+    --------
+    >>> from whsklearn.export import Loss
+    >>> print(Loss("torque_ripple", "amplitude 0.02", "MuJoCo has nothing like it"))
+    torque_ripple (amplitude 0.02): MuJoCo has nothing like it
+    """
+
+    name: str
+    size: str
+    reason: str
+
+    def __str__(self) -> str:
+        return f"{self.name} ({self.size}): {self.reason}"
+
+
+def size_of(effect: Effect) -> str:
+    """All numbers of an effect with their units."""
+    parts = []
+    for name, value in {effect.size: effect.magnitude, **effect.shape}.items():
+        unit = effect.quantities[name].unit if name in effect.quantities else ""
+        parts.append(f"{name} {value:.6g}{'' if unit in ('', '1') else ' ' + unit}")
+    return ", ".join(parts)
+
+
+def parts_of(axis: ServoAxis) -> list[Effect]:
+    """The law's terms and the effects whose size is not neutral."""
+    return [*axis.law.terms, *(e for e in axis.effects if e.magnitude != e.neutral)]
+
+
+def left_out(axis: ServoAxis, held: Callable[[Effect], bool], reason: str) -> list[Loss]:
+    """A loss for each term or effect that is not represented."""
+    return losses_of([e for e in parts_of(axis) if not held(e)], reason)
+
+
+def losses_of(lost: list[Effect], reason: str) -> list[Loss]:
+    """A loss for each effect, with a single one for a learned torque."""
+    hills = [e for e in lost if isinstance(e, LearnedTorque)]
+    out = [Loss(e.name, size_of(e), reason) for e in lost if not isinstance(e, LearnedTorque)]
+    if hills:
+        most = max(abs(e.torque) for e in hills)
+        over = " and over ".join(dict.fromkeys(e.over for e in hills))
+        out.append(Loss("learned_torque", f"{len(hills)} basis functions over {over}, up to {most:.6g} Nm", reason))
+    return out
+
+
+def lost_parts(axis: ServoAxis, *, timing: bool, transmission: bool, limit: bool) -> list[Loss]:
+    """Losses among drive, transmission and sensor; each argument says whether the format represents that part."""
+    out = []
+    if not timing and axis.drive.delay:
+        out.append(Loss("drive delay", f"{axis.drive.delay:.6g} s", "the format has no dead time"))
+    if not timing and axis.drive.lag:
+        out.append(Loss("drive lag", f"{axis.drive.lag:.6g} s", "the format has no actuator dynamics"))
+    if not limit and axis.drive.limit < float("inf"):
+        out.append(Loss("drive limit", f"{axis.drive.limit:.6g} Nm", "the format has no limit"))
+    if not transmission and axis.transmission is not None:
+        t = axis.transmission
+        out.append(
+            Loss("transmission", f"stiffness {t.stiffness:.6g} Nm/rad, gap {t.gap:.6g} rad", "the format has one mass")
+        )
+    if axis.sensor.noise:
+        out.append(Loss("sensor noise", f"{axis.sensor.noise:.6g} rad", "the exported model is free of noise"))
+    return out
+
+
+# --- the model to export: an axis or a chain with its units, from a file or an object --------------------------------
 @dataclass(frozen=True)
 class Exported:
     """A model ready for export."""
@@ -136,3 +224,40 @@ def as_exported(model: Any) -> Exported:
     raise ValueError(
         f"{type(model).__name__} cannot be exported; give a model file, a ServoAxis or a WienerHammersteinSystem."
     )
+
+
+# --- ranges for domain randomisation ---------------------------------------------------------------------------------
+# MuJoCo's names of the numbers of an axis; none of them can be negative.
+HELD = {"inertia": "inertia", "viscous": "damping", "coulomb": "frictionloss", "cable_spring": "stiffness"}
+DEVIATIONS = 2.0  # in each direction: 95 % of the population of units
+
+
+def ranges_of(comparison: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """MuJoCo's name of a number -> its range over units, in SI.
+
+    The range is the mean plus or minus two standard deviations; the variance is that between records beyond that within
+    them, plus the uncertainty of the mean.
+
+    ``comparison``: ``compare.json``. Raises ValueError if it does not contain numbers of several records.
+    """
+    rows = comparison.get("numbers") or []
+    if not rows or len(rows[0]["values"]) < 2:
+        raise ValueError("The comparison holds no numbers of several records; give the compare.json of `compare`.")
+    out = {}
+    for row in rows:
+        if row["name"] in HELD:
+            n, si = len(row["values"]), float(row["to_si"])
+            apart = DEVIATIONS * (row["spread_between"] ** 2 + row["spread_within"] ** 2 / n) ** 0.5
+            low, high = ((row["mean"] + sign * apart) * si for sign in (-1.0, 1.0))
+            out[HELD[row["name"]]] = {
+                "of": row["name"], "mean": row["mean"] * si, "low": max(low, 0.0), "high": high, "records": n,
+            }  # fmt: skip
+    return out
+
+
+def write_ranges(comparison: str | os.PathLike[str], model: Path) -> Path:
+    """Write the ranges of a ``compare.json`` beside a model's file; return their path."""
+    data = json.loads(Path(comparison).read_text(encoding="utf-8"))
+    path = model.with_suffix(".ranges.json")
+    atomic_write(path, (json.dumps(ranges_of(data), indent=2) + "\n").encode())
+    return path

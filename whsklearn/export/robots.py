@@ -1,18 +1,30 @@
-"""URDF and Isaac Lab: the parts of an axis that robot descriptions represent."""
+"""URDF, Isaac Lab and MJCF: the parts of an axis or an arm that robot descriptions represent."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from xml.etree import ElementTree
+
+import numpy as np
 
 from whsklearn.effects import Effect, EndStop
+from whsklearn.effects.hysteresis import LuGre, PreslidingHysteresis
 from whsklearn.export.code import render
-from whsklearn.export.losses import Loss, left_out, lost_parts, parts_of
-from whsklearn.export.mjcf import FAR
-from whsklearn.export.model import Exported
+from whsklearn.export.model import Exported, Loss, left_out, losses_of, lost_parts, parts_of, size_of
 from whsklearn.logs.files import atomic_write
-from whsklearn.systems._servo_drive import chain_of
-from whsklearn.systems.servo import pack
+from whsklearn.systems._servo_kernel import body_of, chain_of
+from whsklearn.systems.arm_files import inertia_matrix
+from whsklearn.systems.servo import ServoAxis, pack
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from numpy.typing import NDArray
+
+    from whsklearn.systems.arm import Arm
 
 
 def urdf(model: Exported) -> tuple[str, list[Loss]]:
@@ -71,3 +83,324 @@ def write_text(text: str, out: Path, name: str) -> Path:
     path.parent.mkdir(parents=True, exist_ok=True)
     atomic_write(path, text.encode())
     return path
+
+
+# --- MJCF: the axis as a MuJoCo model of one joint, or of two if motor and load move separately ----------------------
+GRAVITY = 9.81
+# MuJoCo's step (s): friction and contacts are constraints that relax over a few steps, which must be much faster than
+# any motion that a drive logs at 1 kHz (benchmarks/export.py, --steps)
+FINEST = 2.5e-4
+CREEP = 2e-3  # time constant of friction at rest (s), eight steps; MuJoCo's default of 20 ms creeps visibly
+BRISTLE = 1e-4  # rad: presliding distance of LuGre where it replaces a Stribeck curve, which has none
+
+FAR = 1e3  # position of a stop that does not exist
+
+
+@dataclass
+class Mjcf:
+    """Attributes of the elements of the file."""
+
+    joint: dict[str, float] = field(default_factory=dict)
+    spring: dict[int, float] = field(default_factory=dict)  # polynomial about ``springref``
+    springref: float = 0.0
+    damping: dict[int, float] = field(default_factory=dict)
+    force: float = 0.0  # constant, on the joint
+    limit: float = math.inf
+    delay: float = 0.0
+    lag: float = 0.0
+    gravity: tuple[float, float] = (0.0, 0.0)  # amplitude, phase
+    cogging: list[tuple[float, float, float]] = field(default_factory=list)
+    lugre: list[tuple[float, ...]] = field(default_factory=list)
+    stops: list[tuple[float, float, float]] = field(default_factory=list)  # stiffness, lower and upper end
+    twist: dict[str, float] = field(default_factory=dict)
+    losses: list[Loss] = field(default_factory=list)
+
+
+def mjcf(model: Exported) -> tuple[str, list[Loss]]:
+    """The text of the file, and the parts of the model that it cannot represent."""
+    axis = model.need_axis("MJCF")
+    m = mapped(axis, linear=model.linear)
+    drive, motion = model.si
+    dt = 1.0 / axis.sample_rate
+    step = dt / math.ceil(dt / FINEST - 1e-9)
+    load = axis.inertia * float(body_of(pack(axis)).share)
+    amplitude, phase = m.gravity
+    mass, arm = max(axis.inertia, 1e-6), 0.0
+    if amplitude:  # half of the inertia is that of a mass on a lever
+        arm = 0.5 * (load or axis.inertia) * GRAVITY / abs(amplitude)
+        mass = abs(amplitude) / (GRAVITY * arm)
+        phase += math.pi if amplitude < 0 else 0.0
+    if m.delay and abs(round(m.delay / step) * step - m.delay) > 1e-3 * step:
+        held = round(m.delay / step) * step
+        m.losses.append(Loss("drive delay", f"{m.delay:.6g} s", f"rounded to {held:.6g} s, whole steps of MuJoCo"))
+    m.losses = [*model.foreign(), *model.told(m.losses)]
+    text = render(
+        "model.mjcf.j2", m=m, kind="slide" if model.linear else "hinge", step=step, dt=dt,
+        inertia=axis.inertia - load, load=load, mass=mass, place=(arm * math.cos(phase), arm * math.sin(phase)),
+        own=(load or axis.inertia) - mass * arm**2 if arm else (load or axis.inertia), creep=CREEP,
+        g=GRAVITY if arm else 0.0, samples=round(m.delay / step), inf=math.inf, drive=drive, motion=motion,
+    )  # fmt: skip
+    return text, m.losses
+
+
+def mapped(axis: ServoAxis, linear: bool = False) -> Mjcf:
+    """The parts of an axis that MuJoCo can represent with its own elements; the others are ``losses``."""
+    packed = pack(axis)
+    m = Mjcf(losses=lost_parts(axis, timing=True, transmission=True, limit=True))
+    m.delay, first, second, _, m.limit = (float(x) for x in chain_of(packed))
+    m.lag = first + second
+    if first and second:
+        m.losses.append(Loss("actuator_lag", f"{second:.6g} s", "added to the drive's lag: MuJoCo has one"))
+    _, share, stiffness, damping, gap, _ = (float(x) for x in body_of(packed))
+    if share > 0.0:
+        m.twist = {"stiffness": stiffness, "damping": damping, "gap": gap, "ratio": 0.3, "frequency": 0.0}
+        reduced = axis.inertia * share * (1.0 - share)
+        m.twist["frequency"] = math.sqrt(stiffness / reduced)
+        m.twist["ratio"] = damping / (2.0 * math.sqrt(stiffness * reduced))
+    if axis.sensor.resolution:
+        m.losses.append(Loss("encoder", f"step {axis.sensor.resolution:.6g} rad", "MuJoCo's sensors are not quantized"))
+    effects = parts_of(axis)
+    m.losses += losses_of([e for e in effects if e.name not in _HOLDERS], "MuJoCo has nothing like it")
+    for effect in effects:
+        if linear and effect.name == "gravity_imbalance":
+            m.losses.append(Loss(effect.name, size_of(effect), "a slide has no angle"))
+        else:
+            hold_in(m, effect, effects)
+    return m
+
+
+def hold_in(m: Mjcf, effect: Effect, others: list[Effect]) -> None:
+    """Add one effect to ``m`` if MuJoCo has an equivalent; ``others`` are the other effects."""
+    if effect.name in _HOLDERS:
+        _HOLDERS[effect.name](m, effect, others)
+
+
+def _viscous(m: Mjcf, e: Effect, _: list[Effect]) -> None:
+    m.damping[1] = m.damping.get(1, 0.0) + e.magnitude
+
+
+def _drag(m: Mjcf, e: Effect, _: list[Effect]) -> None:
+    m.damping[2] = m.damping.get(2, 0.0) + e.magnitude
+
+
+def _coulomb(m: Mjcf, e: Effect, others: list[Effect]) -> None:
+    if not any(_stribeck_by_lugre(o) for o in others):
+        m.joint["frictionloss"] = m.joint.get("frictionloss", 0.0) + e.magnitude
+
+
+def _stribeck_by_lugre(e: Effect) -> bool:
+    return e.name == "stribeck" and e.magnitude > 0.0
+
+
+def _stribeck(m: Mjcf, e: Effect, others: list[Effect]) -> None:
+    dry = sum(o.magnitude for o in others if o.name == "coulomb")
+    if e.magnitude <= 0.0 or dry <= 0.0:
+        m.losses.append(Loss(e.name, size_of(e), "MuJoCo holds it only on top of Coulomb friction"))
+        return
+    velocity, exponent = tuple(e.shape.values())[:2] if len(e.shape) > 1 else (*e.shape.values(), 2.0)
+    if exponent != 2.0:
+        m.losses.append(Loss(e.name, size_of(e), "held with the exponent 2, which is MuJoCo's"))
+    stiffness = dry / BRISTLE
+    m.lugre.append((stiffness, stiffness * 2e-3, dry, dry + e.magnitude, velocity))
+
+
+def _presliding(m: Mjcf, e: Effect, _: list[Effect]) -> None:
+    if not isinstance(e, PreslidingHysteresis) or type(e) not in (PreslidingHysteresis, LuGre):
+        m.losses.append(Loss(e.name, size_of(e), "MuJoCo has Dahl's and LuGre's model only"))
+        return
+    ratio, velocity, damping = (e.ratio, e.velocity, e.damping) if isinstance(e, LuGre) else (1.0, 1.0, 0.0)
+    m.lugre.append((e.torque / e.distance, e.torque * damping / e.distance, e.torque, e.torque * ratio, velocity))
+
+
+def _cogging(m: Mjcf, e: Effect, _: list[Effect]) -> None:
+    order, phase = e.shape["order"], e.shape["phase"]
+    if abs(order - round(order)) > 1e-3:
+        m.losses.append(Loss(e.name, size_of(e), "MuJoCo takes whole orders only"))
+        return
+    m.cogging.append((e.magnitude, round(order), phase - 0.5 * math.pi))  # -cos a = sin(a - pi/2)
+
+
+def _gravity(m: Mjcf, e: Effect, _: list[Effect]) -> None:
+    a, p = m.gravity
+    x = a * math.cos(p) + e.magnitude * math.cos(e.shape["phase"])
+    y = a * math.sin(p) + e.magnitude * math.sin(e.shape["phase"])
+    m.gravity = (math.hypot(x, y), math.atan2(y, x))
+
+
+def _offset(m: Mjcf, e: Effect, _: list[Effect]) -> None:
+    m.force -= e.magnitude
+    if e.name == "asymmetric_coulomb":
+        m.losses.append(Loss(e.name, size_of(e), "held as a constant force, which is the same in motion"))
+
+
+def _spring(m: Mjcf, e: Effect, others: list[Effect]) -> None:
+    cubic = [o for o in others if o.name == "hardening_spring"]
+    m.springref = cubic[0].shape["centre"] if cubic else e.shape["centre"]
+    m.spring[1] = m.spring.get(1, 0.0) + e.magnitude
+    m.force -= e.magnitude * (m.springref - e.shape["centre"])
+
+
+def _cubic(m: Mjcf, e: Effect, _: list[Effect]) -> None:
+    if m.spring.get(3) and e.shape["centre"] != m.springref:
+        m.losses.append(Loss(e.name, size_of(e), "a joint has one spring, whose centre is already used"))
+        return
+    m.springref = e.shape["centre"]
+    m.spring[3] = m.spring.get(3, 0.0) + e.magnitude
+
+
+def _stop(m: Mjcf, e: Any, _: list[Effect]) -> None:
+    if e.shape.get("relaxation"):
+        m.losses.append(Loss(e.name, size_of(e), "held without its damping: a tendon cannot be damped in contact only"))
+    m.stops.append((e.magnitude, *np.clip(e.ends, -FAR, FAR)))
+
+
+def _part(m: Mjcf, e: Effect, _: list[Effect]) -> None:
+    """Effects represented by a part of the axis: limit, delay, lag, transmission."""
+
+
+_HOLDERS = {
+    "viscous": _viscous, "quadratic_drag": _drag, "coulomb": _coulomb, "stribeck": _stribeck,
+    "presliding_hysteresis": _presliding, "cogging": _cogging, "gravity_imbalance": _gravity,
+    "input_offset": _offset, "asymmetric_coulomb": _offset, "cable_spring": _spring, "hardening_spring": _cubic,
+    "end_stop": _stop, "saturation": _part, "input_delay": _part, "actuator_lag": _part, "flexible_coupling": _part,
+    "backlash": _part,
+}  # fmt: skip
+
+
+# --- an arm for MuJoCo and as URDF -----------------------------------------------------------------------------------
+HELD = ("viscous", "coulomb")
+LEAST = 1e-6  # kg and kg m2: MuJoCo accepts no moving body without mass
+
+
+def arm_mjcf(arm: Arm) -> tuple[str, list[Loss]]:
+    """The text of the file, and the parts of the model that it cannot represent; a motor of gear one drives each joint.
+
+    Examples
+    --------
+    >>> from whsklearn.datasets import default_arm
+    >>> from whsklearn.export.robots import arm_mjcf
+    >>> text, losses = arm_mjcf(default_arm())
+    >>> 'frictionloss="0.3"' in text, losses
+    (True, [])
+    """
+    from scipy.spatial.transform import Rotation
+
+    root = ElementTree.Element("mujoco", model="arm")
+    ElementTree.SubElement(root, "compiler", angle="radian")
+    options = {"gravity": _text(arm.gravity), "timestep": "0.0005", "integrator": "implicitfast"}
+    ElementTree.SubElement(root, "option", options)
+    bodies = [ElementTree.SubElement(root, "worldbody")]
+    losses: list[Loss] = []
+    for k, name in enumerate(arm.joints):
+        x, y, z, w = Rotation.from_matrix(arm.rotations[k]).as_quat()
+        body = ElementTree.SubElement(
+            bodies[arm.parents[k] + 1], "body", name=f"{name}_link", pos=_text(arm.places[k]), quat=_text([w, x, y, z])
+        )
+        bodies.append(body)
+        damping, friction, lost = _passive(name, arm.effects[k], "MuJoCo's joints hold damping and frictionloss only")
+        losses += lost
+        joint = {"name": name, "type": "slide" if arm.slides[k] else "hinge", "axis": _text(arm.axes[k])}
+        passive = {"damping": damping, "frictionloss": friction, "armature": float(arm.armature[k])}
+        ElementTree.SubElement(body, "joint", joint | {key: _text([v]) for key, v in passive.items() if v})
+        mass, centre, about = _body(arm, k, losses)
+        full = _text(about[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]])
+        ElementTree.SubElement(body, "inertial", mass=_text([mass]), pos=_text(centre), fullinertia=full)
+    actuators = ElementTree.SubElement(root, "actuator")
+    for name in arm.joints:
+        ElementTree.SubElement(actuators, "motor", name=f"{name}_motor", joint=name)
+    tendons = ElementTree.SubElement(root, "tendon") if arm.sums else root
+    for name, direction in arm._directions().items():
+        damping, friction, lost = _passive(name, arm.sums[name], "MuJoCo's tendons hold damping and frictionloss only")
+        losses += lost
+        passive = {"damping": damping, "frictionloss": friction, "armature": arm.sum_armature.get(name, 0.0)}
+        tendon = ElementTree.SubElement(
+            tendons, "fixed", {"name": name} | {k: _text([v]) for k, v in passive.items() if v}
+        )
+        for of, coefficient in zip(arm.joints, direction, strict=True):
+            if coefficient:
+                ElementTree.SubElement(tendon, "joint", joint=of, coef=_text([coefficient]))
+    return _written(root, losses), losses
+
+
+def arm_urdf(arm: Arm) -> tuple[str, list[Loss]]:
+    """The text of the file, and the parts of the model that it cannot represent.
+
+    Examples
+    --------
+    >>> from whsklearn.datasets import default_arm
+    >>> from whsklearn.export.robots import arm_urdf
+    >>> [str(loss) for loss in arm_urdf(default_arm())[1]][0]
+    "yaw's motor (armature 0.01 kg m2): URDF has no motor inertia"
+    """
+    from scipy.spatial.transform import Rotation
+
+    root = ElementTree.Element("robot", name="arm")
+    ElementTree.SubElement(root, "link", name="base")
+    losses: list[Loss] = []
+    for k, name in enumerate(arm.joints):
+        mass, centre, about = _body(arm, k, losses)
+        inertial = ElementTree.SubElement(ElementTree.SubElement(root, "link", name=f"{name}_link"), "inertial")
+        ElementTree.SubElement(inertial, "origin", xyz=_text(centre), rpy="0 0 0")
+        ElementTree.SubElement(inertial, "mass", value=_text([mass]))
+        ways = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
+        ElementTree.SubElement(inertial, "inertia", {key: _text([about[at]]) for key, at in ways.items()})
+        kind = "prismatic" if arm.slides[k] else "continuous"
+        joint = ElementTree.SubElement(root, "joint", name=name, type=kind)
+        parent = int(arm.parents[k])
+        ElementTree.SubElement(joint, "parent", link="base" if parent < 0 else f"{arm.joints[parent]}_link")
+        ElementTree.SubElement(joint, "child", link=f"{name}_link")
+        rpy = Rotation.from_matrix(arm.rotations[k]).as_euler("xyz")
+        ElementTree.SubElement(joint, "origin", xyz=_text(arm.places[k]), rpy=_text(rpy))
+        ElementTree.SubElement(joint, "axis", xyz=_text(arm.axes[k]))
+        damping, friction, lost = _passive(name, arm.effects[k], "URDF has damping and friction only")
+        ElementTree.SubElement(joint, "dynamics", damping=_text([damping]), friction=_text([friction]))
+        if arm.slides[k]:
+            ElementTree.SubElement(joint, "limit", effort="1e9", velocity="1e9", lower="-1e3", upper="1e3")
+        if arm.armature[k]:
+            losses.append(Loss(f"{name}'s motor", f"armature {arm.armature[k]:.6g} kg m2", "URDF has no motor inertia"))
+        losses += lost
+    for name, acting in arm.sums.items():
+        reason = "URDF has no friction along two joints"
+        losses += [Loss(f"{name}'s {x.name}", x.size, x.reason) for x in losses_of(acting, reason)]
+        if arm.sum_armature.get(name):
+            losses.append(Loss(f"{name}'s motor", f"{arm.sum_armature[name]:.6g} kg m2", "URDF has no motor inertia"))
+    if not np.allclose(arm.gravity, (0.0, 0.0, -9.81), atol=0.02):
+        losses.append(Loss("gravity", f"{_text(arm.gravity)} m/s2", "URDF has no gravity; set it in the simulator"))
+    return _written(root, losses), losses
+
+
+def _passive(name: str, acting: Iterable[Effect], reason: str) -> tuple[float, float, list[Loss]]:
+    """Damping and dry friction, with a loss for each other effect and for negative values, which no format accepts."""
+    sizes = dict.fromkeys(HELD, 0.0)
+    lost = []
+    for e in acting:
+        if e.name in HELD and e.magnitude >= 0.0:
+            sizes[e.name] += e.magnitude
+        elif e.magnitude != e.neutral:
+            lost.append(e)
+    told = [Loss(f"{name}'s {x.name}", x.size, x.reason) for x in losses_of(lost, reason)]
+    return sizes["viscous"], sizes["coulomb"], told
+
+
+def _body(arm: Arm, k: int, losses: list[Loss]) -> tuple[float, NDArray[Any], NDArray[Any]]:
+    """Mass, centre, and inertia about the centre of a link; numbers that no body can have are reported and replaced."""
+    numbers = arm.inertial[k]
+    mass = float(numbers[0])
+    if mass <= LEAST:
+        if numbers.any():
+            losses.append(Loss(f"{arm.joints[k]}'s link", f"mass {mass:.6g} kg", "a link needs one above zero"))
+        return LEAST, np.zeros(3), LEAST * np.eye(3) + inertia_matrix(numbers)
+    c = numbers[1:4] / mass
+    return mass, c, inertia_matrix(numbers) - mass * (c @ c * np.eye(3) - np.outer(c, c))
+
+
+def _text(values: Any) -> str:
+    return " ".join(f"{v:.12g}" for v in np.ravel(values))
+
+
+def _written(root: ElementTree.Element, losses: list[Loss]) -> str:
+    """The file, with its losses as a comment."""
+    told = "".join(f"\n     Not held: {loss}".replace("--", "- ") for loss in losses)
+    ElementTree.indent(root)
+    comment = f"<!-- Written by whsklearn. Units: kg, m, rad, s, Nm.{told} -->"
+    return f"{comment}\n{ElementTree.tostring(root, encoding='unicode')}\n"

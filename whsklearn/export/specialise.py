@@ -23,8 +23,18 @@ from typing import Any
 import numpy as np
 
 from whsklearn.effects.equations import tanh
-from whsklearn.export.languages import Language
-from whsklearn.export.statements import If, OneOf, Set, StateArray, Symbol, identifiers, needed_only, rendered, used
+from whsklearn.export.languages import (
+    If,
+    Language,
+    OneOf,
+    Set,
+    StateArray,
+    Symbol,
+    identifiers,
+    needed_only,
+    rendered,
+    used,
+)
 
 
 class Specialiser:

@@ -18,7 +18,7 @@ import numpy as np
 from whsklearn.effects import Effect
 from whsklearn.effects.base import Array
 from whsklearn.export.axis_code import compensated
-from whsklearn.export.losses import Loss, losses_of, parts_of
+from whsklearn.export.model import Loss, losses_of, parts_of
 from whsklearn.logs.files import atomic_write
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from whsklearn.effects import Coulomb, InputOffset, LoadFriction, Viscous
 from whsklearn.effects.base import Array
-from whsklearn.estimators.rls import RLSRegressor
+from whsklearn.estimators.least_squares import RLSRegressor
 from whsklearn.lags.axis_rows import runs
 from whsklearn.lags.rigid_body import RigidBodyLags
 from whsklearn.models.arm import ArmModel

@@ -29,7 +29,7 @@ from whsklearn.recursion.batch.axis_free_run import (
     fit_axis,
     fit_pieces,
 )
-from whsklearn.recursion.batch.linear_filter import filter_rows
+from whsklearn.recursion.batch.best_linear import filter_rows
 from whsklearn.systems.servo import fine_steps
 from whsklearn.validation import whiteness_test
 

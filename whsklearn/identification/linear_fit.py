@@ -8,8 +8,15 @@ import numpy as np
 
 from whsklearn.identification.view import one_later, since_start
 from whsklearn.models import LinearModel
-from whsklearn.recursion.batch.best_linear import IOData, Ratio, best_linear, least_squares_arx, stabilised
-from whsklearn.recursion.batch.linear_filter import delayed_rows, filter_rows
+from whsklearn.recursion.batch.best_linear import (
+    IOData,
+    Ratio,
+    best_linear,
+    delayed_rows,
+    filter_rows,
+    least_squares_arx,
+    stabilised,
+)
 from whsklearn.recursion.batch.simulation_search import SKIP
 
 OFFSETS = 20  # maximum number of fits, each with the constant from the one before

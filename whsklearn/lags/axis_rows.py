@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 from whsklearn.effects import Effect, FrictionLaw, as_law, get_effect
 from whsklearn.effects.base import Array
 from whsklearn.filtering.records import Motion
-from whsklearn.filtering.streams import causal_delay, causal_motion
 
 # Effects whose columns depend on the drive.
 DRIVEN = ("load_friction", "dead_zone", "saturation", "input_delay", "actuator_lag", "torque_ripple")
@@ -69,26 +68,6 @@ class RowState(NamedTuple):
 
 
 AT_START = RowState(np.empty(0), np.empty(0), np.empty(0), 0)
-
-
-def advance(
-    stream: RowState,
-    path: Array,
-    drive: Array,
-    target: Array,
-    terms: tuple[Effect, ...],
-    kernels: Array,
-    sample_rate: float,
-) -> tuple[Array, Array, RowState]:
-    """Columns and delayed torque of the next piece, zeros in the warm-up, and the stream after it."""
-    delay = kernels.shape[1] // 2
-    moved, past = causal_motion(path, stream.path, kernels)
-    force, past_drive = causal_delay(drive, stream.drive, delay)
-    late, past_torque = causal_delay(target, stream.torque, delay)
-    time = (stream.seen - delay + np.arange(len(path))) / sample_rate
-    phi = stack_columns(terms, moved, force, time)
-    phi[: max(2 * delay - stream.seen, 0)] = 0.0
-    return phi, late, RowState(past, past_drive, past_torque, stream.seen + len(path))
 
 
 def checked_torque(y: ArrayLike, n: int) -> Array:

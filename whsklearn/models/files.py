@@ -39,7 +39,7 @@ from whsklearn.models.axis import AxisModel
 from whsklearn.models.base import IdentifiedModel
 from whsklearn.models.chain import ChainModel
 from whsklearn.models.linear import LinearModel
-from whsklearn.state.encoding import TAG, NotImported, decode
+from whsklearn.state.files import TAG, NotImported, decode
 from whsklearn.systems.arm import Arm
 
 FORMAT = "whsklearn-model"

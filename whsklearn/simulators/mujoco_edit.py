@@ -27,7 +27,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from whsklearn.effects import ContactStop, Coulomb, Effect, EndStop
-from whsklearn.export.mjcf import FAR, Mjcf, hold_in
+from whsklearn.export.robots import FAR, Mjcf, hold_in
 
 PASSIVE = 16  # mjINPUT_NONE: an actuator without a control
 

@@ -20,9 +20,8 @@ from whsklearn.change import ChangeAlarm
 from whsklearn.logs.errors import LogError
 from whsklearn.logs.units import UNSTATED, unit_of
 from whsklearn.state import read_state, write_state
-from whsklearn.streaming.files import alone, check_files, fingerprint
+from whsklearn.streaming.files import Out, alone, check_files, fingerprint
 from whsklearn.streaming.monitor import Options, Record, Refused, StreamMonitor
-from whsklearn.streaming.records import Out
 from whsklearn.streaming.rows import CsvParser, FollowedFile, JsonParser, LineSource, PipedLines, text_of
 from whsklearn.streaming.sides import Compare
 from whsklearn.tracking import BesideRun, estimator_params, open_tracker

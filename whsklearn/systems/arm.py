@@ -19,9 +19,22 @@ from sklearn.utils import Bunch
 
 from whsklearn.effects import Effect, effect_names, get_effect
 from whsklearn.effects.base import Array
-from whsklearn.systems._arm_kernels import N_BODY, Links, fill_mass, fill_regressor, fill_torque
-from whsklearn.systems._arm_pass import DRIVE, MEASURED, N_SIGNALS, POSITION, VELOCITY, Axes, PassInput, run
-from whsklearn.systems._servo_torques import KAPPA, LIMIT, N_PARTS, RESOLUTION, plant_of
+from whsklearn.systems._arm_kernels import (
+    DRIVE,
+    MEASURED,
+    N_BODY,
+    N_SIGNALS,
+    POSITION,
+    VELOCITY,
+    Axes,
+    Links,
+    PassInput,
+    fill_mass,
+    fill_regressor,
+    fill_torque,
+    run,
+)
+from whsklearn.systems._servo_kernel import KAPPA, LIMIT, N_PARTS, RESOLUTION, plant_of
 from whsklearn.systems.arm_files import STANDARD_GRAVITY, across, body_numbers, dh_fields, file_fields
 from whsklearn.systems.base_parameters import BaseParameters, base_parameters
 from whsklearn.systems.consistent_inertias import consistent_numbers

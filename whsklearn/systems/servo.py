@@ -19,8 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.utils import Bunch
 
 from whsklearn.effects import Coulomb, Effect, FrictionLaw, Viscous, as_law
-from whsklearn.systems._servo_drive import chain_of
-from whsklearn.systems._servo_torques import AxisNumbers, plant_of
+from whsklearn.systems._servo_kernel import AxisNumbers, chain_of, plant_of
 from whsklearn.systems.servo_parts import Drive, PIDController, Sensor, Transmission
 from whsklearn.systems.servo_simulation import Conditions, experiment, reading_noise, run
 

@@ -22,12 +22,13 @@ from whsklearn.systems._servo_kernel import (
     POSITION,
     TORQUE,
     VELOCITY,
+    AxisNumbers,
     How,
     PassInputs,
+    plant_of,
     run,
     torque_along,
 )
-from whsklearn.systems._servo_torques import AxisNumbers, plant_of
 
 __all__ = [
     "DRIVE",

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.utils import Bunch
 
-from whsklearn.systems._servo_torques import AxisNumbers
+from whsklearn.systems._servo_kernel import AxisNumbers
 from whsklearn.systems.servo_parts import PIDController
 
 if TYPE_CHECKING:

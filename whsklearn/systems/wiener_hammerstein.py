@@ -33,7 +33,7 @@ class WienerHammersteinSystem:
         The static block; None is Example 5.1's law (4).  A Hammerstein system has
         ``a=[1], b=[]``, a Wiener system ``c=[1], d=[]``.
     effects : sequence of Effect
-        Further effects; each acts at its own place, see `whsklearn.systems.chain_ports`.
+        Further effects; each acts at its own place, see `whsklearn.systems.chain`.
     dt : float, default=1.0
         Sampling time, needed by effects whose parameters are in seconds or Hz.
     direct : int, default=0

@@ -1,8 +1,17 @@
 """MLflow as the record of runs."""
 
 from whsklearn.tracking.beside import BesideRun
-from whsklearn.tracking.runs import Run, Tracker, TrackingError, experiments, metric_name, open_tracker, tracking_uri
-from whsklearn.tracking.search import estimator_params, log_candidates
+from whsklearn.tracking.runs import (
+    Run,
+    Tracker,
+    TrackingError,
+    estimator_params,
+    experiments,
+    log_candidates,
+    metric_name,
+    open_tracker,
+    tracking_uri,
+)
 from whsklearn.tracking.served import alias_of, model_requirements
 
 __all__ = [

@@ -2,15 +2,6 @@
 
 Metrics go into a bounded queue that is emptied by a separate thread. A full queue, a server that is down or a locked
 database loses metrics but no time, and lost metrics are counted.
-
-Examples
---------
->>> from whsklearn.tracking.beside import BesideRun
->>> from whsklearn.tracking.runs import open_tracker
->>> run = BesideRun(lambda: open_tracker("doctest", enabled=False), "one")
->>> run.log_metrics({"nmse": 0.02}, step=1)
->>> run.close()
-0
 """
 
 from __future__ import annotations

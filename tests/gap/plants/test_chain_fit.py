@@ -14,7 +14,7 @@ from tests.gap.plants.example_chain import PLAIN, THETA, TRUE, record, term
 from whsklearn import WienerHammersteinSystem
 from whsklearn.datasets import make_coupled_drives
 from whsklearn.effects import FrictionLaw, Hinge, Power, QuadraticDrag, as_law
-from whsklearn.effects.knots import place_knots
+from whsklearn.effects.law import place_knots
 from whsklearn.gap import GapFinder
 from whsklearn.gap.plants import chain_fit as cf
 from whsklearn.gap.plants.chain import ChainPlant

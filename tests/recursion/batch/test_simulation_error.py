@@ -7,11 +7,9 @@ import pytest
 from scipy.signal import lfilter
 
 from whsklearn.effects import Coulomb, FrictionLaw, Tanh, Viscous, cubic_spline_law
-from whsklearn.recursion.batch.best_linear import IOData, best_linear
-from whsklearn.recursion.batch.block_split import Orders, divisions, padded
-from whsklearn.recursion.batch.linear_filter import delayed_rows, filter_rows
+from whsklearn.recursion.batch.best_linear import IOData, best_linear, delayed_rows, filter_rows
 from whsklearn.recursion.batch.simulation_error import FittedChain, refine, run, sensitivities, solve_law
-from whsklearn.recursion.batch.simulation_search import squared_error
+from whsklearn.recursion.batch.simulation_search import Orders, divisions, padded, squared_error
 
 RNG = np.random.default_rng(0)
 BOUNDS = np.array([0, 150, 400])

@@ -10,7 +10,7 @@ import numpy as np
 
 from whsklearn.effects import FrictionLaw, Quantization, as_law, get_effect
 from whsklearn.effects.base import Array, Bools
-from whsklearn.effects.knots import has_knots
+from whsklearn.effects.law import has_knots
 from whsklearn.gap.calibration import GATE, p_value
 from whsklearn.gap.data_check import FEWEST_SAMPLES, FLAT, DataProblem, flat_share
 from whsklearn.gap.diagnosis import NamedEffect

@@ -18,13 +18,13 @@ import numpy as np
 
 from whsklearn.effects import FrictionLaw, Hinge, Power
 from whsklearn.effects.base import Array
-from whsklearn.effects.knots import has_knots, place_knots, placed
+from whsklearn.effects.law import has_knots, place_knots, placed
 from whsklearn.gap.calibration import gain
 from whsklearn.gap.least_squares import least_squares
 from whsklearn.gap.plants import chain_model as cm
 from whsklearn.gap.plants.chain_model import ChainHypothesis, ChainTerm, Record
 from whsklearn.recursion.batch.best_linear import IOData, Ratio, best_linear
-from whsklearn.recursion.batch.block_split import Orders, divisions, exchanged, padded
+from whsklearn.recursion.batch.simulation_search import Orders, divisions, exchanged, padded
 from whsklearn.recursion.memory.starts import random_stable
 from whsklearn.systems.stability import is_stable
 

@@ -24,8 +24,8 @@ from whsklearn.effects import FrictionLaw, Scales, codes, effect_names, get_effe
 from whsklearn.effects.base import Array, Bools, Integers
 from whsklearn.effects.chain import CHAIN_FORMS
 from whsklearn.effects.own import WHICH, address_of
+from whsklearn.effects.rows import law_values
 from whsklearn.effects.static import Power
-from whsklearn.effects.terms import law_values
 from whsklearn.gap.plant import FittedTerm, with_vectors
 from whsklearn.gap.plants.variant import WAVE_STEP, EffectVariant
 from whsklearn.gap.record import MAD, rms

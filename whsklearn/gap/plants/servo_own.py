@@ -20,8 +20,7 @@ from whsklearn.gap.plants.servo_candidates import ColumnSignals as Motion
 from whsklearn.gap.plants.servo_model import HOLD, ServoHypothesis
 from whsklearn.gap.record import Array
 from whsklearn.identification.drive_lead import earlier
-from whsklearn.systems._servo_kernel import DRIVE, MEASURED, N_SIGNALS, How, PassInputs, run
-from whsklearn.systems._servo_torques import DELAY, RESOLUTION
+from whsklearn.systems._servo_kernel import DELAY, DRIVE, MEASURED, N_SIGNALS, RESOLUTION, How, PassInputs, run
 from whsklearn.systems.servo import FEWEST_STEPS
 
 # Hz, of the soft loop: with a Stribeck curve in the model, 5 Hz leaves half as much as 2 and 15 Hz (a slower loop lets

@@ -3,7 +3,7 @@
 J dv/dt = u - o - p(q) - B v - C sign(v) - sum w_k sign(v) max(|v| - knot_k, 0), where p(q) is the load of gravity,
 w_1 sin e + w_2 cos e, or of a spring, w_1 e + w_2 e^2 + w_3 e^3, with e = q - centre.
 
-The steps are those of `whsklearn.systems._servo_step`: half a drift, a kick, half a drift (second order), linearly
+The steps are those of `whsklearn.systems._servo_kernel`: half a drift, a kick, half a drift (second order), linearly
 implicit in the velocity.  Dry friction is a proximal step, so standstill is exact: while the drive cannot overcome it,
 v = 0 and all earlier errors are forgotten.  It has its own kernel for speed: with 8 parameters, 25,000 samples with all
 sensitivities take 2.6 ms.  Finite differences with the servo's kernel, which has every effect, take 100 ms.
@@ -22,8 +22,8 @@ from whsklearn.effects import Coulomb, FlexibleCoupling, InputOffset, Viscous
 from whsklearn.effects.base import Array, Bools, Integers
 from whsklearn.effects.equations import speed_hinge
 from whsklearn.effects.transmission import contact_stiffness
-from whsklearn.recursion.batch.levenberg_marquardt import descend
-from whsklearn.systems._servo_step import implicit_gain
+from whsklearn.recursion.batch.best_linear import descend
+from whsklearn.systems._servo_kernel import implicit_gain
 from whsklearn.systems.servo_observer import POSITION, VELOCITY, How, bare_parts, follow, plant_of
 
 if TYPE_CHECKING:

@@ -6,20 +6,271 @@ linear approximation, Automatica 48; the halving is from Jamieson and Talwalkar 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+import itertools
+from collections.abc import Iterator
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import orth
 from scipy.stats import chi2
 
 from whsklearn.effects import FrictionLaw
-from whsklearn.effects.knots import spline_terms, static_terms
-from whsklearn.recursion.batch.best_linear import IOData, Ratio, best_linear
-from whsklearn.recursion.batch.block_split import Orders, divisions, padded
-from whsklearn.recursion.batch.missing_dynamics import improved
-from whsklearn.recursion.batch.simulation_error import Fitted, FittedChain, refine, run, solve_law
+from whsklearn.effects.base import Array
+from whsklearn.effects.law import spline_terms, static_terms
+from whsklearn.recursion.batch.best_linear import IOData, Ratio, best_linear, delayed_rows, filter_rows
+from whsklearn.recursion.batch.simulation_error import Fitted, FittedChain, refine, run, sensitivities, solve_law
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+Roots = list[NDArray[np.complex128]]  # groups that stay together
+
+
+MOST = 512  # divisions tried at most; order 8 with real roots only would have 65,536
+
+
+class Orders(NamedTuple):
+    """Largest numbers of zeros and poles of each block."""
+
+    zeros_1: int
+    poles_1: int
+    zeros_2: int
+    poles_2: int
+
+
+def divisions(ratio: Ratio, orders: Orders) -> Iterator[tuple[Ratio, Ratio]]:
+    """All pairs of blocks whose product has the zeros and poles of the ratio; conjugate pairs stay together.
+
+    Where the orders leave no room for a pair, its roots are real and nearly equal, and noise made a pair of them: one
+    zero in each block.  Each of the two is then their real part.
+
+    ``ratio``: the linear model. ``orders``: orders of the blocks. A block with more zeros than poles is skipped, except
+    for one zero without a pole.
+    """
+    zeros, poles = _groups(np.roots(ratio.b)), _groups(np.roots(ratio.a))
+    for some_zeros, some_poles in ((zeros, poles), (_apart(zeros), poles), (_apart(zeros), _apart(poles))):
+        found = list(itertools.islice(_divided(some_zeros, some_poles, orders), MOST))
+        if found:
+            yield from found
+            return
+
+
+def _divided(zeros: Roots, poles: Roots, orders: Orders) -> Iterator[tuple[Ratio, Ratio]]:
+    """The divisions of these groups of roots."""
+    for p in itertools.product((False, True), repeat=len(poles)):
+        first, second = _chosen(poles, p, True), _chosen(poles, p, False)
+        if first.size > orders.poles_1 or second.size > orders.poles_2:
+            continue
+        for z in itertools.product((False, True), repeat=len(zeros)):
+            up, down = _chosen(zeros, z, True), _chosen(zeros, z, False)
+            if up.size <= min(orders.zeros_1, max(first.size, 1)) and down.size <= min(
+                orders.zeros_2, max(second.size, 1)
+            ):
+                yield Ratio(_polynomial(up), _polynomial(first)), Ratio(_polynomial(down), _polynomial(second))
+
+
+def _apart(groups: Roots) -> Roots:
+    """The groups with the two roots of every pair at their real part."""
+    return [np.array([r.real + 0j]) for group in groups for r in group]
+
+
+def padded(block: Ratio, n_zeros: int, n_poles: int) -> Ratio:
+    """The block padded with zero coefficients up to these orders; a fit is free to move the new roots at z = 0."""
+    b = np.append(block.b, np.zeros(max(n_zeros + 1 - block.b.size, 0)))
+    return Ratio(b, np.append(block.a, np.zeros(max(n_poles + 1 - block.a.size, 0))))
+
+
+def reflections(b: Array) -> list[Array]:
+    """The numerators in which one zero, or one conjugate pair, is reflected at the unit circle.
+
+    The gain stays the same at every frequency and only the phase changes.  A zero and its image are often two minima
+    of a fit.
+    """
+    lead = int(np.flatnonzero(b)[0]) if np.any(b) else b.size
+    groups = _groups(np.roots(b))
+    found = []
+    for i, group in enumerate(groups):
+        others = [g for k, g in enumerate(groups) if k != i]
+        image = _polynomial(np.concatenate([*others, 1.0 / np.conj(group)]))
+        gain = b[lead] * float(np.prod(np.abs(group)))
+        found.append(np.concatenate([np.zeros(lead), gain * image, np.zeros(b.size - lead - image.size)]))
+    return found
+
+
+def _groups(roots: NDArray[Any]) -> list[NDArray[np.complex128]]:
+    """Real roots alone, conjugate pairs together; roots at zero, which are delays, are skipped."""
+    roots = roots[np.abs(roots) > 1e-9]
+    upper = roots[roots.imag > 1e-9 * np.abs(roots)]
+    real = roots[np.abs(roots.imag) <= 1e-9 * np.abs(roots)]
+    return [np.array([r, np.conj(r)]) for r in upper] + [np.array([r]) for r in real]
+
+
+def _chosen(groups: list[NDArray[np.complex128]], marks: tuple[bool, ...], wanted: bool) -> NDArray[np.complex128]:
+    parts = [g for g, mark in zip(groups, marks, strict=True) if mark is wanted]
+    return np.concatenate(parts) if parts else np.empty(0, dtype=complex)
+
+
+def _polynomial(roots: NDArray[np.complex128]) -> Array:
+    return np.atleast_1d(np.real(np.poly(roots)))
+
+
+# --- new starts from a minimum that has a zero or a pole in the wrong block -----------------------------------------
+# A linear model of the whole chain does not show which of its poles and zeros are before the law and which are
+# behind it (Schoukens, Tiels 2017, Automatica 85, sec. 5).  A search that has put one on the wrong side finds no
+# downhill path to the other.
+def exchanged(theta: Array, dims: tuple[int, ...]) -> list[Array]:
+    """theta with zeros of L1 and L2 exchanged, with poles exchanged, and with both exchanged.
+
+    ``theta`` (n_parameters,): a_2 ..., b_1 ..., weights of the law, c_2 ..., d_1 ...
+    ``dims``: n_a, n_b, n_c, n_d and the number of the law's terms.
+    Returns the new starts, without ``theta`` itself; the weights of the law are unchanged.
+    """
+    na, nb, nc, nd, nw = dims
+    first = slice(0, na - 1), slice(na - 1, na - 1 + nb)
+    c0 = na - 1 + nb + nw
+    second = slice(c0, c0 + nc - 1), slice(c0 + nc - 1, c0 + nc - 1 + nd)
+    pairs = [pairings(theta[i], theta[j]) for i, j in zip(first, second, strict=True)]
+    out = []
+    for choice in itertools.product(*pairs):
+        new = theta.copy()
+        for i, j, (p, q) in zip(first, second, choice, strict=True):
+            new[i], new[j] = p, q
+        if not np.allclose(new, theta):
+            out.append(new)
+    return out
+
+
+def pairings(p: Array, q: Array) -> list[tuple[Array, Array]]:
+    """(p, q), and every result of exchanging a real root or complex pair of 1 + p... with one of 1 + q..."""
+    out = [(p, q)]
+    mine, yours = _factors(p), _factors(q)
+    for i, j in itertools.product(range(len(mine)), range(len(yours))):
+        if mine[i].size == yours[j].size:
+            out.append((_product(mine, i, yours[j]), _product(yours, j, mine[i])))
+    return out
+
+
+def _factors(p: Array) -> list[Array]:
+    """Real factors of the lowest degree of z^n + p_1 z^(n-1) + ..."""
+    roots = np.roots(np.concatenate([[1.0], p]))
+    real = [np.array([1.0, -r.real]) for r in roots if r.imag == 0.0]
+    return real + [np.array([1.0, -2 * r.real, abs(r) ** 2]) for r in roots if r.imag > 0.0]
+
+
+def _product(factors: list[Array], i: int, other: Array) -> Array:
+    """Coefficients after the leading one of the product in which factor i is replaced."""
+    out = np.ones(1)
+    for j, factor in enumerate(factors):
+        out = np.convolve(out, other if i == j else factor)
+    return out[1:]
+
+
+# --- find the poles that a chain lacks: a score test of its free-run error -------------------------------------------
+# A pole that is cancelled by a zero changes nothing.  The sensitivities at that location give the decrease of the sum
+# of squares if the two were free to move, before anything is refitted (the Lagrange multiplier test: Godfrey 1988,
+# Misspecification Tests in Econometrics, ch. 1).  The test shows where a chain has too few poles or has them in the
+# wrong place, so the chain can grow downhill; random starts would have to hit all poles at once.
+REAL = (-0.95, -0.85, -0.6, -0.3, 0.3, 0.6, 0.85, 0.95, 0.99)
+RADII, ANGLES = (0.5, 0.75, 0.9, 0.96, 0.99), np.pi * (np.arange(16) + 0.5) / 16  # a fit finds the exact location
+UNTOLD = 1e-5  # of the largest singular value; along smaller ones the parameters cannot be distinguished
+BY_CHANCE = 0.01  # probability of such a decrease at the best location if nothing is missing and the error is white
+
+
+class Promise(NamedTuple):
+    """Decrease of the sum of squares, to first order, and the chain with the pole and the zero that cancels it."""
+
+    gain: float
+    chain: FittedChain
+
+
+def denominators() -> list[Array]:
+    """The grid: real poles alone, complex ones in pairs."""
+    return [np.array([1.0, -r]) for r in REAL] + [
+        np.array([1.0, -2.0 * r * np.cos(w), r * r]) for r in RADII for w in ANGLES
+    ]
+
+
+def missing_poles(fitted: Fitted, data: IOData, largest: int, kept: int) -> list[Promise]:
+    """The most promising locations in each block, best first; none if the residual looks like noise.
+
+    ``fitted``: a chain at a minimum for these data. ``data``: the record. ``largest``: largest number of poles of a
+    block. ``kept``: number of locations returned for each block.
+    """
+    chain = fitted.chain
+    signals = run(chain, data)
+    slopes = sensitivities(chain, data)[1] * data.scale
+    slopes /= np.maximum(np.linalg.norm(slopes, axis=1), 1e-300)[:, None]
+    basis = orth(slopes.T, rcond=UNTOLD).T
+    grid = denominators()
+    # twice a chi-squared of two degrees of freedom exceeds this once in 1/BY_CHANCE grids
+    least = 2.0 * np.log(2 * len(grid) / BY_CHANCE) * fitted.cost / max(int(data.counts.sum()), 1)
+    found: tuple[list[Promise], list[Promise]] = ([], [])
+    for a in grid:
+        for block, signal in enumerate((signals.x, signals.y)):
+            if (chain.a1, chain.a2)[block].size + a.size - 2 > largest:
+                continue
+            rows = delayed_rows(filter_rows(np.ones(1), a, signal[None, :], data.bounds)[0], a.size, data.bounds)[1:]
+            if block == 0:
+                rows = filter_rows(chain.b2, chain.a2, rows * signals.by_x, data.bounds)
+            gain = _explained(rows * data.scale, basis, fitted.error)
+            if gain > least:
+                found[block].append(Promise(gain, with_pole(chain, block, a)))
+    best = [p for of_block in found for p in sorted(of_block, key=lambda p: -p.gain)[:kept]]
+    return sorted(best, key=lambda p: -p.gain)
+
+
+def with_pole(chain: FittedChain, block: int, a: Array) -> FittedChain:
+    """The same chain with the poles of ``a``, and zeros that cancel them, in its first (0) or second (1) block."""
+    if block == 0:
+        return chain._replace(b1=np.array([np.convolve(b, a) for b in chain.b1]), a1=np.convolve(chain.a1, a))
+    return chain._replace(b2=np.convolve(chain.b2, a), a2=np.convolve(chain.a2, a))
+
+
+def _explained(rows: Array, basis: Array, error: Array) -> float:
+    """Part of the sum of squared errors that the rows explain in addition to the basis."""
+    size = np.linalg.norm(rows, axis=1)
+    rows = rows - (rows @ basis.T) @ basis
+    new = np.linalg.norm(rows, axis=1)
+    rows = rows[new > 1e-6 * size]
+    if not len(rows):
+        return 0.0
+    rows = rows / np.linalg.norm(rows, axis=1)[:, None]
+    q, r = np.linalg.qr(rows.T)
+    return float(np.sum((q[:, np.abs(np.diag(r)) > 1e-6].T @ error) ** 2))
+
+
+# --- leave a wrong minimum of the free-run error by moves that a descent cannot make --------------------------------
+# On random systems (benchmarks/drawn_laws.py), useful moves reduce the sum of squares by 5 % or more.  Moves with less
+# effect only shift the poles to compensate for a deficient law, and on the benchmark they would use up all rounds.
+ROUNDS, WORTH = 10, 0.02  # rounds at most, and the share of the sum of squares that a round must remove
+LARGEST = 8  # poles of a block
+PLACES = 2  # locations at which a pole is tried in each block in a round
+TRIED, REFINED = 14, 40  # iterations of each trial, iterations of the best
+
+
+def improved(fitted: Fitted, data: IOData) -> Fitted:
+    """Leave a wrong minimum: add poles where the error shows that some are missing, and reflect zeros.
+
+    Zeros are reflected at the unit circle.  One round of moves is always made; there is no further round once the error
+    shows that no pole is missing.
+
+    ``fitted``: a chain with one input, at a minimum for these data. ``data``: the record.
+    """
+    short = data.head(SHORT)
+    for i in range(ROUNDS):
+        chain = fitted.chain
+        trials = [p.chain for p in missing_poles(fitted, data, LARGEST, PLACES)]
+        if i and not trials:
+            break
+        trials += [chain._replace(b1=b[None, :]) for b in reflections(chain.b1[0])]
+        trials += [chain._replace(b2=b) for b in reflections(chain.b2)]
+        if not trials:
+            break
+        best = min((refine(t, short, TRIED) for t in trials), key=lambda f: f.cost)
+        refitted = refine(best.chain, data, REFINED)
+        if not refitted.cost < (1.0 - WORTH) * fitted.cost:
+            break
+        fitted = refitted
+    return fitted
+
 
 # --- choose between several fitted chains on held-out data ----------------------------------------------------------
 SIMPLER = 1.03  # a simpler model has at most 3 % more error on held-out data than the best

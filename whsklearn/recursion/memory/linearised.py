@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 from whsklearn._numba import njit
 from whsklearn.effects.base import Array, Bools, Integers
 from whsklearn.effects.codes import COULOMB, POSITION_FRICTION, STRIBECK_EXP
-from whsklearn.effects.terms import law_values
+from whsklearn.effects.rows import law_values
 from whsklearn.recursion.memory.gauss_newton import AT, BUDGET, COST, PHASE, Memory, Prior, Work, refine_part
 from whsklearn.recursion.memory.predictor_block import LENGTH
 from whsklearn.recursion.rows.predictor import Law

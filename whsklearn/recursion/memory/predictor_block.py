@@ -15,7 +15,7 @@ from whsklearn._numba import njit, part
 from whsklearn.effects.base import Array, Integers
 from whsklearn.effects.codes import COULOMB, STRIBECK_TANH, VISCOUS
 from whsklearn.effects.equations import coulomb, reduced_stribeck, smooth_sign, viscous
-from whsklearn.effects.terms import term
+from whsklearn.effects.rows import term
 
 LENGTH = 128  # samples of a segment, few enough for all its signals to stay in the fastest cache
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from whsklearn._numba import njit
 from whsklearn.effects.base import Array, Bools
-from whsklearn.effects.terms import law_values
+from whsklearn.effects.rows import law_values
 from whsklearn.recursion.memory.blocks import KNOWN, first_block
 from whsklearn.recursion.rows.predictor import Law
 

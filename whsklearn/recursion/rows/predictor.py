@@ -30,7 +30,7 @@ from numba.extending import register_jitable  # type: ignore[import-untyped]
 from whsklearn._numba import njit, part
 from whsklearn.effects.base import Array, Integers
 from whsklearn.effects.equations import smooth_sign
-from whsklearn.effects.terms import directed_term
+from whsklearn.effects.rows import directed_term
 
 Law = tuple[Integers, Integers, Array]  # dims, codes, shapes
 

@@ -10,7 +10,7 @@ import numpy as np
 from whsklearn._numba import njit, part
 from whsklearn.effects.base import Array
 from whsklearn.effects.codes import VISCOUS
-from whsklearn.effects.terms import term
+from whsklearn.effects.rows import term
 from whsklearn.recursion.rows.covariance import inflate, measurement_update
 from whsklearn.recursion.rows.predictor import push
 

@@ -1,16 +1,128 @@
+"""Fetching measured records, without a network: what is asked for, and what is said when nothing comes."""
+
 from __future__ import annotations
 
 import re
 import sys
 import types
 from pathlib import Path
+from types import SimpleNamespace
+from urllib.parse import urlsplit
 
 import numpy as np
 import pandas as pd
 import pytest
 from scipy.io import loadmat, savemat
 
-from whsklearn.datasets import fetch_emps, fetch_kr300, real
+from whsklearn.datasets import (
+    fetch_cascaded_tanks,
+    fetch_coupled_drives,
+    fetch_emps,
+    fetch_kr300,
+    fetch_silverbox,
+    published,
+)
+
+FETCHES = [published.EMPS, published.KR300, published.SILVERBOX]
+
+
+def pooch_that(retrieve, folder="/cache"):
+    return SimpleNamespace(os_cache=lambda name: folder, retrieve=retrieve, Unzip=lambda: "unzip")
+
+
+@pytest.mark.parametrize("fetch", FETCHES, ids=lambda f: f.name)
+def test_no_network_and_no_downloader_are_none(fetch, monkeypatch):
+    def down(*args, **options):
+        raise OSError("no route")
+
+    monkeypatch.setitem(sys.modules, "pooch", pooch_that(down))
+    assert fetch.fetched() is None
+    monkeypatch.setitem(sys.modules, "pooch", None)  # not installed
+    assert fetch.fetched() is None
+
+
+def test_the_robots_files_are_those_of_one_commit_each_in_a_folder_of_its_own(monkeypatch):
+    asked = {}
+
+    def retrieve(address, *, known_hash, fname, path):
+        asked[address] = path / fname
+
+    monkeypatch.setitem(sys.modules, "pooch", pooch_that(retrieve))
+    assert published.KR300.fetched() == Path("/cache/kr300")
+    assert len(set(asked.values())) == 3
+    for address in asked:
+        parts = urlsplit(address)
+        assert " " not in address
+        assert (parts.scheme, published._KR300_COMMIT in parts.path) == ("https", True)
+
+
+def test_the_archive_is_where_its_record_lies(monkeypatch):
+    files = ["/cache/EMPS.zip.unzip/a/readme.txt", "/cache/EMPS.zip.unzip/b/DATA_EMPS.mat"]
+    monkeypatch.setitem(sys.modules, "pooch", pooch_that(lambda *a, **k: files))
+    assert published.EMPS.fetched() == Path("/cache/EMPS.zip.unzip/b")
+    monkeypatch.setitem(sys.modules, "pooch", pooch_that(lambda *a, **k: files[:1]))
+    assert published.EMPS.fetched() is None
+
+
+def test_the_user_s_own_folder_outweighs_the_environment_and_a_subfolder_the_folder(monkeypatch, tmp_path):
+    monkeypatch.setenv("WHSKLEARN_DATA", str(tmp_path / "elsewhere"))
+    for place in (tmp_path, tmp_path / "emps"):
+        place.mkdir(exist_ok=True)
+        (place / "there").touch()
+    assert published.EMPS.folder(tmp_path, False, lambda where: (where / "there").exists()) == tmp_path / "emps"
+    with pytest.raises(FileNotFoundError, match=r"does not hold emps/emps_train\.csv and .* get them from https"):
+        published.EMPS.folder(None, False, lambda where: (where / "there").exists())
+
+
+RNG = np.random.default_rng(0)
+
+
+@pytest.mark.parametrize("suffix", [".mat", ".csv"])
+def test_silverbox_is_split_as_its_publishers_do(tmp_path, suffix):
+    u, y = RNG.standard_normal((2, 131_072))
+    if suffix == ".mat":
+        savemat(tmp_path / "SNLS80mV.mat", {"V1": u[None], "V2": y[None]})
+    else:  # a comma behind the last cell, a line of commas at the end
+        text = pd.DataFrame({"V1": u, "V2": y, "": None}).to_csv(index=False, float_format="%.17g")
+        (tmp_path / "SNLS80mV.csv").write_text(text + ",,\n")
+    found = fetch_silverbox(tmp_path, download=False)
+    assert [found[k][0].size for k in ("train", "test_multisine", "test_arrow", "test_arrow_inside")] == [
+        65_062,
+        21_688,
+        40_475,
+        32_000,
+    ]
+    np.testing.assert_array_equal(found.train[1][:9], y[40_650:40_659])
+    np.testing.assert_array_equal(found.test_arrow[0][:9], u[100:109])
+
+
+def test_coupled_drives_are_two_records_of_which_the_first_400_samples_are_learned(tmp_path):
+    z = {k: RNG.standard_normal((500, 1)) for k in ("u11", "u12", "z11", "z12")}
+    (tmp_path / "ced").mkdir()
+    savemat(tmp_path / "ced" / "DATAUNIF.MAT", z, appendmat=False)
+    found = fetch_coupled_drives(tmp_path, download=False)
+    np.testing.assert_array_equal(found.train[1][1], z["z12"][:400, 0])
+    np.testing.assert_array_equal(found.test[0][0], z["u11"][400:, 0])
+
+
+def test_tanks_are_read_from_the_environment_s_folder(tmp_path, monkeypatch):
+    table = pd.DataFrame(RNG.standard_normal((1024, 4)), columns=["uEst", "uVal", "yEst", "yVal"])
+    table["Ts"] = [4.0] + [np.nan] * 1023
+    table.to_csv(tmp_path / "dataBenchmark.csv", index=False)
+    monkeypatch.setenv("WHSKLEARN_DATA", str(tmp_path))
+    found = fetch_cascaded_tanks(download=False)
+    np.testing.assert_allclose(found.test[1], table["yVal"])
+
+
+def test_a_file_of_something_else_is_refused(tmp_path):
+    savemat(tmp_path / "SNLS80mV.mat", {"a": np.zeros((1, 9))})
+    with pytest.raises(ValueError, match="no signal V1, V2"):
+        fetch_silverbox(tmp_path, download=False)
+
+
+def test_a_missing_file_tells_where_it_is_to_be_had(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"nonlinearbenchmark\.org/benchmarks/coupled-electric-drives"):
+        fetch_coupled_drives(tmp_path, download=False)
 
 
 @pytest.fixture(autouse=True)
@@ -56,7 +168,7 @@ def test_other_numbers_are_refused(mat_folder):
 def robot_folder(tmp_path):
     """Folders as the publishers lay them out: all six axes in ``rec`` of a data.mat."""
     rng = np.random.default_rng(1)
-    fields = [*real._KR300_FIELDS, "ref_vel_deg_per_s"]
+    fields = [*published._KR300_FIELDS, "ref_vel_deg_per_s"]
     for name in "ABC":
         folder = tmp_path / f"2020-10-21 10s FF {name} 08ms"
         folder.mkdir()
@@ -92,8 +204,8 @@ def test_pooch_brings_the_three_robot_files_of_one_commit(monkeypatch, robot_fol
 
 def test_a_checksum_sees_nine_digits():
     frame = pd.DataFrame({"a": [1.0, 2.0]})
-    assert real.checksum(frame) == real.checksum(frame + 1e-13)
-    assert real.checksum(frame) != real.checksum(frame + 1e-7)
+    assert published.checksum(frame) == published.checksum(frame + 1e-13)
+    assert published.checksum(frame) != published.checksum(frame + 1e-7)
 
 
 def test_files_without_their_columns_are_told(tmp_path):

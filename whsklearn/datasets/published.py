@@ -1,0 +1,521 @@
+"""Published records, none of which is shipped: from a local folder, or from their publishers through pooch.
+
+The folder is the argument of a loader, or the environment variable ``WHSKLEARN_DATA``.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
+
+import numpy as np
+from sklearn.utils import Bunch
+
+from whsklearn.effects.base import Array
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+_DRIVE = "https://drive.google.com/uc?export=download&id="
+_PAGE = "https://www.nonlinearbenchmark.org/benchmarks/"
+KR300_FOLDER = "data/recorded_trajectories/2020-10-21 10s FF {} 08ms"
+_KR300_COMMIT = "454c8e6d4f6f9a9ec0b2fcb10b4cb958ac702e55"
+_KR300_ADDRESS = f"https://raw.githubusercontent.com/JonasWeigand/Robot_Identification/{_KR300_COMMIT}/"
+
+
+@dataclass(frozen=True)
+class Publication:
+    """The records of one publisher."""
+
+    # name, wanted, page: what they are called, the files that a folder should hold, and where a person gets them
+    name: str
+    wanted: str
+    page: str
+    folders: tuple[str, ...]  # where the files may be below the user's folder; they may also lie directly in it
+    fetch: Callable[[Any], Path | None]  # from pooch to the folder of the files, or None
+
+    def folder(self, given: str | os.PathLike[str] | None, download: bool, complete: Callable[[Path], object]) -> Path:
+        """The first folder for which ``complete`` is true, or that of the files which the publisher sends.
+
+        Raises
+        ------
+        FileNotFoundError
+            If there is none; the message says where the records are to be had.
+        """
+        root = given if given is not None else os.environ.get("WHSKLEARN_DATA")
+        places = [Path(root) / name for name in (*self.folders, "")] if root else []
+        found = next(filter(complete, places), None) or (self.fetched() if download else None)
+        if found is not None:
+            return found
+        where = (
+            f"{given} does not hold" if given is not None else "No folder was given and WHSKLEARN_DATA does not hold"
+        )
+        raise FileNotFoundError(
+            f"The {self.name} records are not here: {where} {self.wanted}; get them from {self.page} and name their "
+            "folder."
+        )
+
+    def fetched(self) -> Path | None:
+        """The folder of the publisher's files in the cache; None without pooch or the network."""
+        try:
+            import pooch
+
+            return self.fetch(pooch)
+        except Exception:  # whatever the network does wrong, the message above says what to do
+            return None
+
+
+def _archive(wanted: str, archive: str, address: str) -> Callable[[Any], Path | None]:
+    """Fetch and unpack an archive; the folder is that of one of its files."""
+
+    def fetch(pooch: Any) -> Path | None:
+        cache = pooch.os_cache("whsklearn")
+        files = pooch.retrieve(address, known_hash=None, fname=archive, path=cache, processor=pooch.Unzip())
+        return {Path(f).name: Path(f).parent for f in files}.get(wanted)
+
+    return fetch
+
+
+def _kr300(pooch: Any) -> Path:
+    """Fetch the three files of one commit, each into a folder of its own."""
+    cache = Path(pooch.os_cache("whsklearn")) / "kr300"
+    for name in "ABC":
+        place = f"{KR300_FOLDER.format(name)}/data.mat"
+        folder = cache / Path(place).parent.name
+        pooch.retrieve(f"{_KR300_ADDRESS}{quote(place)}", known_hash=None, fname="data.mat", path=folder)
+    return cache
+
+
+EMPS = Publication(
+    "EMPS", "emps/emps_train.csv and emps/emps_test.csv", f"{_PAGE}emps", ("emps",),
+    _archive("DATA_EMPS.mat", "EMPS.zip", f"{_DRIVE}1zwoXYa9-3f8NQ0ohzmjpF7UxbNgRTHkS"),
+)  # fmt: skip
+KR300 = Publication(
+    "KR300", "kr300/kr300_axis1_A.csv, _B and _C", "https://github.com/JonasWeigand/Robot_Identification", ("kr300",),
+    _kr300,
+)  # fmt: skip
+SILVERBOX = Publication(
+    "silverbox", "SNLS80mV.mat", f"{_PAGE}silverbox", ("silverbox", "SilverboxFiles"),
+    _archive("SNLS80mV.mat", "SilverboxFiles.zip", f"{_DRIVE}17iS-6oBUUgrmiAcrZoG9S5sOaljZnDSy"),
+)  # fmt: skip
+CASCADED_TANKS = Publication(
+    "cascaded tanks", "dataBenchmark.mat", f"{_PAGE}cascaded-tanks", ("cascaded_tanks", "CascadedTanksFiles"),
+    _archive("dataBenchmark.mat", "CascadedTanksFiles.zip", f"{_DRIVE}1HnQf_gu0g_UlggoBqy2s34l9YJiFdN01"),
+)  # fmt: skip
+COUPLED_DRIVES = Publication(
+    "coupled electric drives", "DATAUNIF.mat", f"{_PAGE}coupled-electric-drives", ("ced",),
+    _archive(
+        "DATAUNIF.MAT", "CoupledElectricDrives.zip", "http://www.it.uu.se/research/publications/reports/2017-024/"
+        "CoupledElectricDrivesDataSetAndReferenceModels.zip",
+    ),
+)  # fmt: skip
+
+
+# --- records of nonlinearbenchmark.org with one input and one output, in volts, with the usual splits ----------------
+# The splits are those of the publishers' own loader (``nonlinear_benchmarks``); files are read as published, from a
+# local folder or through pooch. They could not be fetched when this was written, so addresses and names in the files
+# are from the source code of that loader, and there is no checksum.
+def fetch_silverbox(folder: str | os.PathLike[str] | None = None, *, download: bool = True) -> Bunch:
+    """The Silverbox: an electronic mass on a hardening spring, 610.35 Hz.
+
+    Parameters
+    ----------
+    folder : str or path, optional
+        Holds ``SNLS80mV.mat`` or ``SNLS80mV.csv``, directly, in ``silverbox/`` or in ``SilverboxFiles/``;
+        ``WHSKLEARN_DATA`` by default.
+    download : bool, default=True
+        Fetch the publishers' archive if no folder has it; needs pooch and the network.
+
+    Returns
+    -------
+    Bunch
+        Pairs (u, y): ``train`` and ``test_multisine``, three quarters of the multisines and the remaining ones,
+        ``test_arrow`` and ``test_arrow_inside``, the part whose amplitudes do not exceed those of ``train``;
+        ``sample_rate``, ``citation``.
+
+    Raises
+    ------
+    FileNotFoundError
+        If the records are neither in a folder nor can be fetched; the message says where they are.
+    ValueError
+        If a file lacks a signal.
+
+    References
+    ----------
+    Wigren and Schoukens 2013, Three free data sets for development and benchmarking in nonlinear system
+    identification, ECC, 2933-2938.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from whsklearn.datasets import fetch_silverbox
+    >>> with tempfile.TemporaryDirectory() as empty:
+    ...     try:
+    ...         fetch_silverbox(empty, download=False)
+    ...     except FileNotFoundError as error:
+    ...         print("SNLS80mV" in str(error))
+    True
+    """
+    path = _file(SILVERBOX, folder, download)
+    u, y = _signals(path, ("V1", "V2"))
+    arrow, sines = slice(100, 40_575), slice(40_650, 127_400)
+    cut = int(0.75 * u[sines].size)
+    return Bunch(
+        train=(u[sines][:cut], y[sines][:cut]),
+        test_multisine=(u[sines][cut:], y[sines][cut:]),
+        test_arrow=(u[arrow], y[arrow]),
+        test_arrow_inside=(u[arrow][:32_000], y[arrow][:32_000]),
+        sample_rate=1e7 / 2**14,
+        citation="T. Wigren, J. Schoukens: Three free data sets for development and benchmarking in nonlinear system "
+        "identification. European Control Conference, 2013, 2933-2938.",
+    )
+
+
+def fetch_coupled_drives(folder: str | os.PathLike[str] | None = None, *, download: bool = True) -> Bunch:
+    """The coupled electric drives, whose sensor reads |speed|, 50 Hz.
+
+    Parameters
+    ----------
+    folder : str or path, optional
+        Holds ``DATAUNIF.MAT`` or ``DATAUNIF.csv``, directly or in ``ced/``; ``WHSKLEARN_DATA`` by default.
+    download : bool, default=True
+        As for `fetch_silverbox`.
+
+    Returns
+    -------
+    Bunch
+        ``train`` and ``test``, two pairs (u, y) each, of a small and a large input: the first 400 samples and the
+        last 100; ``sample_rate``, ``citation``.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        As `fetch_silverbox`.
+
+    References
+    ----------
+    Wigren and Schoukens 2017, Coupled Electric Drives Data Set and Reference Models, Uppsala University 2017-024.
+    """
+    path = _file(COUPLED_DRIVES, folder, download)
+    u11, u12, z11, z12 = _signals(path, ("u11", "u12", "z11", "z12"))
+    both = ((u11, z11), (u12, z12))
+    return Bunch(
+        train=tuple((u[:400], y[:400]) for u, y in both),
+        test=tuple((u[400:], y[400:]) for u, y in both),
+        sample_rate=50.0,
+        citation="T. Wigren, M. Schoukens: Coupled Electric Drives Data Set and Reference Models. Uppsala University, "
+        "2017-024.",
+    )
+
+
+def fetch_cascaded_tanks(folder: str | os.PathLike[str] | None = None, *, download: bool = True) -> Bunch:
+    """Two tanks, one above the other, that overflow; pump voltage to level, 0.25 Hz.
+
+    A level that stays at 10 V is an overflow, not a clipped reading.
+
+    Parameters
+    ----------
+    folder : str or path, optional
+        Holds ``dataBenchmark.mat`` or ``dataBenchmark.csv``, directly, in ``cascaded_tanks/`` or in
+        ``CascadedTanksFiles/``; ``WHSKLEARN_DATA`` by default.
+    download : bool, default=True
+        As for `fetch_silverbox`.
+
+    Returns
+    -------
+    Bunch
+        ``train`` and ``test``, pairs (u, y); ``sample_rate``, ``citation``.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        As `fetch_silverbox`.
+
+    References
+    ----------
+    Schoukens, Mattson, Wigren and Noel 2016, Cascaded tanks benchmark combining soft and hard nonlinearities.
+    """
+    path = _file(CASCADED_TANKS, folder, download)
+    u, v, y, z = _signals(path, ("uEst", "uVal", "yEst", "yVal"))
+    return Bunch(
+        train=(u, y),
+        test=(v, z),
+        sample_rate=0.25,
+        citation="M. Schoukens, P. Mattson, T. Wigren, J.P. Noel: Cascaded tanks benchmark combining soft and hard "
+        "nonlinearities. Workshop on Nonlinear System Identification Benchmarks, Brussels, 2016.",
+    )
+
+
+def _file(record: Publication, folder: str | os.PathLike[str] | None, download: bool) -> Path:
+    """The file of a benchmark, as MAT before CSV, its extension in any case."""
+
+    def files(where: Path) -> list[Path]:
+        found = where.glob(f"{Path(record.wanted).stem}.*")
+        return sorted((p for p in found if p.suffix.lower() in (".mat", ".csv")), key=lambda p: p.suffix.lower())
+
+    return files(record.folder(folder, download, files))[-1]
+
+
+def _signals(path: Path, names: Sequence[str]) -> list[Array]:
+    """Signals (n,) of a published file by name."""
+    if path.suffix.lower() == ".mat":
+        from scipy.io import loadmat
+
+        table = {k: np.ravel(v) for k, v in loadmat(path).items() if not k.startswith("__")}
+    else:
+        import pandas as pd
+
+        frame = pd.read_csv(path, skipinitialspace=True)
+        table = {str(k).strip(): frame[k].to_numpy() for k in frame.columns}
+    if absent := [n for n in names if n not in table]:
+        raise ValueError(f"{path.name} has no signal {', '.join(absent)}; expected the publishers' file.")
+    rows = np.column_stack([table[n] for n in names]).astype(float)
+    return list(rows[np.isfinite(rows).all(axis=1)].T)
+
+
+# --- measured records of real axes, from a local folder or from their publishers; none of them is shipped ------------
+FORCE_PER_VOLT = 35.15065188248547
+_EMPS_FILES = {"train": ("emps_train.csv", "DATA_EMPS.mat"), "test": ("emps_test.csv", "DATA_EMPS_PULSES.mat")}
+_EMPS_COLUMNS = ["time_s", "drive_V", "force_N", "position_m", "reference_m"]
+_EMPS_UNITS = {"time": "s", "drive": "V", "force": "N", "position": "m", "reference": "m"}
+_EMPS_TEXT = """\
+Electro-mechanical positioning system (EMPS): a carriage on a ball screw, 1 kHz, two records of 24.8 s under
+proportional-derivative control. ``train`` is DATA_EMPS, ``test`` is DATA_EMPS_PULSES, the same reference with force
+pulses, which are contained in ``drive_V``. force_N = 35.15065 N/V x drive_V."""
+_EMPS_CITATION = """\
+A. Janot, M. Gautier, M. Brunot: Data Set and Reference Models of EMPS. Workshop on Nonlinear System Identification
+Benchmarks, Eindhoven, 2019."""
+
+_KR300_FILES = {k: (f"kr300_axis1_{k}.csv", f"{Path(KR300_FOLDER.format(k)).name}/data.mat") for k in "ABC"}
+_KR300_COLUMNS = [
+    "time_s",
+    "motor_torque_Nm",
+    "motor_position_deg",
+    "motor_velocity_deg_s",
+    "load_position_deg",
+    "load_velocity_deg_s",
+    "reference_deg",
+]
+_KR300_UNITS = {"time": "s", "torque": "Nm", "position": "deg", "velocity": "deg/s", "reference": "deg"}
+_KR300_TEXT = """\
+Axis 1 of a KUKA KR300, a turntable: vertical axis, gear 256.857:1, encoders on motor and load, 250 Hz, three records
+of 10 s, in which the other joints move too. The torque is that of the motor, positions are in degrees of the load.
+``A`` is for identification, ``B`` and ``C`` for validation."""
+_KR300_CITATION = """\
+J. Weigand, J. Ulmen, A. Janot, M. Ruskowski, 2021: Robot Identification, records of a KUKA KR300. MIT licence. Not the
+benchmark that followed it (Weigand, Goetz, Ulmen, Ruskowski 2022, doi 10.26204/DATA/5), which has other records."""
+# What the publishers' own programs read from ``rec`` in data.mat: one row per axis, one column per 4 ms.
+_KR300_FIELDS = (
+    "act_torque_abs_nm",
+    "act_pos_mot_deg",
+    "act_vel_mot_deg_per_s",
+    "act_pos_se_deg",
+    "act_vel_se_deg_per_s",
+    "ref_pos_deg",
+)
+
+# SHA-256 of the numbers, each as nine significant digits, so that CSV and MAT files of one record agree.
+_SUMS = {
+    "emps_train": "f1d23e381b0257c2b4cb810ce23101d4827caaff77924504662e52771e8c97b2",
+    "emps_test": "b19fe36e6211fa2b3b45b7e4af8712fb0ca484a1984ba28869b900973463f3c7",
+    "kr300_A": "e79d29d879343f04492ab5b24b34a4d065f4c9249fa9a1ab72d582d8112f5d80",
+    "kr300_B": "77e75c1f266dfbadcbf37d1383fcd75d2a5a4fd8a009028071306fa8ada3db3d",
+    "kr300_C": "136865c4d63698eb8d94845097c049814886442ddfcf208c898e652424dd6813",
+}
+
+
+def fetch_emps(folder: str | os.PathLike[str] | None = None, *, download: bool = True, verify: bool = True) -> Bunch:
+    """The two records of the EMPS benchmark, a measured ball-screw axis.
+
+    Parameters
+    ----------
+    folder : str or path, optional
+        Holds ``emps_train.csv`` and ``emps_test.csv``, or the publishers' ``DATA_EMPS.mat`` and
+        ``DATA_EMPS_PULSES.mat``, directly or in ``emps/``; ``WHSKLEARN_DATA`` by default.
+    download : bool, default=True
+        Fetch the publishers' files if no folder has them; needs pooch and the network.
+    verify : bool, default=True
+        Compare the numbers with the checksum of the published record.
+
+    Returns
+    -------
+    Bunch
+        ``train`` and ``test``, frames with ``time_s drive_V force_N position_m reference_m``;
+        ``sample_rate`` in Hz, ``force_per_volt`` in N/V, ``units``, ``description``, ``citation``.
+
+    Raises
+    ------
+    FileNotFoundError
+        If the records are neither in a folder nor can be fetched; the message says where they are.
+    ValueError
+        If a file lacks a column or its numbers differ from the published ones.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from whsklearn.datasets import fetch_emps
+    >>> with tempfile.TemporaryDirectory() as empty:
+    ...     try:
+    ...         fetch_emps(empty, download=False)
+    ...     except FileNotFoundError as error:
+    ...         print("emps_train.csv" in str(error))
+    True
+    """
+    frames = _frames(_EMPS, folder, download, verify)
+    return Bunch(
+        **frames,
+        sample_rate=1000.0,
+        force_per_volt=FORCE_PER_VOLT,
+        units=dict(_EMPS_UNITS),
+        description=_EMPS_TEXT,
+        citation=_EMPS_CITATION,
+    )
+
+
+def fetch_kr300(folder: str | os.PathLike[str] | None = None, *, download: bool = True, verify: bool = True) -> Bunch:
+    """Axis 1 of an industrial robot, a geared turntable with encoders on motor and load.
+
+    Parameters
+    ----------
+    folder : str or path, optional
+        Holds ``kr300_axis1_A.csv``, ``_B`` and ``_C``, or the publishers' folders
+        ``2020-10-21 10s FF A 08ms`` and so on with a ``data.mat`` in each, directly or in ``kr300/``;
+        ``WHSKLEARN_DATA`` by default.
+    download, verify : bool, default=True
+        As for `fetch_emps`.
+
+    Returns
+    -------
+    Bunch
+        ``A``, ``B`` and ``C``, frames with ``time_s motor_torque_Nm motor_position_deg
+        motor_velocity_deg_s load_position_deg load_velocity_deg_s reference_deg``; ``sample_rate``
+        in Hz, ``gear``, ``units``, ``description``, ``citation``.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        As `fetch_emps`.
+
+    Notes
+    -----
+    The address is that of one commit of the publishers' repository, and the layout of ``data.mat`` is the one that
+    their programs read (``rec``: six rows, one per axis). Both are taken from their sources. The download could not be
+    tried when this was written, so the checksum of the numbers decides.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from whsklearn.datasets import fetch_kr300
+    >>> with tempfile.TemporaryDirectory() as empty:
+    ...     try:
+    ...         fetch_kr300(empty, download=False)
+    ...     except FileNotFoundError as error:
+    ...         print("kr300" in str(error))
+    True
+    """
+    frames = _frames(_KR300, folder, download, verify)
+    return Bunch(
+        **frames,
+        sample_rate=250.0,
+        gear=256.857,
+        units=dict(_KR300_UNITS),
+        description=_KR300_TEXT,
+        citation=_KR300_CITATION,
+    )
+
+
+def _frames(
+    records: _Records, folder: str | os.PathLike[str] | None, download: bool, verify: bool
+) -> dict[str, pd.DataFrame]:
+    """Every record, from the first place where it is found: a folder, or its publishers."""
+
+    def complete(where: Path) -> bool:
+        return all(any((where / f).is_file() for f in files) for files in records.files.values())
+
+    where = records.published.folder(folder, download, complete)
+    frames = {}
+    for name, files in records.files.items():
+        path = next(where / f for f in files if (where / f).is_file())
+        frame = records.read_mat(path) if path.suffix == ".mat" else _read_csv(path, records.columns)
+        if verify:
+            _verify(f"{records.published.folders[0]}_{name}", frame[records.measured], path)
+        frames[name] = frame
+    return frames
+
+
+def _read_csv(path: Path, columns: list[str]) -> pd.DataFrame:
+    """A record with all its columns."""
+    import pandas as pd
+
+    frame = pd.read_csv(path)
+    absent = [c for c in columns if c not in frame.columns]
+    if absent:
+        there = ", ".join(map(str, frame.columns))
+        raise ValueError(f"{path.name} has no column {', '.join(absent)}; it has: {there}.")
+    return frame[columns].astype(float)
+
+
+def _read_emps_mat(path: Path) -> pd.DataFrame:
+    """The publishers' file of a record, under this library's names."""
+    import pandas as pd
+    from scipy.io import loadmat
+
+    raw = loadmat(path)
+    absent = [k for k in ("vir", "qm", "qg") if k not in raw]
+    if absent:
+        raise ValueError(f"{path.name} has no variable {', '.join(absent)}; expected the publishers' EMPS file.")
+    drive, position, reference = (np.asarray(raw[k], dtype=float).ravel() for k in ("vir", "qm", "qg"))
+    table = [np.arange(len(drive)) / 1000.0, drive, FORCE_PER_VOLT * drive, position, reference]
+    return pd.DataFrame(dict(zip(_EMPS_COLUMNS, table, strict=True)))
+
+
+def _read_kr300_mat(path: Path) -> pd.DataFrame:
+    """The publishers' file of a record of all six axes: the first axis, under this library's names."""
+    import pandas as pd
+    from scipy.io import loadmat
+
+    try:
+        rec = loadmat(path, simplify_cells=True).get("rec", {})
+    except NotImplementedError:
+        raise ValueError(f"{path.name} is in MATLAB's format 7.3; save it in format 7 and read it again.") from None
+    absent = [k for k in _KR300_FIELDS if k not in rec]
+    if absent:
+        raise ValueError(f"{path.name} has no rec.{', rec.'.join(absent)}; expected the publishers' file of a record.")
+    axis = [np.atleast_2d(np.asarray(rec[k], dtype=float))[0] for k in _KR300_FIELDS]
+    return pd.DataFrame(dict(zip(_KR300_COLUMNS, [np.arange(axis[0].size) / 250.0, *axis], strict=True)))
+
+
+def checksum(frame: pd.DataFrame) -> str:
+    """SHA-256 of a frame's numbers, each written with nine significant digits."""
+    lines = (",".join(f"{x:.9g}" for x in row) for row in frame.itertuples(index=False))
+    return hashlib.sha256("\n".join(lines).encode()).hexdigest()
+
+
+def _verify(name: str, frame: pd.DataFrame, path: Path) -> None:
+    """Refuse numbers that differ from the published ones."""
+    if checksum(frame) != _SUMS[name]:
+        raise ValueError(
+            f"The numbers in {path.name} are not those of the published record; get the file again, or pass "
+            "verify=False to use it as it is."
+        )
+
+
+@dataclass(frozen=True)
+class _Records:
+    """The frames of one publication: their files and how they are read."""
+
+    published: Publication
+    files: dict[str, tuple[str, str]]
+    columns: list[str]
+    measured: list[str]
+    read_mat: Callable[[Path], pd.DataFrame]
+
+
+_EMPS = _Records(EMPS, _EMPS_FILES, _EMPS_COLUMNS, ["drive_V", "position_m", "reference_m"], _read_emps_mat)
+_KR300 = _Records(KR300, _KR300_FILES, _KR300_COLUMNS, _KR300_COLUMNS[1:], _read_kr300_mat)
