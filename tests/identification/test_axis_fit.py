@@ -10,7 +10,7 @@ import pytest
 from tests.recursion.axis_log import TRUTH, axis_log, slow_drive
 from whsklearn import ServoAxis
 from whsklearn.datasets import make_servo_log, make_silverbox
-from whsklearn.datasets.twins import SAMPLE_RATE
+from whsklearn.datasets.twins import SILVERBOX_RATE
 from whsklearn.effects import (
     CableSpring,
     Cogging,
@@ -214,7 +214,7 @@ def test_white_noise_alone_leaves_the_intervals_narrow():
 def test_a_hardening_spring_is_found_and_holds_beyond_the_amplitudes_of_the_fit():
     """The twin of the Silverbox, 60 dB of signal over noise: one multisine, judged on the arrow's larger end."""
     u, y = make_silverbox(n_realisations=1, random_state=0)
-    model = fit_sprung_axis(view(u, y, 1.0 / SAMPLE_RATE, "output"), 3)
+    model = fit_sprung_axis(view(u, y, 1.0 / SILVERBOX_RATE, "output"), 3)
     truth = {"inertia": (2 * np.pi * 68.6) ** -2, "cable_spring": 1.0, "hardening_spring": 4.0}
     for name, value in truth.items():
         assert model.parameters[name] == pytest.approx(value, rel=5e-3), name  # steps of 0.09 rad cost 0.3 %
