@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from whsklearn.filtering.between_samples import fine_drive
+from whsklearn.filtering.records import fine_drive
 from whsklearn.identification.view import derivative
 from whsklearn.recursion.batch.axis_free_run import AxisForm, AxisLog, beside_the_states, sensitivities, settled
 

@@ -19,7 +19,7 @@ from whsklearn.datasets import reference_signal
 from whsklearn.datasets.servo import default_axis
 from whsklearn.effects import Effect, effect_names, get_effect
 from whsklearn.systems import ServoAxis
-from whsklearn.systems import servo_observer as observer
+from whsklearn.systems import _servo_kernel as observer
 from whsklearn.systems.servo import pack
 
 REACH = 0.5  # s of CPU, for 40 s of the axis

@@ -20,7 +20,7 @@ import pandas as pd
 from scipy.signal import lfilter
 
 from whsklearn.datasets import make_servo_log
-from whsklearn.filtering.between_samples import fine_drive
+from whsklearn.filtering.records import fine_drive
 from whsklearn.identification import Identification, identify
 from whsklearn.logs import LogWarning, load_log
 from whsklearn.recursion.batch.axis_free_run import AxisLog, axis_motion

@@ -10,8 +10,7 @@ import pytest
 from whsklearn.compare import ArmLog, compare_arms
 from whsklearn.compare.arm import arm_rows, independent, poor_joints
 from whsklearn.compare.estimate import Estimate, Summand, estimate
-from whsklearn.compare.hypotheses import at_one_point
-from whsklearn.compare.pair import between
+from whsklearn.compare.hypotheses import at_one_point, between
 from whsklearn.datasets import default_arm, make_arm_log
 from whsklearn.effects import Coulomb
 from whsklearn.identification.payload import INERTIAS

@@ -9,7 +9,7 @@ import pytest
 
 from tests.compare.linear import NAMES, TRUTH, rows
 from whsklearn.compare.estimate import estimate
-from whsklearn.compare.pair import between, changes_between
+from whsklearn.compare.hypotheses import between, changes_between
 
 FACTOR = 1.4
 

@@ -16,7 +16,7 @@ from whsklearn.effects.equations import smooth_sign, tanh
 from whsklearn.effects.rows import law_values, term
 from whsklearn.gap.plants.servo_candidates import catalogue
 from whsklearn.systems import WienerHammersteinSystem
-from whsklearn.systems import servo_observer as ob
+from whsklearn.systems import _servo_kernel as ob
 
 SHAPES = {
     codes.VISCOUS: (0.0, 0.0, 0.0),
@@ -146,7 +146,7 @@ def signals():
 @pytest.mark.parametrize("effect", [*MEMORYLESS, *CHANGES, get_effect("torque_ripple")()], ids=identity)
 def test_the_pass_applies_what_the_columns_say(effect, signals):
     plant = ob.plant_of([effect], ob.bare_parts(1.0))
-    applied = ob.effect_torque(plant, signals.time, signals.position, signals.velocity, signals.drive)
+    applied = ob.torque_along(plant, signals.time, signals.position, signals.velocity, signals.drive)
     np.testing.assert_allclose(applied, effect.contribution(signals), rtol=1e-12, atol=1e-15)
 
 

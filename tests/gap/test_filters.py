@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from whsklearn.filtering.gaussian import CUTOFF_SIGMA, filtered, gaussian_derivatives
+from whsklearn.filtering.records import CUTOFF_SIGMA, filtered, gaussian_derivatives
 from whsklearn.gap.filters import autoregression, residual_filter, whiten
 
 

@@ -18,8 +18,7 @@ from whsklearn.compare.arm import MOST_LEFT, ArmLog, arm_rows, poor_joints
 from whsklearn.compare.axis import OneWay, axis_rows
 from whsklearn.compare.comparison import Change, Comparison, spoken
 from whsklearn.compare.estimate import Estimate, Summand, degrees_of, estimate, walking
-from whsklearn.compare.hypotheses import LEAST, OF_ZERO, Difference, hypotheses, smallest
-from whsklearn.compare.pair import between, changes_between
+from whsklearn.compare.hypotheses import LEAST, OF_ZERO, Difference, between, changes_between, hypotheses, smallest
 from whsklearn.compare.rows import Array, Regression
 from whsklearn.gap.data_check import FEWEST_SAMPLES, SHORTEST_RECORD, check_servo
 from whsklearn.gap.record import KINDS, MOTIONS, ServoRecord

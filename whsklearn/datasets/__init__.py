@@ -10,8 +10,7 @@ from whsklearn.datasets.published import (
     fetch_kr300,
     fetch_silverbox,
 )
-from whsklearn.datasets.servo import default_axis, draw_effect, make_servo_log, reference_signal
-from whsklearn.datasets.turntable import load_turntable
+from whsklearn.datasets.servo import default_axis, draw_effect, load_turntable, make_servo_log, reference_signal
 from whsklearn.datasets.twins import make_coupled_drives, make_silverbox
 from whsklearn.datasets.wiener_hammerstein import make_wiener_hammerstein
 from whsklearn.logs import Finding, LogReport, check_log, load_log

@@ -26,11 +26,10 @@ from whsklearn.effects.law import (
     reduced_law,
     smooth_law,
 )
-from whsklearn.effects.learned import LearnedTorque
 from whsklearn.effects.position import CableSpring, Cogging, ContactStop, EndStop, GravityImbalance, HardeningSpring
 from whsklearn.effects.quantity import Quantity, Scales, choice, number
 from whsklearn.effects.sensor import EncoderEccentricity, OutputDrift, OutputOffset, Quantization, SensorRectification
-from whsklearn.effects.static import Hinge, NaturalSpline, Power, SpeedHinge, Tanh, TanhDifference
+from whsklearn.effects.static import Hinge, LearnedTorque, NaturalSpline, Power, SpeedHinge, Tanh, TanhDifference
 from whsklearn.effects.timed import DisturbanceTone, ParameterChange
 from whsklearn.effects.transmission import Backlash, FlexibleCoupling
 

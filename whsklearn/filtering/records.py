@@ -5,11 +5,15 @@ Streams, which have no future, are served by `whsklearn.filtering.streams`.
 
 from __future__ import annotations
 
+import itertools
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from whsklearn.effects.base import Array
+from whsklearn.logs.lattice import lattice
 
 _DECIMATOR_ORDER = 8
 _DECIMATOR_RIPPLE = 0.05  # dB
@@ -231,3 +235,158 @@ def decimate(x: ArrayLike, factor: int) -> NDArray[np.float64]:
         raise ValueError(f"The record has {len(x)} rows, decimation needs {pad + 1}; give a longer one or decimate=1.")
     b, a = cheby1(_DECIMATOR_ORDER, _DECIMATOR_RIPPLE, _DECIMATOR_EDGE / factor)
     return filtfilt(b, a, x, axis=0, padlen=pad)[(len(x) - 1) % factor :: factor]
+
+
+# --- smoothing and differentiation by one Gaussian: kernels, and how a signal goes through them without phase --------
+
+# sigma at which a Gaussian is cut: at 4 a second derivative does not sum to zero and is a phantom spring of -24 1/s2 at
+# 1 kHz
+HALF_WIDTH = 6.0
+# 2 pi fc sigma of a Gaussian that is 3 dB down at fc
+CUTOFF_SIGMA = 0.833
+HIGHEST_CUTOFF = 0.08  # share of the sampling rate: above it the kernels of the derivatives have too few samples
+PER_CUTOFF = 5.0  # samples per period of the cut-off that decimation keeps
+
+
+def gaussian_derivatives(sigma: float, dt: float) -> tuple[Array, Array, Array]:
+    """Kernels that smooth, differentiate once and differentiate twice, exact on polynomials up to degree two.
+
+    ``sigma``: width of the Gaussian in s. ``dt``: sampling time in s. Returns ``g``, ``g1``, ``g2`` (2 m + 1,): for
+    convolution: sum g = 1; sum g1 = 0 and -sum k dt g1 = 1; sum g2 = 0 and sum (k dt)^2 g2 / 2 = 1.
+    """
+    half = max(3, int(np.ceil(HALF_WIDTH * sigma / dt)))
+    t = np.arange(-half, half + 1) * dt
+    g = np.exp(-0.5 * (t / sigma) ** 2)
+    g /= g.sum()
+    g1 = -t * g
+    g1 /= -float(t @ g1)
+    g2 = (t**2 / sigma**2 - 1.0) * g
+    g2 -= g * g2.sum()
+    g2 /= 0.5 * float((t**2) @ g2)
+    return g, g1, g2
+
+
+def decimation(cutoff: float, dt: float) -> int:
+    """Samples from one that is kept to the next behind a Gaussian with a cut-off (Hz)."""
+    return max(1, int(1.0 / (PER_CUTOFF * cutoff * dt)))
+
+
+def filtered(x: Array, taps: Array, every: int) -> Array:
+    """``x`` (n, ...) through a symmetric kernel without phase, decimated; edges repeat the first and last sample."""
+    from scipy.signal import upfirdn
+
+    # full[m] = sum_j taps[j] padded[m - j]; output i wants m = i * every + taps.size - 1, and
+    # upfirdn keeps the multiples of ``every``, so the front is padded up to one
+    x, half = np.asarray(x), taps.size // 2
+    extra = -(taps.size - 1) % every
+    padded = np.zeros((extra + half + x.shape[0] + half, *x.shape[1:]))
+    padded[extra : extra + half], padded[padded.shape[0] - half :] = x[0], x[-1]
+    padded[extra + half : padded.shape[0] - half] = x
+    skip = (taps.size - 1 + extra) // every
+    return upfirdn(taps, padded, 1, every, axis=0)[skip : skip + -(-x.shape[0] // every)]
+
+
+# --- the drive between its samples: held by a digital controller, or smooth ------------------------------------------
+HOLDS = ("zero", "cubic")
+
+
+def fine_drive(u: Array, steps: int, hold: str = "zero", bounds: NDArray[np.int64] | None = None) -> Array:
+    """The drive in the middle of every fine step, shape (n, steps).
+
+    ``cubic`` is the spline through the samples of each segment, which is off a sine of a ninth of the sampling rate by
+    1e-4 of it; held, that sine loses 2 % and comes half a sample late.
+
+    ``u`` (n,): the drive. ``steps``: fine steps a sample. ``hold`` {"zero", "cubic"}: what is between two samples.
+    ``bounds``: first sample of every segment, and the number of samples.
+    """
+    if hold == "zero":
+        return np.repeat(u[:, None], steps, axis=1)
+    from scipy.interpolate import CubicSpline
+
+    bounds = np.array([0, u.size]) if bounds is None else bounds
+    middle = (np.arange(steps) + 0.5) / steps
+    out = np.empty((u.size, steps))
+    for a, b in itertools.pairwise(bounds.tolist()):
+        at = np.minimum(np.arange(b - a)[:, None] + middle, b - a - 1.0)  # behind the last sample it stays
+        out[a:b] = CubicSpline(np.arange(b - a), u[a:b])(at)
+    return out
+
+
+# --- how much of a position is the encoder's noise, and the cut-off at which the acceleration is not -----------------
+# Differentiated twice, white noise of variance s^2 at the rate fs leaves an acceleration of variance
+#
+#     2 s^2 / fs  int (A(f) D(f))^2 df,    A the zero-phase filter, D the second central difference,
+#
+# which grows with the fifth power of the cut-off.  In least squares it makes the inertia too small by
+# its share of the acceleration's variance, however long the record.
+WIDEST = 0.1  # of the sampling rate: beyond it the central difference is not a derivative
+# Share of noise in the acceleration's variance.  It makes the inertia too small by as much, and that would allow 1e-4;
+# but it also grows with the square of the frequency, and where it outweighs the torque's own noise near the cut-off the
+# standard errors, which take the residual for white, come out too large: `benchmarks/encoder.py` held 99 % at 1e-4.
+TOLERATED = 1e-6
+KEPT = 0.9  # of the acceleration's variance passes at least, whatever its noise: a lower cut-off bends the friction
+HIGHEST_SHARE = 1e-4  # of noise, where the motion asks for more than `TOLERATED`
+STEPS_PER_DECADE = 12
+FEWEST_PERIODS = 8.0  # of the cut-off in a record, at least
+
+
+def encoder_noise(position: ArrayLike, sample_rate: float) -> float:
+    """Standard deviation of the measurement noise of a position, in its unit.
+
+    ``position`` is (n,), ``sample_rate`` in Hz. The noise is what it shows above a tenth of the sampling rate,
+    where no axis moves, taken for white; on a lattice of step q at least q / sqrt(12), since a slow axis stays on one
+    count for long and shows less.
+    """
+    q = np.asarray(position, dtype=float)
+    cutoff = WIDEST * sample_rate
+    left = q - zero_phase(q, sample_rate, cutoff)
+    f = np.linspace(0.0, 0.5, 512)
+    share = np.mean((1.0 - _amplitude(f, WIDEST, 4)) ** 2)
+    seen = 1.4826 * float(np.median(np.abs(left))) / np.sqrt(share)
+    return max(seen, lattice(q) / np.sqrt(12.0))
+
+
+def motion_cutoff(position: ArrayLike, sample_rate: float, order: int = 4) -> float:
+    """Cut-off, in Hz, that a position's own noise allows.
+
+    The highest at which noise makes up no more than `TOLERATED` of the acceleration's variance; a higher one, up to
+    `HIGHEST_SHARE`, where less than `KEPT` of the acceleration would pass.  Where none is low enough, the one with the
+    least share; a tenth of the sampling rate without noise.
+
+    ``position``, ``sample_rate``: as for `encoder_noise`. ``order``: of the zero-phase Butterworth filter.
+    """
+    q = np.asarray(position, dtype=float)
+    noise = encoder_noise(q, sample_rate)
+    widest = WIDEST * sample_rate
+    lowest = min(FEWEST_PERIODS * sample_rate / q.size, widest)
+    count = 1 + int(STEPS_PER_DECADE * np.log10(widest / lowest))
+    cutoffs = widest / 10.0 ** (np.arange(count) / STEPS_PER_DECADE)
+    best, least, full = widest, np.inf, np.inf
+    for cutoff in cutoffs:
+        edge = min(int(sample_rate / cutoff), q.size // 4)
+        moved = motion(q, sample_rate, cutoff, order).acceleration[edge : q.size - edge]
+        of_noise = noise**2 * _acceleration_gain(sample_rate, cutoff, order)
+        of_motion = float(np.var(moved)) - of_noise
+        share = of_noise / max(of_motion, 1e-3 * of_noise, 1e-300)
+        if of_motion < KEPT * full and least <= HIGHEST_SHARE:
+            return best
+        if share <= TOLERATED:
+            return float(cutoff)
+        if share <= HIGHEST_SHARE and full == np.inf:
+            full = of_motion
+        if share < least:
+            best, least = float(cutoff), share
+    return best
+
+
+def _amplitude(f: NDArray[np.float64], cutoff: float, order: int) -> NDArray[np.float64]:
+    """Of the Butterworth filter run both ways; frequencies in units of the sampling rate."""
+    return 1.0 / (1.0 + (np.tan(np.pi * np.minimum(f, 0.4999)) / np.tan(np.pi * cutoff)) ** (2 * order))
+
+
+def _acceleration_gain(sample_rate: float, cutoff: float, order: int) -> float:
+    """Variance of the acceleration for white noise of variance one."""
+    f = np.linspace(0.0, min(4.0 * cutoff / sample_rate, 0.5), 512)
+    angle = 2.0 * np.pi * f
+    twice = ((8.0 * np.sin(angle) - np.sin(2.0 * angle)) / 6.0 * sample_rate) ** 2  # of `central_difference`
+    return float(2.0 * np.trapezoid((_amplitude(f, cutoff / sample_rate, order) * twice) ** 2, f))

@@ -1,6 +1,6 @@
 """The filter from innovations to missing torque, and whitening.
 
-Missing torque = J (p^2 + l1 p + l2) e (`whsklearn.systems.servo_observer`); the derivatives are those of a Gaussian,
+Missing torque = J (p^2 + l1 p + l2) e (`whsklearn.systems._servo_kernel`); the derivatives are those of a Gaussian,
 so the filter is smooth and symmetric (no phase), and passes the frequencies at which encoder noise, which grows
 with the square of frequency, is still small compared with the drive.
 """
@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from whsklearn.filtering.gaussian import CUTOFF_SIGMA, HIGHEST_CUTOFF, decimation, filtered, gaussian_derivatives
+from whsklearn.filtering.records import CUTOFF_SIGMA, HIGHEST_CUTOFF, decimation, filtered, gaussian_derivatives
 from whsklearn.gap.record import Array
 from whsklearn.validation.residuals import whiteness_test
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from whsklearn.filtering.gaussian import CUTOFF_SIGMA, HIGHEST_CUTOFF, filtered, gaussian_derivatives
+from whsklearn.filtering.records import CUTOFF_SIGMA, HIGHEST_CUTOFF, filtered, gaussian_derivatives
 from whsklearn.gap.plants import inverse_dynamics as ols
 from whsklearn.gap.record import Array, ServoRecord
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from whsklearn.effects import Coulomb, FlexibleCoupling, FrictionLaw, InputOffset, SpeedHinge, Viscous
 from whsklearn.effects.base import Array
-from whsklearn.filtering.between_samples import HOLDS
+from whsklearn.filtering.records import HOLDS
 from whsklearn.identification.axis_inverse import Start, inverse_starts, position_columns
 from whsklearn.identification.axis_numbers import axis_log, axis_residual, position_effects, shooting_log
 from whsklearn.identification.linear_fit import fit_output_error

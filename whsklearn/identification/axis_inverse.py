@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from whsklearn.effects.base import Array
-from whsklearn.filtering.gaussian import filtered, gaussian_derivatives
+from whsklearn.filtering.records import filtered, gaussian_derivatives
 from whsklearn.recursion.batch.axis_free_run import AxisForm, dissipates, rising_at_last
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from whsklearn.effects.base import Array
-from whsklearn.filtering.between_samples import HOLDS
+from whsklearn.filtering.records import HOLDS
 from whsklearn.identification.axis_inverse import FEWEST, balance, inverse_starts, solved
 from whsklearn.identification.axis_numbers import shooting_log
 from whsklearn.identification.windows import axis_score

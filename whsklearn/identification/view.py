@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from whsklearn.effects.base import Array
-from whsklearn.filtering.between_samples import fine_drive
+from whsklearn.filtering.records import fine_drive
 from whsklearn.logs.errors import LogError
 from whsklearn.logs.units import UNKNOWN
 from whsklearn.recursion.batch.best_linear import IOData, least_squares_arx
@@ -54,7 +54,7 @@ class View:
     steps : int
         Fine steps per sample in the simulation of an axis.
     hold : {"zero", "cubic"}
-        Behaviour of the drive between samples, see `whsklearn.filtering.between_samples.fine_drive`.
+        Behaviour of the drive between samples, see `whsklearn.filtering.records.fine_drive`.
     settles : bool
         Whether a logged position does not keep its value without a drive, as that of an axis with gravity. A linear
         model of it is fitted to the position itself.

@@ -17,8 +17,7 @@ from sklearn.utils.validation import check_array, check_is_fitted, validate_data
 
 from whsklearn.effects import Effect, FrictionLaw, PreslidingHysteresis
 from whsklearn.effects.base import Array
-from whsklearn.filtering.encoder import motion_cutoff
-from whsklearn.filtering.records import decimate, motion, velocity_noise, zero_phase
+from whsklearn.filtering.records import decimate, motion, motion_cutoff, velocity_noise, zero_phase
 from whsklearn.filtering.streams import causal_delay, causal_kernels, causal_motion, causal_window
 from whsklearn.lags.axis_rows import (
     AT_START,

@@ -20,8 +20,7 @@ from sklearn.utils.validation import check_array, check_is_fitted, validate_data
 
 from whsklearn.effects import InputOffset, PreslidingHysteresis
 from whsklearn.effects.base import Array
-from whsklearn.filtering.encoder import motion_cutoff
-from whsklearn.filtering.records import Motion, central_difference, motion, velocity_noise, zero_phase
+from whsklearn.filtering.records import Motion, central_difference, motion, motion_cutoff, velocity_noise, zero_phase
 from whsklearn.filtering.streams import causal_delay, causal_kernels, causal_motion, causal_window
 from whsklearn.lags.axis_rows import DRIVEN, column_names, effect_terms, runs, sized_effects, stack_columns
 from whsklearn.models.files import as_arm

@@ -3,9 +3,8 @@
 from whsklearn.models.arm import ArmModel
 from whsklearn.models.axis import AxisModel
 from whsklearn.models.base import IdentifiedModel
-from whsklearn.models.chain import ChainModel
+from whsklearn.models.chain import ChainModel, LinearModel
 from whsklearn.models.files import as_arm, load_model, save_model
-from whsklearn.models.linear import LinearModel
 
 __all__ = [
     "ArmModel",

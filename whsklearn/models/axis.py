@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from whsklearn.effects import Effect, FrictionLaw, LearnedTorque
-from whsklearn.filtering.between_samples import HOLDS, fine_drive
+from whsklearn.filtering.records import HOLDS, fine_drive
 from whsklearn.logs.units import UNKNOWN, inertia_unit, respelled
 from whsklearn.models.base import IdentifiedModel, as_input
 from whsklearn.systems import ServoAxis
@@ -37,7 +37,7 @@ class AxisModel(IdentifiedModel):
         Further effects, such as `InputOffset` and `Cogging`.
     hold : {"zero", "cubic"}, default="zero"
         The drive between its samples: held constant, or a smooth curve through them
-        (`whsklearn.filtering.between_samples.fine_drive`).
+        (`whsklearn.filtering.records.fine_drive`).
 
     References
     ----------

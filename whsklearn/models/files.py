@@ -37,8 +37,7 @@ from whsklearn.logs.units import UNKNOWN
 from whsklearn.models.arm import ArmModel
 from whsklearn.models.axis import AxisModel
 from whsklearn.models.base import IdentifiedModel
-from whsklearn.models.chain import ChainModel
-from whsklearn.models.linear import LinearModel
+from whsklearn.models.chain import ChainModel, LinearModel
 from whsklearn.state.files import TAG, NotImported, decode
 from whsklearn.systems.arm import Arm
 

@@ -2,9 +2,8 @@
 
 from whsklearn.systems.arm import Arm
 from whsklearn.systems.base_parameters import BaseParameters, base_parameters
-from whsklearn.systems.servo import ServoAxis, simulate_many
+from whsklearn.systems.servo import ServoAxis, record_frame, simulate_many
 from whsklearn.systems.servo_parts import Drive, PIDController, Sensor, Transmission
-from whsklearn.systems.servo_simulation import record_frame
 from whsklearn.systems.wiener_hammerstein import WienerHammersteinSystem
 
 __all__ = [

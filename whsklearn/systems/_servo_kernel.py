@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from whsklearn._numba import borrowed, njit, part
 from whsklearn.effects import Effect, codes
+from whsklearn.effects.base import Array
 from whsklearn.effects.equations import (
     AHEAD,
     N_STATES,
@@ -564,4 +565,40 @@ def torque_along(plant, time, position, velocity, drive):
         s, ds = smooth_sign(v, plant.parts[KAPPA])
         out[k] = motor_sum(effects, p, plant.own, ends, z, t, q, v, s, ds, drive[k])[0]
         out[k] += load_sum(effects, p, all_ends, t, q, v)
+    return out
+
+
+# --- an axis that follows its own log, for fits ----------------------------------------------------------------------
+_NO_CONTROLLER = (0.0, 0.0, 0.0, 0.0, 0.0, math.inf, 0.0, 0.0)
+_NOTHING = np.zeros(0)
+
+
+def bare_parts(inertia: float, delay: float = 0.0, *, on_load: bool = False) -> Array:
+    """`AxisNumbers.parts` of an axis with these values; everything else is in its effects.
+
+    ``inertia``: inertia (kg m2). ``delay``: delay between the logged drive and its action (s); below zero it acts
+    early. ``on_load``: whether the encoder sits behind the transmission.
+    """
+    return np.array([inertia, math.inf, 1.0, math.inf, delay, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, float(on_load)])
+
+
+def follow(
+    plant: AxisNumbers, drive: Array, measured: Array, how: How, *, start: tuple[float, float] | None = None
+) -> Array:
+    """One pass along a log.
+
+    ``plant``: the axis: `plant_of` a sequence of effects and `bare_parts`, `whsklearn.systems.servo.pack`, or arrays of
+        a fit of its own.
+    ``drive`` (n,): the drive as logged (Nm).
+    ``measured`` (2, n) or (4, n): position and velocity on the encoder's side (rad, rad/s), and, if a restart needs
+        them, the twist of the coupling and its rate.
+    ``how``: sample time, fine steps, samples between restarts, the observer's gains.
+    ``start``: position and velocity at the first sample; those measured by default.
+    Returns (7, n): rows ``DRIVE MEASURED POSITION VELOCITY TORQUE LOAD LOAD_VELOCITY``; ``MEASURED`` is y_hat.
+    """
+    position, velocity = (measured[0, 0], measured[1, 0]) if start is None else start
+    out = np.empty((N_SIGNALS, drive.size))
+    out[DRIVE] = drive
+    signals = PassInputs(np.zeros((3, 1)), _NOTHING, _NOTHING, measured)
+    run(out, plant, _NO_CONTROLLER, signals, how, np.array([position, velocity, position, velocity], dtype=float))
     return out

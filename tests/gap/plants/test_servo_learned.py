@@ -11,7 +11,7 @@ from benchmarks.blind_logs import servo
 from whsklearn.effects import LearnedTorque
 from whsklearn.export.axis_code import torque_code
 from whsklearn.export.languages import C
-from whsklearn.filtering.gaussian import CUTOFF_SIGMA, filtered, gaussian_derivatives
+from whsklearn.filtering.records import CUTOFF_SIGMA, filtered, gaussian_derivatives
 from whsklearn.gap import GapFinder
 from whsklearn.gap.plants.servo import ServoPlant
 from whsklearn.gap.plants.servo_candidates import ColumnSignals, catalogue

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from whsklearn.effects import Scales, codes
 from whsklearn.filtering import Motion, zero_phase
-from whsklearn.filtering.encoder import encoder_noise
+from whsklearn.filtering.records import encoder_noise
 from whsklearn.gap.calibration import N_NULL, coloured, n_effective, null_rows, smoothed_power
 from whsklearn.gap.plants.arm_terms import AtJoint, JointInertia, JointTerm, Load, Weight
 from whsklearn.gap.plants.servo_candidates import ColumnSignals

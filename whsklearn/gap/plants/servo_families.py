@@ -24,7 +24,7 @@ import numpy as np
 from whsklearn.effects import codes as k
 from whsklearn.effects import get_effect
 from whsklearn.effects.quantity import ONE_PERIOD
-from whsklearn.filtering.gaussian import CUTOFF_SIGMA
+from whsklearn.filtering.records import CUTOFF_SIGMA
 from whsklearn.gap.calibration import N_DRAWS, coloured, gain, n_effective, null_rows, smoothed_power
 from whsklearn.gap.least_squares import least_squares
 from whsklearn.gap.nameless import nameless

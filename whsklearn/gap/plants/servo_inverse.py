@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from whsklearn.effects import EndStop, ParameterChange, Scales, codes
-from whsklearn.filtering.gaussian import CUTOFF_SIGMA, decimation, filtered, gaussian_derivatives
+from whsklearn.filtering.records import CUTOFF_SIGMA, decimation, filtered, gaussian_derivatives
 from whsklearn.gap.least_squares import jacobian
 from whsklearn.gap.plant import Linearised
 from whsklearn.gap.plants import inverse_dynamics as ols

@@ -20,7 +20,7 @@ from scipy.linalg import block_diag, solve
 
 from whsklearn.effects import LearnedTorque
 from whsklearn.effects.equations import hill
-from whsklearn.filtering.gaussian import filtered
+from whsklearn.filtering.records import filtered
 from whsklearn.gap.diagnosis import Curve
 from whsklearn.gap.plant import LEARNED_SHARE, Learned
 from whsklearn.gap.plants import inverse_dynamics as ols

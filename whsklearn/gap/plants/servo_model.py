@@ -12,7 +12,7 @@ from whsklearn.effects import codes as k
 from whsklearn.effects.own import WHICH, address_of
 from whsklearn.gap.plant import FittedTerm, with_vectors
 from whsklearn.gap.record import Array
-from whsklearn.systems.servo_observer import (
+from whsklearn.systems._servo_kernel import (
     LOAD,
     LOAD_VELOCITY,
     MEASURED,
@@ -190,7 +190,7 @@ class ServoHypothesis:
         twist: Array | None = None,
         pieces: Sequence[tuple[slice, float]] = (),
     ) -> tuple[Array, Array, Array, Array]:
-        """Predicted position, angle, velocity and twist (see `whsklearn.systems.servo_observer.follow`).
+        """Predicted position, angle, velocity and twist (see `whsklearn.systems._servo_kernel.follow`).
 
         The run restarts in each of the ``pieces``, given by its samples and the time of the first one.
         """

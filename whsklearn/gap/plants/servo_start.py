@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.signal import fftconvolve
 
 from whsklearn.effects import Scales, get_effect
-from whsklearn.filtering.gaussian import CUTOFF_SIGMA, HIGHEST_CUTOFF, gaussian_derivatives
+from whsklearn.filtering.records import CUTOFF_SIGMA, HIGHEST_CUTOFF, gaussian_derivatives
 from whsklearn.gap.diagnosis import NamedEffect
 from whsklearn.gap.filters import observer_gains, residual_filter
 from whsklearn.gap.plant import DEFAULT_TOLERANCE, QUIET

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from whsklearn.effects import ContactStop
 from whsklearn.effects import codes as k
-from whsklearn.filtering.gaussian import CUTOFF_SIGMA
+from whsklearn.filtering.records import CUTOFF_SIGMA
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, Candidate, variants
 from whsklearn.gap.plants.servo_model import ServoHypothesis, ServoTerm

@@ -19,7 +19,7 @@ import numpy as np
 from numba import njit
 
 from whsklearn.effects import codes as k
-from whsklearn.filtering.gaussian import CUTOFF_SIGMA, filtered, gaussian_derivatives
+from whsklearn.filtering.records import CUTOFF_SIGMA, filtered, gaussian_derivatives
 from whsklearn.gap.plants.servo_model import INSIDE, ServoHypothesis, ServoTerm
 from whsklearn.gap.record import Array
 

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.effects import ContactStop, Coulomb, Effect, Scales, Viscous, effect_names, get_effect
-from whsklearn.filtering.gaussian import CUTOFF_SIGMA, HIGHEST_CUTOFF, decimation, filtered, gaussian_derivatives
+from whsklearn.filtering.records import CUTOFF_SIGMA, HIGHEST_CUTOFF, decimation, filtered, gaussian_derivatives
 from whsklearn.gap.calibration import N_NULL, coloured, n_effective, smoothed_power
 from whsklearn.gap.nameless import nameless
 from whsklearn.gap.plants.servo_candidates import UNSEEN

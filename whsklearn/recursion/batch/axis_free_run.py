@@ -23,8 +23,7 @@ from whsklearn.effects.base import Array, Bools, Integers
 from whsklearn.effects.equations import speed_hinge
 from whsklearn.effects.transmission import contact_stiffness
 from whsklearn.recursion.batch.best_linear import descend
-from whsklearn.systems._servo_kernel import implicit_gain
-from whsklearn.systems.servo_observer import POSITION, VELOCITY, How, bare_parts, follow, plant_of
+from whsklearn.systems._servo_kernel import POSITION, VELOCITY, How, bare_parts, follow, implicit_gain, plant_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
