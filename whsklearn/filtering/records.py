@@ -12,8 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from whsklearn.effects.base import Array
 from whsklearn.logs.lattice import lattice
+
+Array = NDArray[np.float64]
 
 _DECIMATOR_ORDER = 8
 _DECIMATOR_RIPPLE = 0.05  # dB

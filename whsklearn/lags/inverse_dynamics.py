@@ -252,6 +252,15 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
     def partial_fit_transform(self, X: ArrayLike, y: ArrayLike | None = None, groups: ArrayLike | None = None) -> Array:
         """Columns of the next piece of a stream, continuing where the last piece ended; shape (n, n_terms).
 
+        Parameters
+        ----------
+        X : array-like of shape (n, 1) or (n, 2)
+            Position, and the drive if it is not y.
+        y : array-like of shape (n,), optional
+            Torque or force.
+        groups : array-like of shape (n,), optional
+            A new label begins a new stream.
+
         Raises
         ------
         ValueError
@@ -265,6 +274,15 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
         """Regression rows of the next piece of a stream, the torque delayed like the columns.
 
         Rows of the warm-up are dropped, so the first pieces may give no rows.
+
+        Parameters
+        ----------
+        X : array-like of shape (n, 1) or (n, 2)
+            Position, and the drive if it is not y.
+        y : array-like of shape (n,)
+            Torque or force.
+        groups : array-like of shape (n,), optional
+            A new label begins a new stream.
         """
         X = self._next_piece(X)
         target = np.asarray(y, dtype=float).ravel()
@@ -292,6 +310,10 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
 
     def set_state(self, state: dict[str, Any]) -> Self:
         """Continue from what `get_state` of a transformer with the same parameters returned.
+
+        Parameters
+        ----------
+        state : dict
 
         Raises
         ------
