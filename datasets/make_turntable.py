@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from whsklearn.datasets.turntable import EXPERIMENTS, make_turntable
+from whsklearn.datasets.servo import EXPERIMENTS, make_turntable
 
 if __name__ == "__main__":
     for experiment in EXPERIMENTS:
