@@ -103,3 +103,15 @@ def test_a_velocity_is_integrated_for_a_model_of_the_position(files):
         assert done.exit_code == 0, done.output
         assert done.output.rstrip().endswith("simulated and measured in turns")
         assert np.abs(np.subtract(*pd.read_csv(files / "out.csv")[["simulated", "measured"]].to_numpy().T)).max() < 0.02
+
+
+@pytest.mark.parametrize("column", ["position_rad", "velocity_rad_s"])
+def test_an_axis_starts_at_the_speed_of_the_log(tmp_path, column):
+    logged, unit = ("position", "rad") if column == "position_rad" else ("velocity", "rad/s")
+    model = AxisModel(0.1, as_law("viscous"), dt=0.01, logged=logged, units={"input": "Nm", "output": unit})
+    save_model(model, tmp_path / "model.json")
+    u = np.sin(0.05 * np.arange(300))
+    y = model.simulate(u, start=1.0, speed=4.0)
+    pd.DataFrame({"time_s": 0.01 * np.arange(300), "torque_nm": u, column: y}).to_csv(tmp_path / "log.csv", index=False)
+    assert run(tmp_path).exit_code == 0
+    assert np.abs(np.subtract(*pd.read_csv(tmp_path / "out.csv")[["simulated", "measured"]].to_numpy().T)).max() < 0.01

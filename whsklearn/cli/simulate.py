@@ -59,8 +59,10 @@ def main(**options: Any) -> None:
     y, kept = np.empty(log.y.size), np.zeros(log.y.size, dtype=bool)
     for segment in range(int(log.groups[-1]) + 1):  # each starts from the state of the log
         rows = np.flatnonzero(log.groups == segment)
-        start = far * float(log.y[rows[0]]) if model.logged == "position" else 0.0
-        y[rows] = np.asarray(model.simulate(by * log.X[rows, 0], start=start)) / far
+        state = {"start": float(log.y[rows[0]])} if model.logged == "position" else {}
+        if model.kind == "axis":
+            state["speed"] = first_speed(log.y[rows], model.dt) if state else float(log.y[rows[0]])
+        y[rows] = model.simulate(by * log.X[rows, 0], **{k: far * v for k, v in state.items()}) / far
         kept[rows[min(options["skip"], rows.size - 1) :]] = True
     table = pd.DataFrame({"time": log.time, "drive": log.X[:, 0], "simulated": y, "measured": log.y})
     if log.groups[-1]:
@@ -77,3 +79,27 @@ def main(**options: Any) -> None:
     if bad := worse_than_mean({Path(options["model"]).name: index}):
         click.echo(wrapped(bad))
     click.echo(f"Written: {Path(out)}{': ' if told else ''}{', '.join(told)}")
+
+
+def first_speed(position: Any, dt: float) -> float:
+    """The velocity at the start of a position (n,), sampled every ``dt`` s; 0 if its noise may have made it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> t = np.arange(300) / 100
+    >>> round(first_speed(3.0 * t - t**2, 0.01), 6), first_speed(np.random.default_rng(0).normal(size=300), 0.01)
+    (3.0, 0.0)
+    """
+    import numpy as np
+
+    from whsklearn.identification.view import window_of
+
+    if len(position) < 7:
+        return 0.0
+    samples = window_of(len(position), dt)
+    time, first = dt * np.arange(samples), np.asarray(position[:samples])
+    parabola = np.polyfit(time, first, 2)
+    noise = np.sqrt(np.sum((first - np.polyval(parabola, time)) ** 2) / (samples - 3))
+    error = noise * np.sqrt(192.0 / samples**3) / dt  # of the slope at the end of a parabola
+    return float(parabola[1]) if abs(parabola[1]) > 3.0 * error else 0.0

@@ -146,14 +146,24 @@ class AxisModel(IdentifiedModel):
             effects=tuple(moved(e) for e in self.effects), standard_errors=errors,
         )  # fmt: skip
 
-    def simulate(self, u: ArrayLike, *, start: float = 0.0) -> NDArray[np.float64]:
+    def simulate(self, u: ArrayLike, *, start: float = 0.0, speed: float = 0.0) -> NDArray[np.float64]:
+        """As for every model; ``speed`` is the initial velocity, in ``units`` per second if the output is a position.
+
+        Examples
+        --------
+        >>> from whsklearn.effects import as_law
+        >>> from whsklearn.models import AxisModel
+        >>> axis = AxisModel(0.1, as_law("viscous"), dt=0.01, logged="velocity")
+        >>> axis.simulate([0.0, 0.0], speed=2.0)[:1].tolist()
+        [2.0]
+        """
         by, far = self.factors
         drive, steps = as_input(u) * by, 1
         if self.hold != "zero":
             steps = self.steps
             drive = fine_drive(drive, steps, self.hold).ravel()
         axis = self.system(sample_rate=steps / self.dt, substeps=max(self.steps // steps, 1))
-        record = axis.simulate_drive(drive, initial_position=start * far)
+        record = axis.simulate_drive(drive, initial_position=start * far, initial_velocity=speed * far)
         return (record.position if self.logged == "position" else record.velocity)[::steps] / far
 
 
