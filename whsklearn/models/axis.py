@@ -147,7 +147,16 @@ class AxisModel(IdentifiedModel):
         )  # fmt: skip
 
     def simulate(self, u: ArrayLike, *, start: float = 0.0, speed: float = 0.0) -> NDArray[np.float64]:
-        """As for every model; ``speed`` is the initial velocity, in ``units`` per second if the output is a position.
+        """Output (n,) in its unit, from the input (n,) alone.
+
+        Parameters
+        ----------
+        u : array-like of shape (n,)
+            Input in ``units``.
+        start : float, default=0.0
+            Initial position, in ``units``, if the output is a position.
+        speed : float, default=0.0
+            Initial velocity, in ``units``, those of a position per second.
 
         Examples
         --------
