@@ -57,7 +57,7 @@ def make_arm_log(
     effects : mapping of str to effects, optional
         Hidden effects by joint.
     controller : PIDController or mapping of these, optional
-        See `whsklearn.systems.arm.simulate_arm`.
+        See `whsklearn.Arm.simulate`.
     reference : array-like of shape (n, n_joints), optional
         Commanded positions; by default a sum of five random sines per joint.
     amplitude, duration : float

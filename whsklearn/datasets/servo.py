@@ -279,7 +279,6 @@ def make_servo_log(
     sample_rate: float | None = None,
     noise: float | None = None,
     resolution: float | None = None,
-    snr_db: float | None = None,
     disturbance: ArrayLike | None = None,
     random_state: Any = 0,
     return_truth: bool = False,
@@ -305,8 +304,6 @@ def make_servo_log(
         Standard deviation of white noise on the encoder (rad); 2e-5 on the default axis.
     resolution : float, optional
         Step of the encoder (rad).
-    snr_db : float, optional
-        Alternatively, the noise by its ratio to the position: 10 log10(var(position) / var(noise)).
     disturbance : array-like of shape (n,), optional
         A torque that no effect explains (Nm).
     random_state : int, Generator or None
@@ -341,9 +338,6 @@ def make_servo_log(
     for effect in hidden:
         axis = axis.with_effect(effect)
     sensor = {k: float(v) for k, v in (("noise", noise), ("resolution", resolution)) if v is not None}
-    if snr_db is not None:
-        quiet = axis.simulate(path, noise=False, disturbance=disturbance)
-        sensor["noise"] = float(np.std(quiet.true_position) * 10.0 ** (-snr_db / 20.0))
     axis = dataclasses.replace(axis, sensor=dataclasses.replace(axis.sensor, **sensor))  # type: ignore[arg-type]
     record = axis.simulate(path, random_state=rng, disturbance=disturbance)
     log = record_frame(record)

@@ -360,29 +360,93 @@ class Arm:
         left = torque - self.inverse_dynamics(q, v, np.zeros(q.shape))
         return np.asarray(np.linalg.solve(self.mass_matrix(q), left[:, :, None])[:, :, 0], dtype=float)
 
-    def simulate(self, reference: ArrayLike, **options: Any) -> Bunch:
-        """Simulate the closed loop along references; see `whsklearn.systems.arm.simulate_arm`.
+    def simulate(
+        self,
+        reference: ArrayLike,
+        *,
+        controller: PIDController | Mapping[str, PIDController] | None = None,
+        feed_forward: Arm | None = None,
+        sample_rate: float = 1000.0,
+        substeps: int = 10,
+        noise: float = 0.0,
+        resolution: float = 0.0,
+        random_state: Any = 0,
+    ) -> Bunch:
+        """Simulate the closed loop along references.
 
         Parameters
         ----------
         reference : array-like of shape (n_samples, n_joints)
             Commanded positions.
-        **options
-            ``controller``, ``sample_rate``, ``substeps``, ``noise``, ``resolution``, ``random_state`` ...
-        """
-        return simulate_arm(self, reference=reference, **options)
+        controller : PIDController or mapping of these, optional
+            One for all joints, or one for each. By default, PID gains follow from each joint's inertia (12 Hz).
+        feed_forward : Arm, optional
+            A model whose inverse dynamics along the reference are added to the output of the controllers.
+        sample_rate : float, default=1000.0
+            Of controllers and log (Hz).
+        substeps : int, default=10
+            Fine steps per sample.
+        noise, resolution : float
+            Standard deviation of the noise, and step, of the encoders (rad).
+        random_state : int, Generator or None
+            Draws the noise.
 
-    def simulate_drive(self, drive: ArrayLike, **options: Any) -> Bunch:
-        """Replay logged drives in open loop, held between samples; see `whsklearn.systems.arm.simulate_arm`.
+        Returns
+        -------
+        Bunch
+            ``time`` (n_samples,); ``reference``, ``drive``, ``position`` (as measured), ``true_position``,
+            ``velocity``, (n_samples, n_joints) each.
+
+        Raises
+        ------
+        FloatingPointError
+            If the simulation does not stay finite.
+        """
+        asked = self._motion(reference)[0]
+        rate = np.gradient(asked, 1.0 / sample_rate, axis=0)
+        path = asked, rate, np.gradient(rate, 1.0 / sample_rate, axis=0)
+        feed = np.zeros(asked.shape) if feed_forward is None else feed_forward.inverse_dynamics(*path)
+        course = PassInput(
+            1.0 / sample_rate, int(substeps), True, 0, _rows(asked, np.zeros(asked.shape)), _rows(*path),
+            np.ascontiguousarray(feed.T), _noise(noise, asked.shape, random_state), _controllers(self, controller),
+        )  # fmt: skip
+        return _recorded(self, course, asked, resolution, sample_rate)
+
+    def simulate_drive(
+        self,
+        drive: ArrayLike,
+        *,
+        position: ArrayLike | None = None,
+        velocity: ArrayLike | None = None,
+        resync: float = 0.0,
+        sample_rate: float = 1000.0,
+        substeps: int = 10,
+        noise: float = 0.0,
+        resolution: float = 0.0,
+        random_state: Any = 0,
+    ) -> Bunch:
+        """Replay logged drives in open loop, held between samples.
 
         Parameters
         ----------
         drive : array-like of shape (n_samples, n_joints)
             In Nm.
-        **options
-            ``position``, ``velocity`` (n_samples, n_joints) to begin at and ``resync`` (s) to return to them ...
+        position, velocity : array-like of shape (n_samples, n_joints), optional
+            Measured motion, where the replay starts; rest at zero by default.
+        resync : float, default=0.0
+            Time between returns to the measured motion (s); 0 for none.
+        sample_rate, substeps, noise, resolution, random_state
+            As for `simulate`, and so is what it returns and raises.
         """
-        return simulate_arm(self, drive=drive, **options)
+        given = self._motion(drive)[0]
+        zeros = np.zeros(given.shape)
+        start = (np.broadcast_to(zeros if s is None else self._motion(s)[0], given.shape) for s in (position, velocity))
+        course = PassInput(
+            1.0 / sample_rate, int(substeps), False, round(resync * sample_rate), _rows(*start),
+            _rows(zeros, zeros, zeros), np.ascontiguousarray(zeros.T), _noise(noise, given.shape, random_state),
+            np.zeros((self.n_joints, 8)),
+        )  # fmt: skip
+        return _recorded(self, course, given, resolution, sample_rate)
 
     # -- numbers ------------------------------------------------------------------------
 
@@ -501,82 +565,31 @@ class Arm:
         return arrays
 
 
-def simulate_arm(
-    arm: Arm,
-    *,
-    reference: ArrayLike | None = None,
-    drive: ArrayLike | None = None,
-    controller: PIDController | Mapping[str, PIDController] | None = None,
-    feed_forward: Arm | None = None,
-    sample_rate: float = 1000.0,
-    substeps: int = 10,
-    noise: float = 0.0,
-    resolution: float = 0.0,
-    random_state: Any = 0,
-    position: ArrayLike | None = None,
-    velocity: ArrayLike | None = None,
-    resync: float = 0.0,
-) -> Bunch:
-    """One record of an arm.
-
-    ``reference`` (n_samples, n_joints): commanded positions, for the closed loop.
-    ``drive`` (n_samples, n_joints): drives to replay, held between samples; give this or ``reference``.
-    ``controller``: one for all joints, or one for each joint. By default, PID gains follow from each joint's inertia
-        (12 Hz).
-    ``feed_forward``: a model whose inverse dynamics along the reference are added to the output of the controllers.
-    ``sample_rate``: rate of controllers and log (Hz).
-    ``substeps``: fine steps per sample.
-    ``noise``, ``resolution``: standard deviation of the noise, and step, of the encoders (rad).
-    ``random_state``: draws the noise.
-    ``position``, ``velocity`` (n_samples, n_joints): measured motion, where an open loop starts and to which it returns
-        every ``resync`` seconds (0: never).
-    ``resync``: time between returns to the measured motion (s).
-    Returns ``time`` (n_samples,); ``reference``, ``drive``, ``position`` (as measured), ``true_position``,
-        ``velocity``, (n_samples, n_joints) each.
-    Raises FloatingPointError if the simulation does not stay finite.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from whsklearn import Arm
-    >>> arm = Arm.from_dh([(0.3, 0, 0, 0)], inertial=[[1.0, 0.2, 0, 0, 0.01, 0, 0.1, 0, 0, 0.1]])
-    >>> record = arm.simulate(0.1 * np.sin(np.arange(500) / 100)[:, None])
-    >>> bool(np.abs(record.position - record.reference).max() < 0.02)
-    True
-    """
-    if (reference is None) == (drive is None):
-        raise ValueError("Give either reference (closed loop) or drive (replay), not both.")
-    closed = drive is None
-    given = arm._motion(reference if drive is None else drive)[0]  # type: ignore[arg-type]
+def _recorded(arm: Arm, course: PassInput, given: Array, resolution: float, sample_rate: float) -> Bunch:
+    """One pass along references or drives, (n_samples, n_joints), with its rows by name."""
     n_samples, n = given.shape
-    zeros = np.zeros((n_samples, n))
-    asked = given if closed else zeros
-    rate = np.gradient(asked, 1.0 / sample_rate, axis=0)
-    path = [asked, rate, np.gradient(rate, 1.0 / sample_rate, axis=0)]
-    q, v = (np.broadcast_to(zeros if s is None else arm._motion(s)[0], given.shape) for s in (position, velocity))
-    if closed:
-        q, v = asked, np.zeros((n_samples, n))
-    feed = zeros if feed_forward is None or not closed else feed_forward.inverse_dynamics(*path)
-    rng = np.random.default_rng(random_state)
     out = np.zeros((N_SIGNALS, n, n_samples))
-    out[DRIVE] = zeros.T if closed else given.T
-    course = PassInput(
-        1.0 / sample_rate, int(substeps), closed, round(resync * sample_rate), _rows(q, v), _rows(*path),
-        np.ascontiguousarray(feed.T), noise * rng.standard_normal((n, n_samples)) if noise else np.zeros((0, 0)),
-        _controllers(arm, controller) if closed else np.zeros((n, 8)),
-    )  # fmt: skip
-    run(out, arm._links, arm.inertial, _axes(arm, resolution), course, np.stack([q[0], v[0]]))
+    if not course.closed:
+        out[DRIVE] = given.T
+    run(out, arm._links, arm.inertial, _axes(arm, resolution), course, np.ascontiguousarray(course.measured[:, :, 0]))
+    time = np.arange(n_samples) / sample_rate
     bad = ~np.isfinite(out).all(axis=(0, 1))
     if bad.any():
         raise FloatingPointError(
-            f"The simulation is no longer finite after {np.argmax(bad) / sample_rate:.3g} s; use more substeps than "
-            f"{substeps}, lower gains or other numbers."
+            f"The simulation is no longer finite after {time[np.argmax(bad)]:.3g} s; use more substeps than "
+            f"{course.substeps}, lower gains or other numbers."
         )
     return Bunch(
-        time=np.arange(n_samples) / sample_rate, reference=given if closed else np.full(given.shape, np.nan),
-        drive=out[DRIVE].T.copy(), position=out[MEASURED].T.copy(), true_position=out[POSITION].T.copy(),
-        velocity=out[VELOCITY].T.copy(),
+        time=time, reference=given if course.closed else np.full(given.shape, np.nan), drive=out[DRIVE].T.copy(),
+        position=out[MEASURED].T.copy(), true_position=out[POSITION].T.copy(), velocity=out[VELOCITY].T.copy(),
     )  # fmt: skip
+
+
+def _noise(deviation: float, shape: tuple[int, ...], random_state: Any) -> Array:
+    """White noise of the encoders, (n_joints, n_samples); empty without any."""
+    if not deviation:
+        return np.zeros((0, 0))
+    return deviation * np.random.default_rng(random_state).standard_normal(shape[::-1])
 
 
 def _rows(*signals: Array) -> Array:

@@ -391,21 +391,22 @@ class Run:
         example = rows[:20]
         units = {"input": "as logged", "output": "as logged"} | dict(load_model(path).units)
 
-        def logged() -> str:
-            with store.active(mlflow, self._client, self.id), store.quiet():
-                info = mlflow.pyfunc.log_model(
-                    name="model",
-                    loader_module="whsklearn.tracking.served",
-                    data_path=os.fspath(path),
-                    signature=served_signature(1),
-                    input_example=example,
-                    pip_requirements=model_requirements(),
-                    metadata={"column": str(example.columns[0]), "units": units},
-                )
-            return str(info.model_uri)
+        metadata = {"column": str(example.columns[0]), "units": units}
+        info = self._log_model(
+            mlflow.pyfunc, loader_module="whsklearn.tracking.served", data_path=os.fspath(path),
+            signature=served_signature(1), input_example=example, metadata=metadata,
+        )  # fmt: skip
+        return str(info.model_uri)
+
+    def _log_model(self, flavour: Any, **kept: Any) -> Any:
+        """MLflow's information on the model of this run that it has just kept."""
+
+        def logged() -> Any:
+            with store.active(store.import_mlflow(), self._client, self.id), store.quiet():
+                return flavour.log_model(name="model", pip_requirements=model_requirements(), **kept)
 
         self.flush()
-        return str(self._client.do(logged, store.LIBRARIES_SECONDS))
+        return self._client.do(logged, store.LIBRARIES_SECONDS)
 
     def log_artifact(self, path: str | os.PathLike[str]) -> None:
         """Keep a file as an artifact.
@@ -442,24 +443,13 @@ class Run:
         with store.quiet():
             signature = served_signature(example.shape[1])
 
-        def logged() -> str:
-            with store.active(mlflow, self._client, self.id), store.quiet():
-                info = mlflow.sklearn.log_model(
-                    model,
-                    name="model",
-                    signature=signature,
-                    input_example=named,
-                    pip_requirements=model_requirements(),
-                    registered_model_name=registered_name or None,
-                    skops_trusted_types=own_types(model),
-                )
-                if registered_name and alias:
-                    client = mlflow.MlflowClient()
-                    client.set_registered_model_alias(registered_name, alias, info.registered_model_version)
-            return str(info.model_uri)
-
-        self.flush()
-        return str(self._client.do(logged, store.LIBRARIES_SECONDS))
+        info = self._log_model(
+            mlflow.sklearn, sk_model=model, signature=signature, input_example=named,
+            registered_model_name=registered_name or None, skops_trusted_types=own_types(model),
+        )  # fmt: skip
+        if registered_name and alias:
+            self._client.set_registered_model_alias(registered_name, alias, info.registered_model_version)
+        return str(info.model_uri)
 
     def champion(self, name: str, alias: str) -> Any:
         """The estimator registered as ``models:/name@alias``; None if there is none, or if tracking is off.

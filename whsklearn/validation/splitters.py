@@ -39,9 +39,7 @@ def memory_length(estimator: Any) -> int:
     return _max_lag(lags) + max(int(getattr(estimator, "p", 1)), 1) - 1
 
 
-def time_series_split(
-    estimator: Any, n_splits: int = 5, *, max_train_size: int | None = None, test_size: int | None = None
-) -> TimeSeriesSplit:
+def time_series_split(estimator: Any, n_splits: int = 5) -> TimeSeriesSplit:
     """`TimeSeriesSplit` with a gap as long as the estimator's memory.
 
     Parameters
@@ -49,8 +47,8 @@ def time_series_split(
     estimator : object
         The one to be validated; `memory_length` of it is the gap, so that no sample of a test
         fold shares a regressor with training.
-    n_splits, max_train_size, test_size
-        As in `sklearn.model_selection.TimeSeriesSplit`.
+    n_splits : int, default=5
+        Number of folds.
 
     Notes
     -----
@@ -63,8 +61,7 @@ def time_series_split(
     >>> time_series_split(Ridge(), n_splits=3)
     TimeSeriesSplit(gap=0, max_train_size=None, n_splits=3, test_size=None)
     """
-    gap = memory_length(estimator)
-    return TimeSeriesSplit(n_splits=n_splits, max_train_size=max_train_size, test_size=test_size, gap=gap)
+    return TimeSeriesSplit(n_splits=n_splits, gap=memory_length(estimator))
 
 
 def one_experiment_out(X: ArrayLike, groups: ArrayLike) -> Iterator[tuple[NDArray[Any], NDArray[Any]]]:

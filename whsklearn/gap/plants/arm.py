@@ -392,8 +392,10 @@ class ArmPlant(Plant):
         arm = self._arm(model)
 
         def run(u: Array, q: Array, v: Array) -> Any:
-            options = {"sample_rate": self.lags.sample_rate, "resync": horizon, "substeps": FEWEST_STEPS}
-            return arm.simulate_drive(u, position=q, velocity=v, **options).position
+            rate = self.lags.sample_rate
+            return arm.simulate_drive(
+                u, position=q, velocity=v, resync=horizon, sample_rate=rate, substeps=FEWEST_STEPS
+            ).position
 
         try:
             return np.asarray(self.record.by_piece(run, drive, moved.position, moved.velocity).ravel())
