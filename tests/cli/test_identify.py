@@ -146,3 +146,14 @@ def test_logs_that_make_no_one_identification_are_refused(tmp_path, second, told
     done = CliRunner().invoke(main, [str(a) for a in [*arguments, "--no-track", "--out", tmp_path / "out"]])
     assert done.exit_code != 0
     assert told in " ".join(done.output.split()) + str(done.exception)
+
+
+def test_a_clipped_drive_is_told_where_something_is_missing(tmp_path):
+    u = np.random.default_rng(0).normal(size=(60, 1)).repeat(20, axis=1).ravel() + 0.3 * np.sin(np.arange(1200.0))
+    y = lfilter([0.0, 0.05], [1.0, -0.95], u)
+    for name, logged in (("clipped", np.clip(u, -0.8, 0.8)), ("whole", u)):
+        pd.DataFrame({"u": logged, "y": y}).to_csv(tmp_path / "log.csv", index=False)
+        arguments = [tmp_path / "log.csv", "--rate", "100", "--no-track", "--out", tmp_path / "out"]
+        done = CliRunner().invoke(main, [str(a) for a in arguments])
+        assert done.exit_code == 0, done.output
+        assert ("log.csv: drive stays at its extreme values" in " ".join(done.output.split())) == (name == "clipped")

@@ -84,6 +84,10 @@ def main(**options: Any) -> None:
     records = np.repeat(names_of(paths), [log.y.size for log in logs]) if len(logs) > 1 else None
     found = fitted(options, train, test, records)
     say(found)
+    if not found.white:  # what is missing may be in the log
+        for log in logs:
+            for clipped in (f for f in log.report.findings if f.code == "LOG005"):
+                click.echo(wrapped(f"{log.name}: {clipped.explanation}") + "\n")
     page = write(found, options["out"])
     click.echo(f"The page is {page}.")
     with tracker.run(f"identify {name}") as run:
