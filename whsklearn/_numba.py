@@ -270,14 +270,7 @@ def compiling_seconds() -> float:
 
 
 class KernelPart:
-    """A function that kernels call; called from Python it is a kernel of its own, which is made when that happens.
-
-    Parameters
-    ----------
-    function : function
-    **options
-        Of `numba.njit`.
-    """
+    """A function that kernels call; called from Python it is a kernel of its own, which is made when that happens."""
 
     def __init__(self, function: Callable[..., Any], **options: Any):
         functools.update_wrapper(self, function)

@@ -16,6 +16,20 @@ from sklearn.metrics import get_scorer, get_scorer_names, mean_squared_error, r2
 from sklearn.model_selection import GridSearchCV, TimeSeriesSplit, cross_val_score, cross_validate
 
 from whsklearn.metrics import SCORER_NAMES, abs_mu_e, free_run_scorer, mu_e, nmse, parameter_error, rmse
+from whsklearn.metrics.indices import register_scorers
+
+
+@pytest.mark.parametrize("name", SCORER_NAMES)
+def test_a_name_is_a_scorer(name):
+    assert callable(get_scorer(name))
+    assert name in get_scorer_names()
+
+
+def test_a_name_that_is_taken_stays():
+    before = get_scorer("r2")
+    register_scorers({"r2": get_scorer(next(iter(SCORER_NAMES)))})
+    assert get_scorer("r2")._score_func is before._score_func
+
 
 RECORDS = arrays(float, st.integers(2, 40), elements=st.floats(-1e3, 1e3))
 

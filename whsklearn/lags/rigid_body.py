@@ -282,13 +282,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         return phi, late, np.ones(late.shape, dtype=bool)
 
     def _views(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> FilteredRecords:
-        """Experiments behind the filters: their unweighted rows, and the motion from which they are computed.
-
-        Parameters
-        ----------
-        X, y, groups
-            As for `rows`.
-        """
+        """Experiments behind the filters: their unweighted rows, and the motion from which they are computed."""
         X = np.asarray(check_array(X, dtype=np.float64))
         self.fit(X)
         target = self._checked_drives(y, len(X))

@@ -91,21 +91,11 @@ class OutputLost(OSError):
 
 
 class Out:
-    """Records as lines of JSON.
+    """Records as lines of JSON, to a file or to stdout.
 
-    Parameters
-    ----------
-    path : path, optional
-        The file; stdout by default.
-    offset : int, optional
-        Number of bytes at the time of the checkpoint; later bytes are cut off.  None appends to the file.
-    fresh : bool
-        Whether to start over with an empty file.
-
-    Raises
-    ------
-    ValueError
-        If the file holds something other than records of a stream, or is shorter than at the time of the checkpoint.
+    ``offset``: number of bytes at the time of the checkpoint; later bytes are cut off. None appends to the file.
+    ``fresh``: whether to start over with an empty file.
+    Raises ValueError if the file holds something other than records of a stream, or is shorter than at the checkpoint.
     """
 
     def __init__(self, path: Path | None, offset: int | None, fresh: bool = False):

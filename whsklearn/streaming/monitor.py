@@ -31,17 +31,8 @@ CONTEXT = 300  # rows before a block, over which the effect of the predictor's s
 
 
 class Innovations:
-    """One-step errors of a learning model, block by block.
+    """One-step errors of a learning model, block by block; the outputs are the last columns of a row.
 
-    Parameters
-    ----------
-    model : estimator
-        The estimator that learns; a second one of the same kind predicts.
-    n_outputs : int
-        Number of outputs, which are the last columns of a row.
-
-    Notes
-    -----
     Where the lags smooth over a moving window (those of an arm), an innovation belongs to the sample in the middle of
     the window that ends with the row.
     """

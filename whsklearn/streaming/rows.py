@@ -33,26 +33,11 @@ class BadRow(ValueError):
 
 
 class LineSource:
-    """Whole lines from a file descriptor.
+    """Whole lines from a file descriptor, whose next line begins behind ``offset`` bytes and ``number`` lines.
 
-    Parameters
-    ----------
-    offset, number : int
-        Number of bytes and lines that were read before.
-    follow : bool
-        Whether to wait for more data at the end of the file.
-    open_end : bool
-        Whether to accept a last line without a newline.  Half a number is still a number, so a CSV file must not; half
-        a JSON object is not a JSON object.
-
-    Attributes
-    ----------
-    offset, number : int
-        Number of bytes and lines returned, so where the next line begins.
-    restarted : bool
-        Set when the source was restarted; the caller resets it.
-    left : bytes
-        A last line without a newline that was not returned.
+    With ``follow`` it waits for more data at the end of the file, and ``restarted`` is set when the file was replaced;
+    the caller resets it. With ``open_end`` it accepts a last line without a newline, which is otherwise ``left``: half
+    a number is still a number, so a CSV file must not, but half a JSON object is not a JSON object.
     """
 
     def __init__(
@@ -156,23 +141,13 @@ class PipedLines(LineSource):
 
 
 class CsvParser:
-    """Numbers from the named columns of a CSV line.
+    """Numbers from the named ``columns`` of a CSV line, whose names are in ``header``, the first line of the file.
 
-    Parameters
-    ----------
-    header : bytes
-        The first line of the file.
-    columns : sequence of str
-        The columns to read, in order.
-    timed : bool, default=False
-        Whether the first of them is a time, which may be dates in ISO 8601: they become the unit that the column's
-        name states, or seconds, since 1970.
+    With ``timed`` the first of them is a time, which may be dates in ISO 8601: they become the unit that the column's
+    name states, or seconds, since 1970.
 
-    Raises
-    ------
-    LogError
-        If the file is not text in UTF-8 or a code page; a `ColumnError` if a column is missing or its name occurs more
-        than once.
+    Raises LogError if the file is not text in UTF-8 or a code page, ColumnError if a column is missing or its name
+    occurs more than once.
     """
 
     def __init__(self, header: bytes, columns: Sequence[str], timed: bool = False):

@@ -74,10 +74,8 @@ class Files(NamedTuple):
 Say = Callable[[str], None]
 MOVED_SECONDS = 30.0  # for a comparison that runs when its source ends; one takes 1 to 5
 FEWEST_COMPARED = 1000  # rows after an alarm for a sentence at the end; fewer say little
-SAID, SAID_AFTER = (
-    10,
-    frozenset(10**k for k in range(2, 19)),
-)  # of a kind on the terminal: the first, then fewer and fewer
+# sentences of a kind on the terminal: the first ones, then fewer and fewer
+SAID, SAID_AFTER = 10, frozenset(10**k for k in range(2, 19))
 GRACE_SECONDS = 1.0  # for the current rows after a stop request, so that a stop takes no longer than 2 s
 
 

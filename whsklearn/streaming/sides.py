@@ -19,12 +19,7 @@ MOST_ROWS = 20_000  # of either side: 20 s at 1 kHz, which are compared within s
 class Sides:
     """Keeps the last rows of a stream; after an alarm it waits for as many new rows, and has both sides compared.
 
-    Parameters
-    ----------
-    compare : callable
-        Takes (experiments, rows) before and after the alarm; returns what the record says.
-    margin : int
-        Rows before an alarm that belong to neither side: the change came some rows before it was noticed.
+    ``margin``: rows before an alarm that belong to neither side, as the change came some rows before it was noticed.
 
     References
     ----------
@@ -45,10 +40,7 @@ class Sides:
         self._thread: threading.Thread | None = None
 
     def take(self, experiments: Array, rows: Array) -> None:
-        """Add rows that the model has learned.
-
-        ``experiments`` is (n,). ``rows`` is (n, n_columns).
-        """
+        """Add rows (n, n_columns) that the model has learned, and the number (n,) of their experiment."""
         self.rows += len(rows)
         self._last.append(np.column_stack([experiments, rows]))
         if sum(map(len, self._last[1:])) >= MOST_ROWS + self.margin:
@@ -72,19 +64,13 @@ class Sides:
         self._alarm = row if len(self._before) else 0
 
     def done(self, wait: float = 0.0) -> list[dict[str, Any]]:
-        """Records that are ready.
-
-        ``wait``: seconds to wait for a comparison that has begun.
-        """
+        """Records that are ready, ``wait`` s after a comparison that has begun at the latest."""
         self._join(wait)
         ready, self._ready = self._ready, []
         return ready
 
     def so_far(self, least: int) -> str:
-        """What the rows say that have come since the last alarm; empty without one, or if there are fewer rows.
-
-        ``least``: rows.
-        """
+        """What the rows say that have come since the last alarm; empty without one or with fewer than ``least``."""
         after = self._since_alarm()
         if not self._alarm or len(after) < least:
             return ""

@@ -36,8 +36,7 @@ from whsklearn.systems._arm_kernels import (
 )
 from whsklearn.systems._servo_kernel import KAPPA, LIMIT, N_PARTS, RESOLUTION, plant_of
 from whsklearn.systems.arm_files import STANDARD_GRAVITY, across, body_numbers, dh_fields, file_fields
-from whsklearn.systems.base_parameters import BaseParameters, base_parameters
-from whsklearn.systems.consistent_inertias import consistent_numbers
+from whsklearn.systems.base_parameters import BaseParameters, base_parameters, consistent_numbers
 from whsklearn.systems.servo_parts import PIDController
 
 if TYPE_CHECKING:
@@ -153,10 +152,7 @@ class Arm:
 
     @classmethod
     def from_file(
-        cls,
-        path: str | os.PathLike[str],
-        joints: Iterable[str] | None = None,
-        gravity: ArrayLike | None = None,
+        cls, path: str | os.PathLike[str], joints: Iterable[str] | None = None, gravity: ArrayLike | None = None
     ) -> Self:
         """Read an arm from a URDF or MJCF file with MuJoCo; for a model file see `whsklearn.models.as_arm`.
 

@@ -129,11 +129,6 @@ class Patience:
     up the patience, and when it is used up every further call fails at once. A server that falls silent while the job
     works uses it up too (`listen`), so the job does not have to wait at its end for a server that died long before.
     A store in a file has no server.
-
-    Parameters
-    ----------
-    uri : str
-        Of the store.
     """
 
     def __init__(self, uri: str):
@@ -213,14 +208,7 @@ def _listen(patience: weakref.ref[Patience], uri: str) -> None:
 
 
 class InSentences:
-    """A client that turns every failure, whatever a database driver raises, into a `TrackingError` of one sentence.
-
-    Parameters
-    ----------
-    client : MlflowClient
-    patience : Patience, optional
-        How long it waits in all.
-    """
+    """A client that turns every failure, whatever a database driver raises, into a `TrackingError` of one sentence."""
 
     def __init__(self, client: Any, patience: Patience | None = None):
         self._client = client

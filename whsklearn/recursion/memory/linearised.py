@@ -137,27 +137,10 @@ def empty_rows(n: int, size: int, n1: int) -> Rows:
 
 
 class Pass:
-    """One pass over a memory at ``theta`` with the true sign, which fills the rows.
+    """One pass over a memory at ``theta`` with the true sign, which fills ``rows`` as far as ``done`` samples.
 
-    Parameters
-    ----------
-    theta : ndarray of shape (n,)
-    law : tuple
-        dims, codes, shapes.
-    memory : Memory
-    work : Work
-        Must not hold a re-run that is in progress.
-    rows : Rows
-        Empty, with as many samples as the memory.
-
-    Attributes
-    ----------
-    rows : Rows
-        Filled as far as ``done``.
-    done : int
-        Number of samples read.
-    end : ndarray of shape (n_state,)
-        The state after the last sample, once all have been read; every sign is frozen in it, as in the rows.
+    ``work`` must not hold a re-run that is in progress. Once all samples have been read, ``end`` is the state after the
+    last one, with every sign frozen, as in the rows.
     """
 
     def __init__(self, theta: Array, law: Law, memory: Memory, work: Work, rows: Rows):

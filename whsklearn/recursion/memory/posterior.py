@@ -131,17 +131,8 @@ class Linearisation:
 
     Every method takes what the ones before returned, so that a stream may do one of them between two samples
     (`whsklearn.recursion.memory.schedule`).
-
-    Parameters
-    ----------
-    state : dict
-        State of a stream; it is not changed.
-    r : Settings
-    s : int
-        Index of the model.
-    theta : ndarray of shape (n,)
-    weights : ndarray
-        Weight of each sample after forgetting; as many samples are read as there are weights.
+    It does not change the ``state`` of the stream, of which ``s`` is the model; as many samples are read as there are
+    ``weights``, which are those after forgetting.
     """
 
     def __init__(self, state: State, r: Settings, s: int, theta: Array, weights: Array):

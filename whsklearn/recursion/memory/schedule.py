@@ -146,18 +146,8 @@ class MultistartSearch:
     """A search over the first ``size`` samples in memory: a generator that yields where the next sample may come.
 
     Its pieces take at most as long as a row may wait, and its result does not depend on where it was interrupted.
-
-    Parameters
-    ----------
-    state : dict
-        State of the stream; it is not changed.
-    r : Settings
-    size : int
-        Number of samples.
-    work : Work
-        Its budget; the steps yield when it is spent.
-    limit : float
-        Number of samples re-run after which no further start or rung is begun.
+    It does not change the ``state`` of the stream; its steps yield when the budget of ``work`` is spent, and after
+    ``limit`` samples re-run no further start or rung is begun.
     """
 
     def __init__(self, state: State, r: Settings, size: int, work: Work, limit: float = np.inf):
@@ -374,15 +364,9 @@ def in_one(steps: Generator[None, None, Answer]) -> Answer:
 
 
 class BackgroundRefit:
-    """The re-run in progress.
+    """The re-run in progress of the first ``size`` samples in memory; with ``end`` of them the new models take over.
 
-    Parameters
-    ----------
-    state : dict
-        State of a stream whose memory holds the samples to re-run.  It does not change before `take_over`.
-    r : Settings
-    size, end : int
-        The number of samples to re-run, and the number of samples in memory at which the new models take over.
+    The ``state`` of the stream does not change before `take_over`.
     """
 
     def __init__(self, state: State, r: Settings, size: int, end: int):
