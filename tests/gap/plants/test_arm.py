@@ -23,6 +23,7 @@ from whsklearn.effects import (
 )
 from whsklearn.gap import GapFinder
 from whsklearn.gap.plants.arm import ArmRecord, arm_plant
+from whsklearn.gap.plants.arm_families import families
 from whsklearn.gap.plants.arm_terms import JointTerm, candidates, present
 from whsklearn.identification import identify_arm
 
@@ -110,6 +111,9 @@ def test_a_strong_slow_effect_does_not_hide_in_null_records_of_its_own_colour():
     first = next(k for k in plant.looks(plant.base(rng), rng) if k.name)
     assert first.name == "viscous at j1+j2"
     assert first.p_value < 1e-20
+    # to be compared with other families it keeps the null records that all share
+    family = next(f for f in families(plant.view, [first.start.kind]))
+    np.testing.assert_allclose(first.null, plant.tangent.look(family).null)
 
 
 def test_two_joints_have_a_name_each():
