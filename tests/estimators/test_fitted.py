@@ -24,7 +24,7 @@ OPEN = WienerHammersteinLags(2, 1, 2, 1, law="polynomial", delays=(0, 0))
 
 
 @pytest.fixture(scope="module")
-def record():
+def short_record():
     return make_wiener_hammerstein(400, snr_db=30, random_state=0)
 
 
@@ -40,8 +40,8 @@ def record():
     ],
     ids=["RMILS", "PEM", "simulation", "one pass", "swarm", "published"],
 )
-def test_the_table_is_parameters_and_errors(record, model):
-    X, y = record
+def test_the_table_is_parameters_and_errors(short_record, model):
+    X, y = short_record
     summary = model.fit(X, y).summary()
     named = model.parameters_
     table = summary.table
