@@ -36,3 +36,10 @@ def test_jitter_is_that_of_the_clock():
         check_log(uneven, {"drive": DRIVE, "position": POSITION}).jitter
         > 10 * check_log(T, {"drive": DRIVE, "position": POSITION}).jitter
     )
+
+
+def test_an_input_of_steps_is_not_clipped():
+    t = np.arange(2000) / 1000
+    steps = np.random.default_rng(0).choice([-1.5, -0.5, 0.5, 1.5], 40).repeat(50)
+    report = check_log(t, {"drive": steps, "position": np.cumsum(steps) / 1000})
+    assert "LOG005" not in report.codes

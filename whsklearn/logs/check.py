@@ -143,12 +143,15 @@ def _clipping(name: str, x: Array) -> list[Finding]:
     moves = np.abs(np.diff(x))
     if not moves.any():
         return []
+    within = (x > x.min()) & (x < x.max())
+    between = moves[within[1:] & within[:-1]]
+    hold = between.size / max(np.count_nonzero(between), 1)  # samples; an input of steps is held at every level
     usual = float(np.median(moves[moves > 0]))
     flat, jumps, first = 0, [], []
     for extreme in (x.max(), x.min()):
         edges = np.flatnonzero(np.diff(np.r_[0, (x == extreme).astype(int), 0]))
         for start, stop in zip(edges[::2], edges[1::2], strict=True):
-            if stop - start >= 3:
+            if stop - start >= 3 * max(hold, 1.0):
                 flat += stop - start
                 first.append(int(start))
                 jumps += [abs(x[i] - extreme) for i in (start - 1, stop) if 0 <= i < x.size]
