@@ -184,9 +184,9 @@ def test_a_grid_is_told_where_it_is_coarse_and_not_where_noise_is_larger():
     coarse, fine = (
         Record.of(PLAIN.u, step * np.round(PLAIN.y / step), PLAIN.dt, PLAIN.dims, PLAIN.law) for step in (0.1, 0.001)
     )
-    assert readings.coarse_grid(coarse, coloured(coarse, TRUE)) == pytest.approx(0.1)
-    assert readings.coarse_grid(fine, coloured(fine, TRUE)) == 0.0
-    assert readings.coarse_grid(PLAIN, coloured(PLAIN, TRUE)) == 0.0
+    assert readings.coarse_grid(coarse, coloured(coarse, TRUE), 0.004) == pytest.approx(0.1)
+    assert readings.coarse_grid(fine, coloured(fine, TRUE), 0.004) == 0.0
+    assert readings.coarse_grid(PLAIN, coloured(PLAIN, TRUE), 0.004) == 0.0
 
 
 def test_signals_are_one_sample_late_as_l2_is():

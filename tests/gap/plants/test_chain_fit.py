@@ -13,7 +13,7 @@ from benchmarks.blind_logs import wiener_hammerstein as blind
 from tests.gap.plants.example_chain import PLAIN, THETA, TRUE, record, term
 from whsklearn import WienerHammersteinSystem
 from whsklearn.datasets import make_coupled_drives
-from whsklearn.effects import FrictionLaw, Hinge, Power, QuadraticDrag, as_law
+from whsklearn.effects import Power, QuadraticDrag, as_law
 from whsklearn.effects.law import place_knots
 from whsklearn.gap import GapFinder
 from whsklearn.gap.plants import chain_fit as cf
@@ -63,15 +63,6 @@ def test_a_pole_and_a_zero_that_cancel_at_the_unit_circle_are_released():
 
 def test_a_pole_and_a_zero_that_the_record_needs_are_not_released():
     assert cf.released(PLAIN, cf.polished(PLAIN, cf.coloured(PLAIN, TRUE))) == []
-
-
-def test_a_number_that_no_error_follows_stays_where_it_is():
-    law = FrictionLaw([*PLAIN.law.terms, Hinge(0.0, 1e3)])  # a kink where x never is
-    s = dataclasses.replace(PLAIN, law=law, dims=PLAIN.dims + np.array([0, 0, 0, 0, 1]))
-    m = cf.moved(s, ChainHypothesis(np.insert(THETA, 6, 0.0)), 1.0, np.random.default_rng(0))
-    assert m.theta[6] == 0.0
-    assert np.all(np.delete(m.theta, 6) != THETA)
-    assert np.abs(np.delete(m.theta, 6) - THETA).max() < 1.0
 
 
 def test_an_effect_is_fitted_together_with_the_blocks():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from whsklearn.effects import FrictionLaw, Quantization, as_law, get_effect
 from whsklearn.effects.base import Array, Bools
 from whsklearn.effects.law import has_knots
 from whsklearn.gap.calibration import GATE, p_value
-from whsklearn.gap.data_check import FEWEST_SAMPLES, FLAT, DataProblem, flat_share
+from whsklearn.gap.data_check import FEWEST_SAMPLES, FLAT, SPIKE, DataProblem, flat_share
 from whsklearn.gap.diagnosis import NamedEffect
 from whsklearn.gap.filters import whiteness
 from whsklearn.gap.localisation import spectra
@@ -38,14 +37,16 @@ from whsklearn.gap.plants.chain_fit import (
     sharpened,
     with_knots,
 )
-from whsklearn.gap.plants.chain_looks import SLOPED, WRONG_SIDE, Seen, gained, kinds, look
+from whsklearn.gap.plants.chain_looks import SLOPED, Seen, gained, kinds, look
 from whsklearn.gap.plants.chain_model import ChainCandidate, ChainHypothesis, Record
-from whsklearn.gap.record import HELD_OUT, MAD, rms
-from whsklearn.gap.search import STILL, WORTH_FITTING
+from whsklearn.gap.record import HELD_OUT, rms
+from whsklearn.gap.search import LEAST_SHARE, STILL, WORTH_FITTING
 from whsklearn.gap.tangent import Look
 from whsklearn.systems.wiener_hammerstein import WienerHammersteinSystem
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
 
@@ -60,16 +61,7 @@ NO_DOUBT = 1e-3  # p-value below which the look alone is sufficient
 UNEXPLAINED = 0.1  # of the output's rms: a free run that leaves less has blocks near the true ones
 FEW = 9  # own records in which the best candidate is fitted as well
 AT_BOUND = 1.02  # ratio to the end of a range within which a shape counts as being at the end
-NO_PEAK = 2.0**-0.5  # damping above which a second-order resonance has no peak and is a pair of poles like any other
-REMEMBERED = 8  # samples for which L2 remembers a sign; with a pole at 0.8 a sixth of it is left after them
-
-# --- what a record must have (`tests/gap/plants/test_chain.py`) -----------------------------
-
-STANDING = 0.98  # share of samples that may repeat the one before; a signal that repeats more often is constant
 LEVELS = 50  # distinct values of an output below which it is a signal with a few levels and not a clipped one
-FAR = 40.0  # multiple of the 0.99 quantile of the distance from the median; samples beyond are outliers of the file
-COARSE_READING = 0.003  # rms of rounding errors as a share of the output's: a finer grid is that of a normal converter
-ROUNDING = 0.15  # share of the errors' mean square that rounding must make up to be mentioned
 
 
 class ChainPlant(Plant):
@@ -115,9 +107,7 @@ class ChainPlant(Plant):
         self.headline = float(self.length)
         self._others: list[ChainHypothesis] = []
         self._near: set[str] = set()
-        self._settled: dict[int, ChainHypothesis] = {}
-        self._parts: dict[tuple[int, bool], tuple[ChainHypothesis, ChainHypothesis]] = {}
-        self._seen: dict[int, tuple[ChainHypothesis, Seen]] = {}
+        self._known: dict[tuple[int, str], tuple[ChainHypothesis, Any]] = {}
 
     def check(self) -> list[DataProblem]:
         """See `whsklearn.gap.plants.chain.check_chain`; holes may not be longer than what was logged."""
@@ -156,22 +146,23 @@ class ChainPlant(Plant):
         self._first = rms(self.errors(found[0]))
         return found[0]
 
+    def _once(self, what: str, model: ChainHypothesis, computed: Callable[[], Any]) -> Any:
+        """What was computed for a model before; the model stays there, so that no other gets its id."""
+        key = id(model), what
+        if key not in self._known:
+            self._known[key] = model, computed()
+        return self._known[key][1]
+
     def settled(self, model: ChainHypothesis) -> ChainHypothesis:
         """The model fitted until it converges."""
-        if id(model) not in self._settled:
-            out = polished(self.record, model)
-            self._settled[id(model)] = self._settled[id(out)] = out
-            self._parts[id(model), False] = model, model  # keeps the key's object alive
-        return self._settled[id(model)]
+        out: ChainHypothesis = self._once("settled", model, lambda: polished(self.record, model))
+        return self._once("settled", out, lambda: out)
 
     def part(self, model: ChainHypothesis) -> ChainHypothesis:
         """The model fitted to the first part of the record, which is not used to judge it."""
-        key = id(model), True
-        if key not in self._parts:
-            s = self.everything
-            early = dataclasses.replace(s, fit=s.fit & ~self._later())
-            self._parts[key] = model, sharpened(early, model, (cm.SHARPEST,), 12)
-        return self._parts[key][1]
+        s = self.everything
+        early = dataclasses.replace(s, fit=s.fit & ~self._later())
+        return self._once("part", model, lambda: sharpened(early, model, (cm.SHARPEST,), 12))
 
     def _later(self) -> Bools:
         """The last `HELD_OUT` of the logged samples, which judge a model that is fitted to the others."""
@@ -185,9 +176,7 @@ class ChainPlant(Plant):
     # --- the search -------------------------------------------------------------------------------
     def seen(self, model: ChainHypothesis, rng: np.random.Generator) -> Seen:
         """The look at a model, computed once."""
-        if id(model) not in self._seen:
-            self._seen[id(model)] = model, look(self.record, model, rng)
-        return self._seen[id(model)][1]
+        return self._once("seen", model, lambda: look(self.record, model, rng))
 
     def looks(
         self, model: ChainHypothesis, rng: np.random.Generator, beside: ChainHypothesis | None = None
@@ -269,7 +258,7 @@ class ChainPlant(Plant):
             name = term.kind.fields[i].replace("_", " ")
             if term.kind.ratios(i) and not AT_BOUND * low < value < high / AT_BOUND:
                 return f"its {name} is at the end of the range that such a record can show"
-            if name == "damping ratio" and value > NO_PEAK:
+            if name == "damping ratio" and 2.0 * value**2 > 1.0:  # its response has no peak
                 return "a pair of poles with so much damping is not a resonance: the orders are too low"
         if term.kind.positive and term.q[0] < 0.0:
             return f"its {term.kind.fields[0].replace('_', ' ')} would be negative"
@@ -295,18 +284,17 @@ class ChainPlant(Plant):
         for _ in range(FEW):
             s = cm.made(self.record, other.model, rng)
             right = sharpened(s, other.model, (cm.SHARPEST,))
-            wrong = sharpened(s, sharpened(s, taken.model, (10.0, 30.0, *cm.HARD)), (cm.SHARPEST,))
+            wrong = sharpened(s, sharpened(s, taken.model, cm.RUNGS[1:]), (cm.SHARPEST,))
             leads.append(gained(s, right, wrong) - price)
         return np.array(leads)
 
     # --- proof ------------------------------------------------------------------------------------
     def follows(self, model: ChainHypothesis) -> float:
         """Share of a model's mean square residual that nameless functions explain beyond chance."""
-        seen = self._seen.get(id(model))
-        if seen is None:
+        _, seen = self._known.get((id(model), "seen"), (None, None))
+        if seen is None or min((k.p_value for k in seen.looks if not k.name), default=1.0) > GATE:
             return 0.0
-        sure = min((k.p_value for k in seen[1].looks if not k.name), default=1.0) <= GATE
-        return min(seen[1].share, 0.99) if sure else 0.0
+        return min(float(seen.share), 0.99)
 
     def figures(self, base: ChainHypothesis, model: ChainHypothesis, nameless: float = 0.0) -> Figures:
         """Whitened error before, after, and the part that is noise, in the unit of the output."""
@@ -333,10 +321,10 @@ class ChainPlant(Plant):
         return s.y, judged
 
     def _turned(self, model: ChainHypothesis) -> Bools:
-        """Samples that follow one on the wrong side of a sign, for as long as L2 remembers it."""
-        e = np.abs(cm.left(self.everything, self.part(model)))
-        far = e > WRONG_SIDE * MAD * float(np.median(e[self.everything.seen]))
-        return np.convolve(far, np.ones(REMEMBERED))[: far.size] > 0.5
+        """Samples that follow one on the wrong side of a sign, while the colour remembers it."""
+        e = cm.left(self.everything, self.part(model))
+        far = np.abs(e) > cm.clip_at(e[self.everything.seen])
+        return np.convolve(far, np.ones(cm.AR_ORDER))[: far.size] > 0.5
 
     def made(self, model: ChainHypothesis, rng: np.random.Generator) -> ChainPlant:
         """The plant of a record made by the model, with the unexplained part of its errors as noise."""
@@ -348,7 +336,7 @@ class ChainPlant(Plant):
         # scaled to the size expected over the judged samples, because a floor has no sampling error
         size = cm.loudness(fitted.ar) * np.sqrt(cm.variance_of(cm.left(s, fitted)[s.fit]) * (1.0 - self.follows(model)))
         other.everything = other.record = s.with_output(quiet + noise * size / rms(noise[self.measured()[1]]))
-        other._parts = {(id(model), True): (model, fitted)}
+        other._known = {(id(model), "part"): (model, fitted)}
         return other
 
     def reading(self, base: ChainHypothesis, model: ChainHypothesis) -> Reading:
@@ -357,7 +345,7 @@ class ChainPlant(Plant):
         Also what the base model lacks in its orders and law, if that explains more than the effects found.
         """
         shortfall = falls_short(self.record, base, model) if self.follows(model) else ""
-        step = coarse_grid(self.record, model)
+        step = coarse_grid(self.record, model, self.tolerance)
         grid = [NamedEffect(Quantization(step), {}, float(self.y.size), 0.0)] if step else []
         return Reading(grid, shortfall)
 
@@ -376,10 +364,7 @@ class ChainPlant(Plant):
         """The model fitted to all samples."""
         if self.everything is self.record:
             return model
-        key = id(model), False
-        if key not in self._parts or self._parts[key][1] is model:
-            self._parts[key] = model, sharpened(self.everything, model, (cm.SHARPEST,), 12)
-        return self._parts[key][1]
+        return self._once("final", model, lambda: sharpened(self.everything, model, (cm.SHARPEST,), 12))
 
     def gap(self, model: ChainHypothesis) -> Gap:
         """Whitened errors with outliers capped; the numbers of a chain are not regression coefficients of its error."""
@@ -411,8 +396,9 @@ class ChainPlant(Plant):
             *([long] if self.record is not self.everything else []),
             "All errors are those of the free run, whitened by an autoregression of the residual. Null "
             "distributions come from records simulated with the model.",
-            "Errors before and after exclude samples on the wrong side of a sign (beyond six robust deviations, and "
-            "while L2 remembers it): no fit can avoid a few of them, and they would make up most of the mean square.",
+            f"Errors before and after exclude samples on the wrong side of a sign (beyond {cm.HELD_TO:.0f} robust "
+            f"deviations, and {cm.AR_ORDER - 1} more samples): no fit can avoid a few of them, and they would make up "
+            "most of the mean square.",
             f"For the proof all numbers are fitted to the first {100 * (1.0 - HELD_OUT):.0f} % of the record; the rest "
             "judges them. Which effects are present was decided on the whole record.",
         ]
@@ -439,7 +425,7 @@ class ChainPlant(Plant):
         s = self.everything
         final = cm.stable(s, self.final(model))
         a, b, w, c, d = (final.theta[part].copy() for part in s.blocks)
-        grid = coarse_grid(s, final)
+        grid = coarse_grid(s, final, self.tolerance)
         effects = [*(t.effect for t in final.terms), *([Quantization(grid)] if grid else [])]
         return WienerHammersteinSystem(
             np.append(1.0, a), b, np.append(1.0, c), d, s.law.reweighted(w),
@@ -466,10 +452,10 @@ def check_chain(u: Array, y: Array) -> list[DataProblem]:
             f"{u.size} samples; at least {FEWEST_SAMPLES} are needed to distinguish an effect from noise. Log longer."
         )
         return [DataProblem("data-too-short", "Record too short", text)]
-    if np.ptp(u) == 0 or np.mean(np.diff(u) == 0) > STANDING:
+    if np.ptp(u) == 0 or np.mean(np.diff(u) == 0) > 1.0 - FLAT:
         text = "The input is constant or changes in fewer than 2 % of the samples; pick the input that was applied."
         return [DataProblem("data-no-drive", "The input does not change", text)]
-    if np.ptp(y) == 0 or np.mean(np.diff(y) == 0) > STANDING:
+    if np.ptp(y) == 0 or np.mean(np.diff(y) == 0) > 1.0 - FLAT:
         text = "The output is constant or changes in fewer than 2 % of the samples; pick the measured output."
         return [DataProblem("data-not-moving", "The output does not change", text)]
     out = []
@@ -481,20 +467,20 @@ def check_chain(u: Array, y: Array) -> list[DataProblem]:
         )
         out.append(DataProblem("data-clipped-position", "The output stops at its extreme", text))
     jumps = np.abs(y - np.median(y))
-    spikes = int(np.sum(jumps > FAR * (np.quantile(jumps, 0.99) + 1e-300)))
+    spikes = int(np.sum(jumps > SPIKE * (np.quantile(jumps, 0.99) + 1e-300)))
     if spikes:
         text = f"{spikes} samples of the output are far away from all others; repair the outliers."
         out.append(DataProblem("data-spikes", "Outliers in the output", text))
     return out
 
 
-def coarse_grid(s: Record, m: ChainHypothesis) -> float:
-    """Step of the grid of the readings if rounding is a considerable part of the residual, otherwise 0."""
-    step = s.step
-    if not step or step / math.sqrt(12.0) < COARSE_READING * rms(s.y[s.seen]):
+def coarse_grid(s: Record, m: ChainHypothesis, tolerance: float) -> float:
+    """Step of the grid of the readings if rounding is worth naming and a considerable part of the residual, else 0."""
+    rounding = s.step**2 / 12.0
+    if rounding <= (tolerance * rms(s.y[s.seen])) ** 2:
         return 0.0
-    gain = 1.0 + float(m.ar @ m.ar)  # of A(q) on white rounding errors
-    return step if gain * step**2 / 12.0 > ROUNDING * cm.variance_of(cm.left(s, m)[s.fit]) else 0.0
+    white = (1.0 + float(m.ar @ m.ar)) * rounding  # A(q) on white rounding errors
+    return s.step if white > LEAST_SHARE * cm.variance_of(cm.left(s, m)[s.fit]) else 0.0
 
 
 def signals_of(s: Record, m: ChainHypothesis, units: tuple[str, str]) -> dict[str, tuple[Array, str]]:

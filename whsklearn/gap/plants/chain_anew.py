@@ -17,7 +17,7 @@ from whsklearn.effects import FrictionLaw, Power
 from whsklearn.effects.base import Array
 from whsklearn.gap.plants import chain_model as cm
 from whsklearn.gap.plants.chain_fit import (
-    SOFT,
+    KEPT,
     base_starts,
     climb,
     cost,
@@ -37,15 +37,9 @@ from whsklearn.gap.search import WORTH_FITTING
 from whsklearn.gap.tangent import Look
 from whsklearn.recursion.batch.best_linear import Ratio
 
-PROMISING = 4  # number of additive candidates of each look that are fitted
-MOST_NUDGES, NUDGES = 4, (0.7, 0.87, 1.15, 1.4)  # rounds, and factors by which a shape moves to another minimum
-TRIED = 12  # starts that are fitted, per number of a candidate: those with the least residual before the fit
-DIVIDED = 5  # shapes whose best linear model is divided between the blocks: those that fit best
-KEPT = 4  # of them that are sharpened, per number
-MEMORY = 24  # samples of the impulse response behind a lost sign
+NUDGES = (0.7, 0.87, 1.15, 1.4)  # factors by which a shape moves to another minimum
 ONE_SIDED = -0.3  # of rms: if the sign was lost, the lowest hundredth of the readings is noise alone
 FOLDS = ((0.5,), (1.0,))  # fractions from which a fold of the distorted base is fitted
-PASSES = 60  # alternating projections; they converge after about ten
 
 
 def is_strong(kind: ChainCandidate, s: Record) -> bool:
@@ -72,11 +66,10 @@ def near(
 
 def promising(s: Record, m: ChainHypothesis, looks: list[Look], among: Any = None) -> list[ChainTerm]:
     """Starts of all strong candidates and of the best others, at the shapes that either look prefers."""
-    both = [sorted((k for k in looks if k.start is not None), key=lambda k: -k.score), softly(s, m)]
     out: list[ChainTerm] = []
-    for one in both:
+    for one in (sorted((k for k in looks if k.start is not None), key=lambda k: -k.score), softly(s, m)):
         starts = [k.start for k in one if (among is None or k.name in among) and not k.start.kind.folds]
-        weak = [t for t in starts if not is_strong(t.kind, s)][:PROMISING]
+        weak = [t for t in starts if not is_strong(t.kind, s)][:KEPT]
         out += [t for t in starts if (is_strong(t.kind, s) or t in weak) and t not in out]
     return out
 
@@ -117,7 +110,7 @@ def beside_the_best(
         if other != kind and is_strong(other, s) and not other.folds and (among is None or other.name in among):
             sizes = (0.0,) * other.linear
             starts = best(s, [bare.plus(ChainTerm(other, (*sizes, *shape))) for shape in other.shapes(z)], 1)
-            yield from ((other, sharpened(s, m, (10.0, 30.0, *cm.HARD), 6)) for m in starts)
+            yield from ((other, sharpened(s, m, cm.RUNGS[1:], 6)) for m in starts)
 
 
 def fitted(s: Record, models: list[ChainHypothesis], term: ChainTerm) -> ChainHypothesis:
@@ -125,7 +118,7 @@ def fitted(s: Record, models: list[ChainHypothesis], term: ChainTerm) -> ChainHy
     z = cm.sizes(s, models[0])
     bounds = [term.kind.range_of(i, z) for i in range(len(term.q))]
     term = ChainTerm(term.kind, tuple(float(np.clip(v, *b)) for v, b in zip(term.q, bounds, strict=True)))
-    ways = [sharpened(s, m.plus(term), (10.0, 30.0, *cm.HARD), 6) for m in models]
+    ways = [sharpened(s, m.plus(term), cm.RUNGS[1:], 6) for m in models]
     if term.kind.linear:
         ways.append(sharpened(s, models[0].plus(term), cm.HARD[1:], 8))
     out = min(ways, key=lambda m: cost(s, m))
@@ -165,11 +158,11 @@ def nudged(s: Record, m: ChainHypothesis) -> ChainHypothesis:
         return m
     best, z = (cost(s, m), m), cm.sizes(s, m)
     low, high = term.kind.range_of(0, z)
-    for _ in range(MOST_NUDGES):
+    for _ in range(KEPT):
         q, before = best[1].terms[-1].q, best[0]
         for first in (*(q[0] * f for f in NUDGES), *((q[0] - s.dt, q[0] + s.dt) if term.kind.delays else ())):
             moved = ChainTerm(term.kind, (float(np.clip(first, low, high)), *q[1:]))
-            other = sharpened(s, best[1].with_terms((*m.terms[:-1], moved)), (10.0, 30.0, *cm.HARD), 6)
+            other = sharpened(s, best[1].with_terms((*m.terms[:-1], moved)), cm.RUNGS[1:], 6)
             best = min(best, (cost(s, other), other), key=lambda b: b[0])
         if best[0] > 0.99 * before:
             break
@@ -186,14 +179,14 @@ def fitted_anew(
     """
 
     def residual(m: ChainHypothesis) -> float:
-        return softened(s, climb(s, m, SOFT[1], 8, robust=False), SOFT[1])
+        return softened(s, climb(s, m, cm.RUNGS[1], 8, robust=False), cm.RUNGS[1])
 
-    soft = [(kind, ranked(s, starts_of(s, m, others, kind, rng), SOFT[0], 8)) for kind in strong]
-    left = {id(found): residual(found[0]) for _, found in soft if found}
+    soft = [(kind, ranked(s, starts_of(s, m, others, kind, rng), cm.RUNGS[0], 8)) for kind in strong]
     whole = residual(m)
-    least = WORTH_FITTING * (whole - min(left.values(), default=whole))
+    gone = {kind: whole - residual(found[0]) for kind, found in soft if found}
+    least = max(WORTH_FITTING * max(gone.values(), default=0.0), 0.0)
     for kind, found in soft:
-        if found and whole - left[id(found)] >= max(least, 0.0):
+        if found and gone[kind] >= least:
             keep = max(kind.n_numbers, 1) * KEPT  # a resonance has more local minima than a width
             yield kind, sharpest(s, found[:keep])[0]
 
@@ -213,14 +206,14 @@ def starts_of(
     elif kind.at == "input" or kind.cls.place == "drive":
         linear = [(linear_model(s, applied(s, term)), term) for term in terms]
         linear.sort(key=lambda pair: misfit(s, pair[0], applied(s, pair[1])))
-        for ratio, term in linear[:DIVIDED]:
+        for ratio, term in linear[:KEPT]:
             more = m.plus(term)
             starts += [dataclasses.replace(more, theta=t) for t in divided(s, ratio, more.terms)]
     if kind.folds:
         starts += [dataclasses.replace(b.plus(ChainTerm(kind, (1.0,))), n_base=m.n_base) for b in unfolded(s, m, rng)]
     elif "frequency" in kind.fields:
         starts += [*split_off(s, m, kind), *(t for o in (m, *others) for t in pulled_out(s, o, kind))]
-    return best(s, starts, max(kind.n_numbers, 1) * TRIED)
+    return best(s, starts, max(kind.n_numbers, 1) * 2 * KEPT)
 
 
 def best(s: Record, starts: list[ChainHypothesis], n: int) -> list[ChainHypothesis]:
@@ -229,7 +222,7 @@ def best(s: Record, starts: list[ChainHypothesis], n: int) -> list[ChainHypothes
     return [starts[i] for _, i in sorted(scored)[:n]]
 
 
-def softened(s: Record, m: ChainHypothesis, sharpness: float = SOFT[0]) -> float:
+def softened(s: Record, m: ChainHypothesis, sharpness: float = cm.RUNGS[0]) -> float:
     """Mean square residual of a model under a soft sign."""
     white = dataclasses.replace(m, ar=np.zeros_like(m.ar))
     e = cm.left(s, white, sharpness / cm.rms_dx(s, white))[s.fit]
@@ -289,20 +282,17 @@ def unfolded(s: Record, m: ChainHypothesis, rng: np.random.Generator) -> list[Ch
     retrieval using alternating minimization, IEEE Trans. Signal Processing 63(18)).  From there, the sign of h * u and
     the least-squares h are computed in turn; finally the chain's own output replaces h * u.
     """
-    rows = np.column_stack([np.concatenate([np.zeros(i), s.u[: s.u.size - i]]) for i in range(1, MEMORY + 1)])
+    rows = np.column_stack([np.concatenate([np.zeros(i), s.u[:-i]]) for i in range(1, cm.SKIP + 1)])
     n = np.count_nonzero(s.seen)
     white = np.linalg.qr(rows * s.seen[:, None])[0] * np.sqrt(n)
     moment = (white * (s.y**2 - np.mean(s.y[s.seen] ** 2))[:, None]).T @ white / n
     values, axes = np.linalg.eigh(moment)
     tries = []
-    for h in [axes[:, i] for i in np.argsort(-values)[:3]] + [rng.standard_normal(MEMORY) for _ in range(5)]:
-        sign = np.sign(white @ h)
-        for _ in range(PASSES):
-            h = white.T @ (sign * s.y) / n
-            new = np.sign(white @ h)
-            if np.array_equal(new, sign):
-                break
-            sign = new
+    for h in [*axes.T[np.argsort(-values)[:3]], *rng.standard_normal((KEPT, cm.SKIP))]:
+        sign, before = np.sign(white @ h), np.zeros(0)
+        while not np.array_equal(sign, before):  # each step lowers a sum of squares
+            h, before = white.T @ (sign * s.y) / n, sign
+            sign = np.sign(white @ h)
         tries.append((float(np.mean((s.y - np.abs(white @ h))[s.seen] ** 2)), sign))
     sign = min(tries, key=lambda t: t[0])[1]
     found: list[ChainHypothesis] = []

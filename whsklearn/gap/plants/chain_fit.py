@@ -16,23 +16,21 @@ from typing import Any
 
 import numpy as np
 
-from whsklearn.effects import FrictionLaw, Hinge, Power
+from whsklearn.effects import FrictionLaw, Power
 from whsklearn.effects.base import Array
-from whsklearn.effects.law import has_knots, place_knots, placed
+from whsklearn.effects.law import has_knots, placed, static_terms
 from whsklearn.gap.calibration import gain
 from whsklearn.gap.least_squares import least_squares
 from whsklearn.gap.plants import chain_model as cm
 from whsklearn.gap.plants.chain_model import ChainHypothesis, ChainTerm, Record
+from whsklearn.gap.search import LEAST_SHARE
 from whsklearn.recursion.batch.best_linear import IOData, Ratio, best_linear
 from whsklearn.recursion.batch.simulation_search import Orders, divisions, exchanged, padded
 from whsklearn.recursion.memory.starts import random_stable
 from whsklearn.systems.stability import is_stable
 
-SOFT = (3.0, 10.0, 30.0)  # kappa times rms dx
 N_RANDOM = 16  # starts besides the divisions, for blocks that are far from those of a linear model
-KEPT, POLISHED = 6, 2  # minima under a soft sign that are sharpened, and those that are fitted until they converge
-N_HOPS, HOP = 2, 1.0  # trials of neighbouring local minima, and their distance in standard errors
-DIFFERENT = 1e-3  # share of the sum of squares by which two minima differ
+KEPT = 5  # starts of a kind that go on, after a cheaper fit has ranked them
 LEAST_DROP = 1e-6  # of the sum of squares in one step of a fit
 UNSEEN = 1e-12  # share of the largest column below which a column is rounding error
 
@@ -65,7 +63,7 @@ def climb(s: Record, m: ChainHypothesis, sharpness: float, steps: int, *, robust
     def errors(x: Array) -> Array:
         if begins_stable and not _stable(s, x[: m.theta.size]):
             return np.full(int(s.fit.sum()), np.inf)
-        _, _, e = simulated(x)
+        e = simulated(x)[2]
         return np.copysign(np.sqrt(cm.capped(e**2)), e) if robust else e
 
     def slopes(x: Array) -> Array:
@@ -78,7 +76,7 @@ def climb(s: Record, m: ChainHypothesis, sharpness: float, steps: int, *, robust
             out *= (cm.share(e**2) * np.abs(e) / np.maximum(np.sqrt(cm.capped(e**2)), 1e-150))[:, None]
         return out
 
-    near = 1e-6 * np.maximum(np.abs(x), 0.05)
+    near = cm.SMALL * np.maximum(np.abs(x), 0.05)
     try:
         found = least_squares(errors, x, near, (low, high), max_iterations=steps, tolerance=LEAST_DROP, slopes=slopes)
     except (ValueError, np.linalg.LinAlgError):
@@ -97,32 +95,23 @@ def sharpened(
     s: Record, m: ChainHypothesis, rungs: Iterable[float] = cm.HARD, steps: int = 8, *, robust: bool = True
 ) -> ChainHypothesis:
     """The model fitted rung by rung, with its noise colour updated after each; the best one under the true sign."""
-    best: tuple[float, ChainHypothesis] | None = None
-    for rung in rungs:
-        m = coloured(s, climb(s, m, rung, steps, robust=robust))
-        value = cost(s, m)
-        if best is None or value < best[0]:
-            best = value, m
-    assert best is not None
-    return best[1]
+    tried = [m := coloured(s, climb(s, m, rung, steps, robust=robust)) for rung in rungs]
+    return min(tried, key=lambda m: cost(s, m))
 
 
-def polished(s: Record, m: ChainHypothesis, hops: int = N_HOPS) -> ChainHypothesis:
-    """The model at its minimum: refitted through a soft sign, from its present values, and from nearby ones.
+def polished(s: Record, m: ChainHypothesis) -> ChainHypothesis:
+    """The model at its minimum: refitted from its present values, through a soft sign, and from there again.
 
-    Every sample close to a reversal makes a local minimum of its own.  The hops, which are a few standard errors long
-    and always the same, try the neighbouring ones.  A pole and a zero that cancel are released.
+    Every sample close to a reversal makes a local minimum of its own.  Errors that are not capped pull the model across
+    a sign that a sample is on the wrong side of, the softer it is the further.  A pole and a zero that cancel are
+    released.
     """
-    ways = [m, sharpened(s, m, (30.0, 150.0, cm.SHARPEST)), sharpened(s, m, (cm.SHARPEST,), 10)]
-    # not capped, so that a sample on the wrong side pulls the model across
-    ways += [sharpened(s, sharpened(s, m, cm.HARD, robust=False), (cm.SHARPEST,))]
-    best = min((cost(s, w), i, w) for i, w in enumerate(ways))
-    rng = np.random.default_rng(0)
-    for i in range(hops):
-        near = sharpened(s, moved(s, best[2], HOP, rng), (100.0, cm.SHARPEST), 6, robust=False)
-        best = min(best, (cost(s, near), 3 + i, near))
-    ways = [sharpened(s, m, (30.0, 150.0, cm.SHARPEST)) for m in released(s, best[2])]
-    return min([best[2], *ways], key=lambda w: cost(s, w))
+    best = min([m, sharpened(s, m, cm.RUNGS[2:]), sharpened(s, m, (cm.SHARPEST,), 10)], key=lambda w: cost(s, w))
+    best = min([best, *(sharpened(s, w, cm.RUNGS[2:]) for w in released(s, best))], key=lambda w: cost(s, w))
+    for rungs in (cm.HARD, cm.RUNGS[1:]):
+        across = sharpened(s, best, rungs, 15, robust=False)
+        best = min([best, across, sharpened(s, across, (cm.SHARPEST,))], key=lambda w: cost(s, w))
+    return best
 
 
 def released(s: Record, m: ChainHypothesis) -> list[ChainHypothesis]:
@@ -146,19 +135,6 @@ def released(s: Record, m: ChainHypothesis) -> list[ChainHypothesis]:
         if gain(cost(s, moved), cost(s, m), n) < 2.0 * np.log(n):  # the record does not need these two numbers
             out.append(moved)
     return out
-
-
-def moved(s: Record, m: ChainHypothesis, far: float, rng: np.random.Generator) -> ChainHypothesis:
-    """The model with numbers drawn from their covariance, scaled by ``far`` standard errors."""
-    rows = cm.sensitivities(s, m, 30.0 / cm.rms_dx(s, m))[s.fit]
-    scale = np.linalg.norm(rows, axis=0)
-    seen = scale > UNSEEN * scale.max(initial=0.0)  # a number on which no error depends has no covariance: it stays
-    scale = np.where(seen, scale, np.inf)
-    _, values, axes = np.linalg.svd(rows / scale, full_matrices=False)
-    sigma = far * np.sqrt(cm.variance_of(cm.left(s, m)[s.fit]))
-    step = axes.T @ (rng.standard_normal(values.size) / np.maximum(values, 1e-3 * values[0])) * sigma / scale
-    low, high = cm.bounds(m, cm.sizes(s, m))
-    return cm.from_vector(m, np.clip(cm.to_vector(m) + step, low, high))
 
 
 # --- starts ---------------------------------------------------------------------------------------
@@ -217,32 +193,25 @@ def weighed(s: Record, first: Array, second: Array, terms: tuple[ChainTerm, ...]
 def random_thetas(s: Record, rng: np.random.Generator, n: int) -> list[Array]:
     """theta of random stable blocks; weights by least squares."""
     na, nb, nc, nd, _ = (int(i) for i in s.dims)
-    return [
-        weighed(
-            s, np.concatenate([rng.normal(0.0, 1.0, na - 1), random_stable(nb, rng)]),
-            np.concatenate([rng.normal(0.0, 1.0, nc - 1), random_stable(nd, rng)]),
-        )
-        for _ in range(n)
-    ]  # fmt: skip
+
+    def block(zeros: int, poles: int) -> Array:
+        return np.concatenate([rng.normal(0.0, 1.0, zeros), random_stable(poles, rng)])
+
+    return [weighed(s, block(na - 1, nb), block(nc - 1, nd)) for _ in range(n)]
 
 
 def ranked(s: Record, models: Iterable[ChainHypothesis], sharpness: float, steps: int) -> list[ChainHypothesis]:
     """Stable starts after a few steps under a soft sign and white noise; the best of each minimum comes first."""
-    found = []
+    found: list[tuple[float, ChainHypothesis]] = []
     for m in models:
-        if not np.all(np.isfinite(m.theta)) or not _stable(s, m.theta):
-            continue
-        m = climb(s, m, sharpness, steps, robust=False)
-        e = cm.left(s, m, sharpness / cm.rms_dx(s, m))[s.fit]
-        value = float(e @ e)
-        if np.isfinite(value):
-            found.append((value, m))
+        if np.all(np.isfinite(m.theta)) and _stable(s, m.theta):
+            m = climb(s, m, sharpness, steps, robust=False)
+            value = float(np.sum(cm.left(s, m, sharpness / cm.rms_dx(s, m))[s.fit] ** 2))
+            found += [(value, m)] if np.isfinite(value) else []
     found.sort(key=lambda f: f[0])
-    out: list[tuple[float, ChainHypothesis]] = []
-    for value, m in found:
-        if not out or value > out[-1][0] * (1.0 + DIFFERENT):
-            out.append((value, m))
-    return [m for _, m in out]
+    # two minima differ if their likelihoods do by a factor of e
+    apart = [i for i in range(len(found)) if i == 0 or gain(found[i][0], found[i - 1][0], s.fit.sum()) > 1.0]
+    return [found[i][1] for i in apart]
 
 
 def _stable(s: Record, theta: Array) -> bool:
@@ -252,19 +221,19 @@ def _stable(s: Record, theta: Array) -> bool:
 
 def minima(s: Record, starts: Iterable[ChainHypothesis]) -> list[ChainHypothesis]:
     """Distinct minima that the starts lead to, best first; the best is fitted until it converges."""
-    out = sharpest(s, ranked(s, starts, SOFT[0], 8)[:KEPT], neighbours=True)
+    out = sharpest(s, ranked(s, starts, cm.RUNGS[0], 8)[:KEPT], neighbours=True)
     return [polished(s, m) for m in out[:1]] + out[1:]
 
 
 def sharpest(s: Record, soft: list[ChainHypothesis], *, neighbours: bool = False) -> list[ChainHypothesis]:
     """Sharpen models found under a soft sign, best first; with ``neighbours``, also those with exchanged roots."""
-    softer = sorted((sharpened(s, m, SOFT[1:]) for m in soft), key=lambda m: cost(s, m))
+    softer = sorted((sharpened(s, m, cm.RUNGS[1:3]) for m in soft), key=lambda m: cost(s, m))
     if neighbours:
         dims = tuple(map(int, s.dims))
         others = [dataclasses.replace(m, theta=t) for m in softer[:1] for t in exchanged(m.theta, dims)]
-        softer += [sharpened(s, m, SOFT[1:]) for m in ranked(s, others, SOFT[1], 6)[:2]]
+        softer += [sharpened(s, m, cm.RUNGS[1:3]) for m in ranked(s, others, cm.RUNGS[1], 6)[:2]]
         softer.sort(key=lambda m: cost(s, m))
-    return sorted((sharpened(s, m) for m in softer[:POLISHED]), key=lambda m: cost(s, m))
+    return sorted((sharpened(s, m) for m in softer[:2]), key=lambda m: cost(s, m))
 
 
 def base_starts(s: Record, rng: np.random.Generator) -> list[ChainHypothesis]:
@@ -274,9 +243,7 @@ def base_starts(s: Record, rng: np.random.Generator) -> list[ChainHypothesis]:
 
 
 # --- the law, and whether orders and law suffice ---------------------------------------------------
-KNOTS = 8  # kinks of a free function of x beside the given law
 EXTRA = (1, 2)  # poles and zeros added to each block
-SPOKEN_OF = 0.2  # share of the mean square that orders, or a law, must explain to be mentioned as the cause
 
 
 def first_law(law: FrictionLaw) -> FrictionLaw:
@@ -288,13 +255,10 @@ def first_law(law: FrictionLaw) -> FrictionLaw:
 
 def with_knots(s: Record, m: ChainHypothesis, asked: FrictionLaw) -> tuple[Record, list[ChainHypothesis]]:
     """(record, [fitted model]) with the knots of the law placed for the model's x."""
-    law = FrictionLaw(placed(asked.terms, cm.simulate(s, m)[0]))
-    dims = s.dims.copy()
-    dims[4] = len(law)
-    at = dataclasses.replace(s, law=law, dims=dims)
+    at = s.with_law(FrictionLaw(placed(asked.terms, cm.simulate(s, m)[0])))
     _, b, weights, _, _ = s.blocks
     theta = weighed(at, m.theta[: b.stop], m.theta[weights.stop :])
-    return at, [polished(at, sharpened(at, dataclasses.replace(m, theta=theta), (30.0, 300.0, cm.SHARPEST), 15))]
+    return at, [polished(at, sharpened(at, dataclasses.replace(m, theta=theta), cm.RUNGS[2::2], 15))]
 
 
 def raised(s: Record, m: ChainHypothesis, more: int) -> tuple[Record, ChainHypothesis]:
@@ -308,14 +272,10 @@ def raised(s: Record, m: ChainHypothesis, more: int) -> tuple[Record, ChainHypot
 
 def freed(s: Record, m: ChainHypothesis) -> tuple[Record, ChainHypothesis]:
     """(record, model) with kinks in x, all of weight zero, and a cubic beside its law."""
-    x = cm.simulate(s, m)[0]
-    kinks = [Hinge(0.0, float(k)) for k in place_knots(x, KNOTS)]
+    kinks = placed(static_terms("piecewise_linear:8") or (), cm.simulate(s, m)[0])
     law = FrictionLaw([*s.law.terms, *(Power(0.0, float(k)) for k in (1, 2, 3)), *kinks])
-    dims = s.dims.copy()
-    dims[4] = len(law)
-    cut = s.blocks[2].stop
-    theta = np.concatenate([m.theta[:cut], np.zeros(len(law) - len(s.law)), m.theta[cut:]])
-    return dataclasses.replace(s, dims=dims, law=law), dataclasses.replace(m, theta=theta)
+    theta = np.insert(m.theta, s.blocks[2].stop, np.zeros(len(law) - len(s.law)))
+    return s.with_law(law), dataclasses.replace(m, theta=theta)
 
 
 def falls_short(s: Record, base: ChainHypothesis, model: ChainHypothesis) -> str:
@@ -327,34 +287,26 @@ def falls_short(s: Record, base: ChainHypothesis, model: ChainHypothesis) -> str
     """
 
     def fitted(pair: tuple[Record, ChainHypothesis]) -> tuple[Record, ChainHypothesis, float]:
-        at, m = pair
-        m = sharpened(at, m, (10.0, *cm.HARD), 10)
+        at, m = pair[0], sharpened(*pair, cm.RUNGS[1::2], 15)
         return at, m, cost(at, m)
 
-    n = float(s.fit.sum())
-
-    def beats(other: tuple[Record, ChainHypothesis, float]) -> bool:
-        more = other[1].theta.size - base.theta.size - sum(t.kind.n_numbers for t in model.terms)
-        return gain(cost(s, model), other[2], n) > more * np.log(n)
-
-    value = cost(s, base)
+    n, value = float(s.fit.sum()), cost(s, base)
     orders = min((fitted(raised(s, base, more)) for more in EXTRA), key=lambda f: f[2])
     law = fitted(freed(s, base))
-    both = fitted(freed(*orders[:2]))
-    if not any(map(beats, (orders, law, both))):
+    own = base.theta.size + sum(t.kind.n_numbers for t in model.terms)
+    larger = (orders, law, fitted(freed(*orders[:2])))
+    if all(gain(cost(s, model), after, n) <= (m.theta.size - own) * np.log(n) for _, m, after in larger):
         return ""
-    by_orders, by_law = 1.0 - orders[2] / value, 1.0 - law[2] / value
-    parts = []
-    if by_orders > SPOKEN_OF:
-        before, after = (",".join(str(int(n)) for n in o[:4]) for o in (s.dims, orders[0].dims))
+    parts, (by_orders, by_law) = [], (1.0 - found[2] / value for found in (orders, law))
+    if by_orders > LEAST_SHARE:
+        before, after = (",".join(str(int(n)) for n in o.dims[:4]) for o in (s, orders[0]))
         parts.append(
             f"linear dynamics are missing: more poles and zeros alone take {100 * by_orders:.0f} % off the mean square "
             f"of the error (orders {before} were given; try {after})"
         )
-    if by_law > SPOKEN_OF:
+    if by_law > LEAST_SHARE:
         parts.append(
             f"the law has another shape: free functions of x alone take {100 * by_law:.0f} % off it (give another law)"
         )
-    if not parts:
-        parts.append("orders and law together are too small")
-    return "The base model itself falls short: " + "; ".join(parts) + ". No effect is named until that is corrected."
+    told = "; ".join(parts) or "orders and law together are too small"
+    return f"The base model itself falls short: {told}. No effect is named until that is corrected."

@@ -31,6 +31,7 @@ from whsklearn.gap.plants.variant import WAVE_STEP, EffectVariant
 from whsklearn.gap.record import MAD, rms
 from whsklearn.logs.lattice import lattice
 from whsklearn.recursion.batch.best_linear import stabilised
+from whsklearn.recursion.batch.linear_filter import filter_rows
 from whsklearn.systems.chain import PackedChain, Ports, run
 
 READ_OFF = ("quantization",)  # a grid of the readings is visible directly, so it is not a term
@@ -202,8 +203,11 @@ AR_ORDER = 6  # two for the denominator of L2, through which equation noise pass
 LONGEST_COLOUR = 0.95  # largest modulus of A's roots; closer to one, A would treat a tone or an offset as noise
 HELD_TO = 4.0  # robust deviations at which an error is clipped; six of 1e5 Gaussian ones are larger
 CAP = HELD_TO * HELD_TO  # largest cost of a sample, in variances: that of an error that is clipped
-SHARPEST = 1000.0  # kappa times rms dx on the last rung of a fit: only one sample in a thousand differs from a sign
-HARD = (100.0, 300.0, SHARPEST)  # rungs from the first resolved sign up to the sign itself
+# kappa times rms dx on the rungs of a fit, soft ones first: the first has a slope everywhere, under the third a sign is
+# resolved, and on the last only one sample in a thousand differs from a sign.
+SMALL = 1e-6  # step of a difference, and of a linear effect as a share of its signal
+RUNGS = (3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)
+SHARPEST, HARD = RUNGS[-1], RUNGS[3:]
 
 
 @dataclass(frozen=True)
@@ -258,6 +262,14 @@ class Record:
         ends = np.cumsum([na - 1, nb, nw, nc - 1, nd])
         return tuple(slice(int(e - k), int(e)) for e, k in zip(ends, (na - 1, nb, nw, nc - 1, nd), strict=True))  # type: ignore[return-value]
 
+    def chain(self, kappa: float) -> tuple[Any, ...]:
+        """The chain for the compiled pass: plain, since Numba types a named tuple in Python, slower than a run."""
+        return self.dims, self.law.codes, self.law.shapes, float(kappa), self.dt
+
+    def with_law(self, law: FrictionLaw) -> Record:
+        """The same record under another law."""
+        return dataclasses.replace(self, law=law, dims=np.array([*self.dims[:4], len(law)]))
+
     def with_output(self, y: Array) -> Record:
         """The same record with other readings."""
         return dataclasses.replace(self, y=np.ascontiguousarray(y))
@@ -290,8 +302,8 @@ class ChainHypothesis:
         return any(t.kind.at_sensor for t in self.terms)
 
 
-def ports(terms: tuple[ChainTerm, ...]) -> Ports | None:
-    """The effects in the form that the compiled pass takes."""
+def ports(terms: tuple[ChainTerm, ...]) -> tuple[Array, Integers, Any] | None:
+    """Numbers, codes and user-defined laws of the effects, as the compiled pass takes them."""
     if not terms:
         return None
     rows = np.array([t.row() for t in terms])
@@ -299,7 +311,7 @@ def ports(terms: tuple[ChainTerm, ...]) -> Ports | None:
     for row, t in zip(rows, terms, strict=True):
         if t.kind.cls.evaluate is not None:
             row[WHICH] = own.index(t.kind.cls)
-    return Ports(np.array([t.kind.code for t in terms], dtype=np.int64), rows, address_of(tuple(own)))
+    return rows, np.array([t.kind.code for t in terms], dtype=np.int64), address_of(tuple(own))
 
 
 def simulate(
@@ -308,71 +320,52 @@ def simulate(
     """x, v and y_hat of the free run, each of shape (n,); the sign of dx is tanh(kappa dx)."""
     u = s.u if u is None else u
     x, v, y = np.empty((3, u.size))
-    _run_all(s, [m], kappa, u, (x, v, y[None]))
+    _run(s, [m], kappa, u, (x, v, y[None]))
     return x, v, y
 
 
 def outputs(s: Record, models: list[ChainHypothesis], kappa: float) -> Array:
     """y_hat of several models with the same effects, shape (n_models, n), in one compiled call."""
-    out = np.empty((len(models), s.u.size))
+    x, v, out = *np.empty((2, s.u.size)), np.empty((len(models), s.u.size))
     if models:
-        _run_all(s, models, kappa, s.u, (*np.empty((2, s.u.size)), out))
+        _run(s, models, kappa, s.u, (x, v, out))
     return out
 
 
 def _at_vectors(s: Record, m: ChainHypothesis, vectors: Array, kappa: float) -> Array:
     """y_hat of a model at several vectors of `to_vector`, the rows of ``vectors``, in one compiled call."""
-    packed, p, k = ports(m.terms), m.theta.size, len(vectors)
-    if packed is not None:
-        rows = np.tile(packed.rows, (k, 1, 1))
+    effects, p, k = ports(m.terms), m.theta.size, len(vectors)
+    if effects is not None:
+        rows = np.tile(effects[0], (k, 1, 1))
         for i, t in enumerate(m.terms):
             for j in t.free:
                 rows[:, i, j] = np.exp(vectors[:, p]) if t.kind.ratios(j) else vectors[:, p]
                 p += 1
-        packed = Ports(packed.codes, rows, packed.own)
+        effects = (rows, *effects[1:])
     out = np.empty((k, s.u.size))
     thetas = np.ascontiguousarray(vectors[:, : m.theta.size])
-    _run_packed(s, thetas, packed, kappa, s.u, (*np.empty((2, s.u.size)), out))
+    _runs(thetas, effects, s.chain(kappa), s.u, s.y, (*np.empty((2, s.u.size)), out))
     return out
 
 
-def _run_all(s: Record, models: list[ChainHypothesis], kappa: float, u: Array, out: tuple[Array, Array, Array]) -> None:
+def _run(s: Record, models: list[ChainHypothesis], kappa: float, u: Array, out: tuple[Array, Array, Array]) -> None:
     """Fill y_hat of every model, and x and v of the last one."""
     found = [ports(m.terms) for m in models]
-    rows = [p.rows for p in found if p is not None]
-    packed = None if found[0] is None else Ports(found[0].codes, np.array(rows), found[0].own)
-    _run_packed(s, np.array([m.theta for m in models]), packed, kappa, u, out)
-
-
-def _run_packed(
-    s: Record, thetas: Array, packed: Ports | None, kappa: float, u: Array, out: tuple[Array, Array, Array]
-) -> None:
-    """Like `_run_all`; the rows of ``packed`` have one more axis, over the models."""
-    # plain tuples: Numba would find out the types of a named one in Python, which takes longer than a run
-    chain = (s.dims, s.law.codes, s.law.shapes, float(kappa), s.dt)
-    if packed is None:
-        _runs(thetas, chain, u, s.y, out)
-    else:
-        _runs_with(thetas, (packed.rows, packed.codes, packed.own), chain, u, s.y, out)
+    effects = None if found[0] is None else (np.array([p[0] for p in found if p is not None]), *found[0][1:])
+    _runs(np.array([m.theta for m in models]), effects, s.chain(kappa), u, s.y, out)
 
 
 @njit(nogil=True, error_model="numpy")
-def _runs(thetas, packed, u, readings, out):
+def _runs(thetas, effects, packed, u, readings, out):
     dims, law, shapes, kappa, dt = packed
     chain, none = PackedChain(dims, law, shapes, kappa, dt), np.zeros(u.size)
     x, v, y = out
     for i in range(thetas.shape[0]):
-        run(thetas[i], chain, None, u, readings, none, True, x, v, y[i])
-
-
-@njit(nogil=True, error_model="numpy")
-def _runs_with(thetas, effects, packed, u, readings, out):
-    dims, law, shapes, kappa, dt = packed
-    chain, none = PackedChain(dims, law, shapes, kappa, dt), np.zeros(u.size)
-    rows, codes, own = effects
-    x, v, y = out
-    for i in range(thetas.shape[0]):
-        run(thetas[i], chain, Ports(codes, rows[i], own), u, readings, none, True, x, v, y[i])
+        if effects is None:
+            run(thetas[i], chain, None, u, readings, none, True, x, v, y[i])
+        else:
+            rows, codes, own = effects
+            run(thetas[i], chain, Ports(codes, rows[i], own), u, readings, none, True, x, v, y[i])
 
 
 def chain_free_run(s: Record, m: ChainHypothesis) -> Array:
@@ -387,21 +380,7 @@ def whiten(x: Array, ar: Array) -> Array:
 
 def filtered(b: Array, a: Array, rows: Array) -> Array:
     """b(q) / a(q) of every row, from rest, with a[0] = 1; of the shape of ``rows``, (n,) or (k, n)."""
-    out = np.empty_like(rows)
-    _filter(b, a, np.atleast_2d(rows), np.atleast_2d(out))
-    return out
-
-
-@njit(nogil=True, error_model="numpy")
-def _filter(b, a, rows, out):
-    for k in range(rows.shape[0]):
-        for t in range(rows.shape[1]):
-            s = 0.0
-            for i in range(min(b.size, t + 1)):
-                s += b[i] * rows[k, t - i]
-            for i in range(1, min(a.size, t + 1)):
-                s -= a[i] * out[k, t - i]
-            out[k, t] = s
+    return np.asarray(filter_rows(b, a, np.atleast_2d(rows), np.array([0, rows.shape[-1]])).reshape(rows.shape))
 
 
 def pieces_of(seen: Bools) -> list[slice]:

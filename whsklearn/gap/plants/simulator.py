@@ -100,7 +100,7 @@ class SimulatorPlant(Plant):
         step = lattice(self.record.position)
         record = dataclasses.replace(self.record, position=np.round(y / step) * step if step else y)
         other = SimulatorPlant(self.given_model, record, tolerance=self.tolerance)
-        other.fits = dataclasses.replace(self.fits, record=record, _given={}, _cache={}, _tangents={})
+        other.fits = dataclasses.replace(self.fits, record=record, _known={})
         other.noise = self.noise
         other.motion, other._shapes = self.motion, self._shapes  # they differ only by noise
         return other

@@ -9,7 +9,9 @@ Problems 19(2), R1-R26).
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -113,9 +115,16 @@ class SimulatorFit:
     train: NDArray[np.bool_]  # (n,)
     given: Any = None  # the simulator as it was given, not refitted
     scales: Scales = dataclasses.field(default_factory=Scales)  # of the record
-    _given: dict[tuple[EffectTerm, ...], SimulatorModel] = dataclasses.field(default_factory=dict, repr=False)
-    _cache: dict[tuple[EffectTerm, ...], SimulatorModel] = dataclasses.field(default_factory=dict, repr=False)
-    _tangents: dict[tuple[EffectTerm, ...], Array] = dataclasses.field(default_factory=dict, repr=False)
+    _known: dict[tuple[str, tuple[EffectTerm, ...]], Any] = dataclasses.field(default_factory=dict, repr=False)
+
+    def _once(self, what: str, terms: tuple[EffectTerm, ...], computed: Callable[[], Any]) -> Any:
+        if (what, terms) not in self._known:
+            self._known[what, terms] = computed()
+        return self._known[what, terms]
+
+    def _of(self, simulator: Any, terms: tuple[EffectTerm, ...]) -> SimulatorModel:
+        """The model of a simulator that holds these terms."""
+        return SimulatorModel(simulator, terms, self.error(simulator))
 
     def error(self, simulator: Any) -> Array:
         """Measured minus simulated position, shape (n,).
@@ -137,18 +146,13 @@ class SimulatorFit:
         """The model with its simulator."""
         if model.simulator is not None:
             return model
-        if model.terms not in self._cache:
-            self._cache[model.terms] = self.build(model.terms)
-        return self._cache[model.terms]
+        built: SimulatorModel = self._once("built", model.terms, lambda: self.build(model.terms))
+        return built
 
     def build(self, terms: tuple[EffectTerm, ...], *, refit: bool = True) -> SimulatorModel:
         """The core with these effects, refitted, and its error."""
-        simulator = self.core
-        for t in terms:
-            simulator = simulator.with_effect(t.effect)
-        if refit:
-            simulator = simulator.refit(self.record, self.train)
-        return SimulatorModel(simulator, terms, self.error(simulator))
+        simulator = holding(self.core, terms)
+        return self._of(simulator.refit(self.record, self.train) if refit else simulator, terms)
 
     def tangent(self, model: SimulatorModel) -> Array:
         """Directions in which the simulator's own numbers move its error, shape (n, k).
@@ -156,24 +160,24 @@ class SimulatorFit:
         They come from its ``numbers`` if it has them.  Otherwise they come from refits to parts of the training
         samples, whose differences span the same space, because every part is fitted slightly differently.
         """
-        if model.terms in self._tangents:
-            return self._tangents[model.terms]
-        columns = []
-        if hasattr(model.simulator, "with_numbers"):
+
+        def by_numbers() -> Array:
             x = np.asarray(model.simulator.numbers, dtype=float)
-            for j in range(x.size):
-                moved = x.copy()
-                moved[j] += STEP
-                columns.append((self.error(model.simulator.with_numbers(moved)) - model.error) / STEP)
-            self._tangents[model.terms] = np.column_stack(columns) if columns else np.zeros((self.train.size, 0))
-        else:
-            edges = np.linspace(0, self.train.size, PARTS + 1).astype(int)
-            for a, b in itertools.pairwise(edges):
+            moved = (model.simulator.with_numbers(x + STEP * one) for one in np.eye(x.size))
+            columns = [(self.error(m) - model.error) / STEP for m in moved]
+            return np.column_stack(columns) if columns else np.zeros((self.train.size, 0))
+
+        def by_parts() -> Array:
+            columns = []
+            for a, b in itertools.pairwise(np.linspace(0, self.train.size, PARTS + 1).astype(int)):
                 part = self.train.copy()
                 part[a:b] = False
                 columns.append(self.error(model.simulator.refit(self.record, part)) - model.error)
-            self._tangents[model.terms] = _spanned(columns, self.train.size)
-        return self._tangents[model.terms]
+            u, values, _ = np.linalg.svd(np.column_stack(columns), full_matrices=False)
+            return np.asarray(u[:, values > 1e-6 * max(values[0], 1e-300)])  # the others are rounding errors
+
+        numbered = hasattr(model.simulator, "with_numbers")
+        return np.asarray(self._once("tangent", model.terms, by_numbers if numbered else by_parts))
 
     def by_terms(self, model: SimulatorModel) -> Array:
         """Derivatives of the error by the numbers of the effects, shape (n, k).
@@ -194,11 +198,7 @@ class SimulatorFit:
         """The model with other terms; the simulator's own numbers are kept if possible, otherwise it is refitted."""
         if not hasattr(model.simulator, "with_numbers"):
             return self.build(terms)
-        simulator = self.core
-        for t in terms:
-            simulator = simulator.with_effect(t.effect)
-        simulator = simulator.with_numbers(model.simulator.numbers)
-        return SimulatorModel(simulator, terms, self.error(simulator))
+        return self._of(holding(self.core, terms).with_numbers(model.simulator.numbers), terms)
 
     def homes(self, model: SimulatorModel) -> list[SimulatorModel]:
         """The model, and the same model with the numbers that the simulator had when it was given.
@@ -206,15 +206,17 @@ class SimulatorFit:
         If these cannot be set, the second is the simulator as it was given with the model's effects.  A refit of a
         model that lacks something large may end so far away that a refit with the effect does not return.
         """
-        if model.terms not in self._given:
-            if hasattr(model.simulator, "with_numbers"):
-                simulator = model.simulator.with_numbers(np.asarray(self.given.numbers, dtype=float))
-            else:
-                simulator = self.given
-                for t in model.terms:
-                    simulator = simulator.with_effect(t.effect)
-            self._given[model.terms] = SimulatorModel(simulator, model.terms, self.error(simulator))
-        return [model, self._given[model.terms]]
+        numbered = hasattr(model.simulator, "with_numbers")
+
+        def given() -> SimulatorModel:
+            simulator = (
+                model.simulator.with_numbers(np.asarray(self.given.numbers, dtype=float))
+                if numbered
+                else holding(self.given, model.terms)
+            )
+            return self._of(simulator, model.terms)
+
+        return [model, self._once("given", model.terms, given)]
 
     def begun(self, model: SimulatorModel, term: EffectTerm) -> SimulatorModel:
         """The model with one more term; the simulator's own numbers are kept if possible, otherwise it is refitted."""
@@ -256,8 +258,7 @@ class SimulatorFit:
 
     def refitted(self, model: SimulatorModel) -> SimulatorModel:
         """The model after one more refit: many ``refit`` methods stop after a few evaluations, far from the minimum."""
-        simulator = model.simulator.refit(self.record, self.train)
-        return SimulatorModel(simulator, model.terms, self.error(simulator))
+        return self._of(model.simulator.refit(self.record, self.train), model.terms)
 
     def _slopes(
         self, own: SimulatorModel, model: SimulatorModel, term: EffectTerm, weigh: Any, *, again: bool
@@ -293,19 +294,16 @@ class SimulatorFit:
         own = model.simulator.with_effect(term.effect)
         joint = hasattr(own, "with_numbers")
         own = own.with_numbers(z[n:]) if joint else own.refit(self.record, self.train)
-        return SimulatorModel(own, (*model.terms, term), self.error(own))
+        return self._of(own, (*model.terms, term))
 
 
 def _square(r: Array) -> float:
     return float(r @ r)
 
 
-def _spanned(columns: list[Array], n: int) -> Array:
-    """An orthonormal basis of the columns, without those that are rounding errors."""
-    if not columns:
-        return np.zeros((n, 0))
-    u, values, _ = np.linalg.svd(np.column_stack(columns), full_matrices=False)
-    return u[:, values > 1e-6 * max(values[0], 1e-300)]
+def holding(simulator: Any, terms: tuple[EffectTerm, ...]) -> Any:
+    """A simulator with these effects."""
+    return functools.reduce(lambda held, t: held.with_effect(t.effect), terms, simulator)
 
 
 # --- the fit of one effect: its size first, then all its numbers together --------------------------
