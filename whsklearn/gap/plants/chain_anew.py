@@ -289,10 +289,12 @@ def unfolded(s: Record, m: ChainHypothesis, rng: np.random.Generator) -> list[Ch
     values, axes = np.linalg.eigh(moment)
     tries = []
     for h in [*axes.T[np.argsort(-values)[:3]], *rng.standard_normal((KEPT, cm.SKIP))]:
-        sign, before = np.sign(white @ h), np.zeros(0)
-        while not np.array_equal(sign, before):  # each step lowers a sum of squares
+        sign = np.sign(white @ h)
+        for _ in range(cm.SKIP):  # alternating projections converge after about ten passes
             h, before = white.T @ (sign * s.y) / n, sign
             sign = np.sign(white @ h)
+            if np.array_equal(sign, before):
+                break
         tries.append((float(np.mean((s.y - np.abs(white @ h))[s.seen] ** 2)), sign))
     sign = min(tries, key=lambda t: t[0])[1]
     found: list[ChainHypothesis] = []

@@ -30,8 +30,7 @@ from whsklearn.gap.plant import FittedTerm, with_vectors
 from whsklearn.gap.plants.variant import WAVE_STEP, EffectVariant
 from whsklearn.gap.record import MAD, rms
 from whsklearn.logs.lattice import lattice
-from whsklearn.recursion.batch.best_linear import stabilised
-from whsklearn.recursion.batch.linear_filter import filter_rows
+from whsklearn.recursion.batch.best_linear import filter_rows, stabilised
 from whsklearn.systems.chain import PackedChain, Ports, run
 
 READ_OFF = ("quantization",)  # a grid of the readings is visible directly, so it is not a term
