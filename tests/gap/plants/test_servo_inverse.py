@@ -153,6 +153,16 @@ def test_a_change_that_leaves_a_negative_friction_or_inertia_is_no_explanation(p
         assert ("negative" in unphysical(record, model, len(base.terms))) is objected
 
 
+@pytest.mark.parametrize("viscous, objected", [(0.02, False), (0.5, True)])
+def test_friction_that_falls_nowhere_is_no_stribeck_curve(viscous, objected):
+    """A wide curve beside a larger viscous term bends the friction upwards, as drag does that begins at some speed."""
+    r = log_of(viscous=0.1)
+    record = ServoRecord(r.time, r.drive, r.position)
+    _, base = start_of(record, ("viscous",), 0.004)
+    model = base.with_terms((base.terms[0].with_slot(0, viscous), ServoTerm(candidate("stribeck"), (0.1, 0.4, 2.0))))
+    assert ("fall" in unphysical(record, model, 1)) is objected
+
+
 def test_a_change_of_the_gain_takes_no_credit_for_the_gravity_that_it_takes_away():
     """Where gravity is most of the drive, half of the drive gone is half of the gap gone, but half of the whole too."""
     axis = ServoAxis(inertia=0.05, law="viscous", effects=[GravityImbalance(1.5, 0.3)], sample_rate=RATE)

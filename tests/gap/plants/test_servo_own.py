@@ -81,3 +81,13 @@ def test_what_is_missing_is_in_no_own_record():
     wave = np.exp(1j * 12.0 * view.motion.position[:: view.every][view.at])
     seen, made = (np.abs(np.mean(x * wave)) for x in (view.gap(model), own.mean))
     assert made < 0.1 * seen
+
+
+def test_a_drive_that_was_never_logged_is_replaced_by_the_torque_along_the_path(empty):
+    """A drive that alternates at every sample hardly moves the axis, but no record has it."""
+    view, model, *_ = empty
+    alternating = view.scene.torque * (-1.0) ** np.arange(len(view.record))
+    for size in (0.0, 30.0):
+        made = servo_own.own_record(view, model, np.random.default_rng(0), view.record.drive + size * alternating, 0.0)
+        assert np.abs(made.position - view.motion.position).max() < view.scene.reach
+        assert np.std(made.drive) < 1.2 * np.std(view.record.drive)

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from whsklearn.effects import EndStop, ParameterChange, Scales, codes
+from whsklearn.effects import EndStop, ParameterChange, Scales, Stribeck, codes
 from whsklearn.filtering.records import CUTOFF_SIGMA, decimation, filtered, gaussian_derivatives
 from whsklearn.gap.least_squares import jacobian
 from whsklearn.gap.plant import Linearised
@@ -392,6 +392,7 @@ def unphysical(record: ServoRecord, model: ServoHypothesis, index: int) -> str:
         or never_free(term.effect, record.position)
         or negative_damping(model, index)
         or negative_after(model, index)
+        or never_falls(model, index)
         or too_large(model, index)
         or on_excitation_line(record, term)
     )
@@ -447,6 +448,21 @@ def negative_after(model: ServoHypothesis, index: int) -> str:
     if before + change.change >= -abs(before):
         return ""
     return f"it would leave a negative {change.parameter}, which would drive the axis"
+
+
+def never_falls(model: ServoHypothesis, index: int) -> str:
+    """The objection that friction, with the law and the viscous term, grows at all speeds; empty if it falls somewhere.
+
+    Friction that falls with speed is what Stribeck saw.  A wide curve beside a larger viscous term bends the law
+    upwards instead, as drag does that begins at some speed.
+    """
+    law = model.terms[index].effect
+    if not isinstance(law, Stribeck):
+        return ""
+    speed = law.velocity * np.linspace(0.05, 3.0, 60)
+    viscous = sum(o.q[0] for o in model.terms if o.name == "viscous")
+    rises = np.diff(law.value(velocity=speed) + viscous * speed) >= 0.0
+    return "with it, friction would grow at all speeds, where that of a Stribeck curve falls" if rises.all() else ""
 
 
 def on_excitation_line(record: ServoRecord, term: ServoTerm) -> str:

@@ -18,7 +18,7 @@ from whsklearn.gap.calibration import N_DRAWS, coloured, n_effective, null_rows,
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants.servo_candidates import ColumnSignals as Motion
 from whsklearn.gap.plants.servo_model import HOLD, ServoHypothesis
-from whsklearn.gap.record import Array
+from whsklearn.gap.record import Array, rms
 from whsklearn.identification.drive_lead import earlier
 from whsklearn.systems._servo_kernel import DELAY, DRIVE, MEASURED, N_SIGNALS, RESOLUTION, How, PassInputs, run
 from whsklearn.systems.servo import FEWEST_STEPS
@@ -66,12 +66,14 @@ def own_record(view: Any, model: ServoHypothesis, rng: np.random.Generator, feed
     how = How(dt, max(FEWEST_STEPS, int(np.ceil(dt / model.longest_step))), closed=True)
     out = run_by_piece(record, plant, soft, how, (path, speed, feed), noise)
     drive, position = np.roll(out[DRIVE], late), out[MEASURED]
-    if not np.all(np.isfinite(position)) or np.abs(position - path).max() > view.scene.reach:
-        # half the travel away it is a different experiment: the torque that it needs along the measured path
-        motion = Motion(record.clock, path, speed, np.gradient(speed, dt), record.drive)
-        asked = (t.effect.contribution(motion) for t in model.terms if t.effect.port in ("torque", "input"))
-        drive = model.inertia * motion.acceleration + sum(asked)
-        position = path + sigma * rng.standard_normal(len(record))
+    # the torque that the model needs along the measured path
+    motion = Motion(record.clock, path, speed, np.gradient(speed, dt), record.drive)
+    asked = (t.effect.contribution(motion) for t in model.terms if t.effect.port in ("torque", "input"))
+    needed = model.inertia * motion.acceleration + sum(asked)
+    same = np.all(np.isfinite(position)) and np.abs(position - path).max() <= view.scene.reach
+    # half the travel away it is a different experiment, and so it is with a drive that neither the log nor the path has
+    if not (same and rms(drive) <= rms(record.drive) + rms(needed)):
+        drive, position = needed, path + sigma * rng.standard_normal(len(record))
     return dataclasses.replace(record, drive=drive, position=position)
 
 
