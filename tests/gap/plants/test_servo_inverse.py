@@ -153,7 +153,7 @@ def test_a_change_that_leaves_a_negative_friction_or_inertia_is_no_explanation(p
         assert ("negative" in unphysical(record, model, len(base.terms))) is objected
 
 
-@pytest.mark.parametrize("viscous, objected", [(0.02, False), (0.5, True)])
+@pytest.mark.parametrize(("viscous", "objected"), [(0.02, False), (0.5, True)])
 def test_friction_that_falls_nowhere_is_no_stribeck_curve(viscous, objected):
     """A wide curve beside a larger viscous term bends the friction upwards, as drag does that begins at some speed."""
     r = log_of(viscous=0.1)
