@@ -13,7 +13,7 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 
-from whsklearn.cli import hidden_effect
+from whsklearn.cli.demo import hidden_effect
 from whsklearn.gap import GapFinder
 from whsklearn.logs import load_log
 

@@ -156,7 +156,7 @@ def writable_folder(path: str | os.PathLike[str]) -> Path:
 
 
 def writable_file(path: str | os.PathLike[str]) -> Path:
-    """The path of a file to write; its folder is created if necessary. See `whsklearn.state.check_writable`.
+    """The path of a file to write; its folder is created if necessary. See `whsklearn.logs.files.check_writable`.
 
     Raises ValueError if it is a folder, or cannot be written. Raises OSError if the folder cannot be made.
     """
