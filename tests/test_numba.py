@@ -77,12 +77,12 @@ def test_imports_are_found_however_they_are_written():
     lines = ("from whsklearn.effects import codes, Effect", "from whsklearn.effects.rows import (", "    term,  # a",
              "    tanh as t,", ")", "import numpy", "import whsklearn.effects.law", "")  # fmt: skip
     names = [f.name for f in imported("\n".join(lines))]
-    assert names == ["codes.py", "terms.py", "law.py"]
+    assert names == ["codes.py", "rows.py", "law.py"]
 
 
 def test_a_kernel_depends_on_what_it_inlines_two_files_down():
-    assert "equations.py" in {f.name for f in imported((PACKAGE / "effects" / "terms.py").read_text())}
-    assert fingerprint(PACKAGE / "effects" / "terms.py") != fingerprint(PACKAGE / "systems" / "stability.py")
+    assert "equations.py" in {f.name for f in imported((PACKAGE / "effects" / "rows.py").read_text())}
+    assert fingerprint(PACKAGE / "effects" / "rows.py") != fingerprint(PACKAGE / "systems" / "stability.py")
 
 
 def test_the_users_own_setting_is_left_as_it_was():
