@@ -174,6 +174,26 @@ def test_a_model_that_is_no_better_tells_a_shape_only_if_it_is_a_good_part_of_th
     assert said == {0.0: "", 1.0: "coulomb explains as much with fewer numbers"}
 
 
+@pytest.mark.parametrize(("amplitude", "objected"), [(0.001, True), (0.02, False)])
+def test_a_second_name_explains_more_than_may_stay_without_one(amplitude, objected):
+    """Beside a wave of 0.1 Nm, of which friction takes a part, 0.001 Nm are below 4 % of what the joint lacked."""
+    plant = arm_plant(
+        ARM, record({"pitch": [Cogging(0.1, order=7.0), Cogging(amplitude, order=16.0)]}), law=None, tolerance=0.001
+    )
+    plant.check()
+    model = plant.base(np.random.default_rng(0))
+    plant.looks(model, np.random.default_rng(0))  # the floor is that of the model's own records
+    kinds = list(candidates(plant.view.arm, present({}, ()), frozen=False, weight=0))
+    kind = next(k for k in kinds if k.name == "cogging at pitch")
+    large = plant.view.fit(model.with_term(JointTerm(kind, (0.0, 0.0, 7.0))))
+    both = plant.view.fit(large.with_term(JointTerm(kind, (0.0, 0.0, 16.0))))
+    wrong = plant.view.fit(model.with_term(JointTerm(kind, (0.0, 0.0, 18.5))))
+    assert ("may stay without a name" in plant.objection(large, both)) is objected
+    assert plant.complete(plant.errors(model), large) is objected
+    assert plant.complete(plant.errors(model), both)
+    assert not plant.complete(plant.errors(model), wrong)
+
+
 def test_a_name_must_lower_the_error_on_blocks_that_were_not_fitted():
     r = record({"pitch": [Cogging(0.1, order=7.0)]})
     noise = 0.2 * r.drive.std(axis=0) * np.random.default_rng(1).standard_normal(r.drive.shape)
