@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from whsklearn.compare.estimate import Estimate, Summand
-from whsklearn.compare.hypotheses import Difference, alone, hypotheses, moved, smallest, weigh
+from whsklearn.compare.hypotheses import Difference, alone, changed, hypotheses, smallest, weigh
 
 NAMES = ("inertia", "viscous", "gravity", "gravity", "delay")
 
@@ -42,13 +42,13 @@ def test_the_smallest_change_is_the_smallest_that_is_named():
         values = np.zeros(5)
         for factor, named in ((1.1, [name]), (0.9, [])):
             values[i] = factor * least[name]
-            assert [f.hypothesis.name for f, _ in moved(difference(values), 0.01)] == named
+            assert [f.hypothesis.name for f, _ in changed(difference(values), 0.01)] == named
 
 
 def test_a_spring_takes_the_offset_that_it_covers_along():
     d = replace(difference([0.0, 0.4, 0.0, 0.0, -0.3]), names=("a", "spring", "b", "c", "offset"))
     d = replace(d, covers={"spring": ("offset",)})
-    assert [f.hypothesis.name for f, _ in moved(d, 0.01)] == ["spring"]
+    assert [f.hypothesis.name for f, _ in changed(d, 0.01)] == ["spring"]
 
 
 def test_a_number_that_differs_only_if_all_others_are_held_equal_is_not_named():
@@ -64,4 +64,4 @@ def test_a_number_that_differs_only_if_all_others_are_held_equal_is_not_named():
     inertia = hypotheses(d)[0]
     assert weigh(d, inertia, np.zeros((5, 0))).p_value < 1e-6
     assert alone(d, inertia) > 0.1
-    assert moved(d, 0.01) == []
+    assert changed(d, 0.01) == []

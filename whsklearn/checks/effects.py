@@ -9,16 +9,17 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from sklearn.utils import Bunch
 
 from whsklearn.effects.base import PLACES, Effect
+from whsklearn.effects.friction import Coulomb, Viscous
+from whsklearn.effects.law import FrictionLaw
 from whsklearn.effects.quantity import Quantity
-
-if TYPE_CHECKING:
-    from sklearn.utils import Bunch
+from whsklearn.systems.servo import ServoAxis
 
 KINDS = ("exact", "at_size", "first_order", "none")
 PORTS = ("torque", "input", "output", "block")
@@ -74,13 +75,9 @@ def check_effect(effect: type[Effect] | Effect) -> tuple[str, ...]:
     if not isinstance(instance, Effect):
         raise EffectContractError(f"{effect!r} is not an effect; derive it from whsklearn.effects.Effect.")
     checks: dict[str, Callable[[Effect], None]] = {
-        "description": _check_description,
-        "columns": _check_columns,
-        "coefficients": _check_coefficients,
-        "neutral size": _check_neutral,
-        "repeatable": _check_repeatable,
-        "first order": _check_first_order,
-    }
+        "description": _check_description, "columns": _check_columns, "coefficients": _check_coefficients,
+        "neutral size": _check_neutral, "repeatable": _check_repeatable, "first order": _check_first_order,
+    }  # fmt: skip
     for check in checks.values():
         check(instance)
     return tuple(checks)
@@ -106,11 +103,8 @@ def _check_description(e: Effect) -> None:
         q = e.quantities.get(name)
         _require(isinstance(q, Quantity), e, f"the quantity of {name} is missing; give its unit and range.")
         _require(q is not None and bool(q.unit) and q.low < q.high, e, f"the range of {name} is empty; low < high.")
-        _require(
-            q is not None and (not q.log or q.low > 0 or q.span is not None),
-            e,
-            f"{name} spans ratios from zero; start above it.",
-        )
+        above = q is not None and (not q.log or q.low > 0 or q.span is not None)
+        _require(above, e, f"{name} spans ratios from zero; start above it.")
 
 
 def _check_columns(e: Effect) -> None:
@@ -163,11 +157,9 @@ def _check_neutral(e: Effect) -> None:
 def _check_repeatable(e: Effect) -> None:
     """Two simulations are the same, finite, and other than without the effect."""
     base, drive = _experiment()
-    axis = base.with_effect(_visible(e, drive))
-    once, twice = (
-        axis.simulate_drive(drive, initial_position=START).position,
-        axis.simulate_drive(drive, initial_position=START).position,
-    )
+    visible = e.resized(0.5 * float(np.abs(drive).max())) if math.isinf(e.neutral) else e  # a limit that is reached
+    axis = base.with_effect(visible)
+    once, twice = (axis.simulate_drive(drive, initial_position=START).position for _ in range(2))
     _require(bool(np.isfinite(once).all()), e, "the simulation does not stay finite at its default size.")
     _require(np.array_equal(once, twice), e, "two simulations differ; an effect keeps no state of its own.")
     changed = not np.array_equal(once, base.simulate_drive(drive, initial_position=START).position)
@@ -191,12 +183,8 @@ def _check_first_order(e: Effect) -> None:
         mean[:-1] = 0.5 * (torque[1:] + torque[:-1])
         predicted = base.simulate_drive(drive, disturbance=-mean, initial_position=START).position - record.position
     error = _rms(simulated - predicted) / max(_rms(predicted), 1e-300)
-    _require(
-        error < TOLERANCE,
-        e,
-        f"simulated, the effect differs from the torque of its columns by {error:.0%}, expected less than "
-        f"{TOLERANCE:.0%}; compare signs, units and the order of the numbers.",
-    )
+    told = f"simulated, the effect differs from the torque of its columns by {error:.0%}, expected less than "
+    _require(error < TOLERANCE, e, f"{told}{TOLERANCE:.0%}; compare signs, units and the order of the numbers.")
 
 
 def _rms(values: NDArray[np.float64]) -> float:
@@ -206,8 +194,6 @@ def _rms(values: NDArray[np.float64]) -> float:
 
 def _probe() -> Bunch:
     """Signals that pass through zero, rest and both directions."""
-    from sklearn.utils import Bunch
-
     t = np.arange(400) / 100.0
     position = 1.7 * np.sin(2.0 * t)
     velocity = np.where((t > 1.0) & (t < 1.2), 0.0, 3.4 * np.cos(2.0 * t))
@@ -218,10 +204,6 @@ def _probe() -> Bunch:
 
 def _experiment() -> tuple[Any, NDArray[np.float64]]:
     """A smooth axis and a drive that moves it by some radians either way."""
-    from whsklearn.effects.friction import Coulomb, Viscous
-    from whsklearn.effects.law import FrictionLaw
-    from whsklearn.systems.servo import ServoAxis
-
     axis = ServoAxis(0.05, FrictionLaw([Viscous(0.3), Coulomb(0.2)]), friction="tanh", smoothing=0.05)
     t = np.arange(4000) / axis.sample_rate
     return axis, 0.9 * np.sin(2.0 * math.pi * 0.45 * t + 0.4) + 0.4 * np.sin(2.0 * math.pi * 1.3 * t)
@@ -229,8 +211,6 @@ def _experiment() -> tuple[Any, NDArray[np.float64]]:
 
 def _signals_of(record: Bunch, axis: Any) -> Bunch:
     """True signals of a record, with the sign as smooth as the axis's."""
-    from sklearn.utils import Bunch
-
     return Bunch(
         time=record.time,
         position=record.true_position,
@@ -239,11 +219,6 @@ def _signals_of(record: Bunch, axis: Any) -> Bunch:
         drive=record.drive,
         kappa=1.0 / axis.smoothing,
     )
-
-
-def _visible(e: Effect, drive: NDArray[np.float64]) -> Effect:
-    """The effect as it is, or a limit that the experiment reaches."""
-    return e.resized(0.5 * float(np.abs(drive).max())) if math.isinf(e.neutral) else e
 
 
 def _small(e: Effect, signals: Bunch, record: Bunch) -> Effect:

@@ -27,8 +27,6 @@ WIDTH = 100
 class Lazy(click.Group):
     """A group whose commands are modules of this package, imported on use.
 
-    Examples
-    --------
     >>> Lazy().list_commands(click.Context(main))[:2]
     ['identify', 'gap']
     """

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
+import numpy as np
 
 from whsklearn.cli.arm_log import checked_gains, columns_of, gains_of, note_locked, read_arm, robot_of, to_si
 from whsklearn.cli.job import say_where, table, tracker_for, wrapped, writable_file, writable_folder
@@ -66,8 +67,6 @@ def gap_log(options: dict[str, Any]) -> Bunch:
 
 def gains_by_load(options: dict[str, Any], arm: Arm) -> str:
     """``--gains`` from the log without and the log with a load of known mass at the last joint."""
-    import numpy as np
-
     from whsklearn import RigidBodyLags
     from whsklearn.identification import gains_from_load
     from whsklearn.systems.arm_files import body_numbers
@@ -132,8 +131,6 @@ def identify(options: dict[str, Any]) -> None:
 class ArmStream(NamedTuple):
     """Inputs of ``stream`` for an arm: estimator, columns, factors to SI, joints, longest and usual time step.
 
-    Examples
-    --------
     >>> from tempfile import TemporaryDirectory
     >>> from whsklearn import Arm
     >>> from whsklearn.models import ArmModel, save_model
@@ -160,8 +157,6 @@ def arm_stream(options: Mapping[str, Any]) -> ArmStream:
     Joints are weighted by the torques that the model predicts; numbers that the motion does not excite keep their
     values.
     """
-    import numpy as np
-
     from whsklearn import RigidBodyLags, RLSRegressor
     from whsklearn.logs.units import factor_between, unit_of
     from whsklearn.models import load_model
@@ -248,7 +243,6 @@ def numbers_table(found: ArmFit) -> str:
 
 def simulate(options: dict[str, Any], model: Any) -> None:
     """``simulate MODEL LOG`` for an arm: free runs of half a second, each started from the measured motion."""
-    import numpy as np
     import pandas as pd
 
     from whsklearn.filtering import motion

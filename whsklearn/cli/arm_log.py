@@ -6,6 +6,8 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from whsklearn.cli.records import note, read
 
 if TYPE_CHECKING:
@@ -31,8 +33,6 @@ NEITHER = {
 def joint_columns(text: str) -> dict[str, tuple[str, str]]:
     """Columns of position and drive by joint, from ``shoulder:q1,i1;elbow:q2,i2``.
 
-    Examples
-    --------
     >>> joint_columns("shoulder:q1,i1;elbow:q2,i2")
     {'shoulder': ('q1', 'i1'), 'elbow': ('q2', 'i2')}
     """
@@ -55,8 +55,6 @@ def guessed_columns(joints: Sequence[str], names: Sequence[str]) -> dict[str, tu
 
     Raises ValueError if a joint has not exactly one column of each kind.
 
-    Examples
-    --------
     >>> guessed_columns(["hip", "knee"], ["t", "actual_q_0", "actual_q_1", "actual_qd_0", "actual_qd_1", "I0", "I1"])
     {'hip': ('actual_q_0', 'I0'), 'knee': ('actual_q_1', 'I1')}
     """
@@ -115,8 +113,6 @@ def _named(joint: str) -> str:
 def words_and_numbers(column: str) -> list[str]:
     """The words and the numbers in a column's name, separately.
 
-    Examples
-    --------
     >>> words_and_numbers("tau_J0"), words_and_numbers("joint.2/i_q [A]")
     (['tau', 'j', '0'], ['joint', '2', 'iq', 'a'])
     """
@@ -128,8 +124,6 @@ def words_and_numbers(column: str) -> list[str]:
 def gains_of(text: str) -> dict[str, tuple[float, float]]:
     """Nm per unit of the logged drive and its standard error by joint, from ``shoulder:11.2;elbow:9.8+-0.3``.
 
-    Examples
-    --------
     >>> gains_of("shoulder:11.2;elbow:9.8+-0.3")
     {'shoulder': (11.2, 0.0), 'elbow': (9.8, 0.3)}
     """
@@ -167,8 +161,6 @@ def checked_gains(options: Mapping[str, Any], arm: Arm) -> dict[str, tuple[float
 def to_si(joint: str, slides: bool, position: str, drive: str, gains: Mapping[str, Any]) -> tuple[float, float]:
     """Factors that convert the position and drive of a joint from these units to rad and Nm, or m and N.
 
-    Examples
-    --------
     >>> [round(x, 4) for x in to_si("hip", False, "deg", "mA", {"hip": (11.0, 0.2)})]
     [0.0175, 0.011]
     """
@@ -191,7 +183,6 @@ def read_arm(path: str, options: Mapping[str, Any], arm: Arm) -> Bunch:
     Its fields are those of other logs: ``time`` (n,), ``X`` and ``y`` (n, n_joints), the drives and positions,
     ``groups`` (n,), the segment of each row, and ``sample_rate``; ``columns`` holds position and drive by joint.
     """
-    import numpy as np
     from sklearn.utils import Bunch
 
     from whsklearn.logs import open_source

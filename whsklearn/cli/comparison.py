@@ -40,8 +40,6 @@ class ComparedRecord:
 
     ``column`` is the name of the input in its log, empty where there is none.
 
-    Examples
-    --------
     >>> record = ComparedRecord("sine", X=np.zeros((100, 1)), y=np.zeros(100))
     >>> record.name, record.X.shape, record.y.shape
     ('sine', (100, 1), (100,))
@@ -67,8 +65,6 @@ class ComparedRecord:
 class ComparedModel:
     """An estimator to be compared.
 
-    Examples
-    --------
     >>> from whsklearn import PEMRegressor
     >>> ComparedModel("PEM", PEMRegressor(), stream=False).reading
     '-'
@@ -80,11 +76,7 @@ class ComparedModel:
     stream: bool = True  # whether its parameters are updated sample by sample, so that their paths are drawn
 
 
-PUBLISHED: dict[str, Any] = {
-    "gradient": "pseudolinear",
-    "theta0": 0.01,
-    "P0": 1e6,
-}  # the article's start, theta(0) = 1/100
+PUBLISHED: dict[str, Any] = {"gradient": "pseudolinear", "theta0": 0.01, "P0": 1e6}  # the article's theta(0) = 1/100
 
 
 def candidates(
@@ -121,8 +113,6 @@ def candidates(
 class Outcome:
     """The result of one candidate.
 
-    Examples
-    --------
     >>> from whsklearn import PEMRegressor
     >>> outcome = Outcome(ComparedModel("PEM", PEMRegressor()), failure="The record is too short.")
     >>> outcome.failure or f"NMSE {outcome.indices['nmse']:.3f}"

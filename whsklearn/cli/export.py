@@ -9,16 +9,7 @@ import click
 
 from whsklearn.cli.job import guarded, table, wrapped
 
-FORMAT_NAMES = (
-    "mjcf",
-    "urdf",
-    "isaac",
-    "c",
-    "st",
-    "table",
-    "fmu",
-)  # as in `whsklearn.export.FORMATS`, which takes a second
-
+FORMAT_NAMES = "mjcf urdf isaac c st table fmu".split()  # as in `whsklearn.export.FORMATS`, which takes a second
 POSITIVE = click.FloatRange(min=0, min_open=True)
 
 
@@ -70,9 +61,8 @@ def write(model: Path, to: str, out: str, effects: str | None = None, **options:
     else:
         click.echo("The format can represent the whole model.")
     if done.left:
-        rows = [
-            (r.name, r.before, round(r.after, 12), f"{100 * round(r.after / r.before, 6):.3g} %") for r in done.left
-        ]
+        left = [f"{100 * round(r.after / r.before, 6):.3g} %" for r in done.left]
+        rows = [(r.name, r.before, round(r.after, 12), share) for r, share in zip(done.left, left, strict=True)]
         title = "Rms torque without and with each table, predicted by replaying the table against the model"
         click.echo(table(["table", "without", "with", "left"], rows, title=title))
     ranges = [write_ranges(spread, done.paths[0])] if spread else []

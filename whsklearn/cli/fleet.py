@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import textwrap
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import click
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from whsklearn.tracking import Run
 
 MOST_CHILDREN = 50  # of each kind
+EVERY_SECONDS = 30.0  # between two writes of the finished rows
 SHOWN = 10
 
 
@@ -47,7 +49,6 @@ def main(**options: Any) -> None:
     Example: whsklearn fleet logs/ --input torque_nm --output velocity_rad_s --out fleet.parquet
     """
     from whsklearn.cli.fleet_axis import axes_of, outliers
-    from whsklearn.cli.fleet_kept import Kept, write_table
     from whsklearn.tracking import estimator_params
 
     folder, axis, out, batch = (options[k] for k in ("folder", "axis", "out", "batch"))
@@ -190,3 +191,95 @@ def _entry(who: str, what: str) -> str:
 
 def _and_more(count: int) -> list[str]:
     return [f"  ... and {count - SHOWN} more; see the table."] if count > SHOWN else []
+
+
+# --- finished axes, saved while the others are computed: stopping the command loses at most one batch -----------------
+def write_table(found: Any, out: Path) -> None:
+    """Write a table as Parquet, atomically."""
+    from whsklearn.logs.files import atomic_write
+
+    buffer = io.BytesIO()
+    found.to_parquet(buffer, index=False)
+    atomic_write(out, buffer.getvalue())
+
+
+class Kept:
+    """The finished rows of a fleet in ``OUT.part``, next to the table to be written, and in the same format.
+
+    A row is reused if the settings and the files of its axis have not changed.
+
+    Parameters
+    ----------
+    out : Path
+        Of the table.
+    settings : str
+        Model, columns and share of the test.
+    folder : Path
+    axis : str
+        As for `axes_of`.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as made:
+    ...     kept = Kept(Path(made, "fleet.parquet"), "rls", Path(made), "axis")
+    ...     print(kept.path.name, kept.rows(["one"]))
+    fleet.parquet.part []
+    """
+
+    def __init__(self, out: Path, settings: str, folder: Path, axis: str):
+        self.path = out.with_name(f"{out.name}.part")
+        self._settings, self._folder, self._axis = settings, folder, axis
+        self._done: list[Row] = []
+        self._written, self._due = 0, time.monotonic() + EVERY_SECONDS
+
+    def rows(self, names: list[str]) -> list[Row]:
+        """Rows of an earlier start that are still valid."""
+        import pandas as pd
+        import pyarrow as pa
+
+        from whsklearn.cli.fleet_axis import digest_of
+
+        try:
+            frame = pd.read_parquet(self.path)
+            same = frame[(frame["settings"] == self._settings) & frame["axis"].isin(names)]
+        except (OSError, KeyError, pa.ArrowException):  # there is none, or it is not ours
+            return []
+        digests = [digest_of(self._folder, self._axis, n) for n in same["axis"]]
+        found = same[same["digest"] == digests].drop(columns="settings")
+        # a column that an axis does not have is missing in its row, and NaN in the table
+        self._done = [{k: v for k, v in row.items() if v == v} for row in found.to_dict("records")]
+        self._written = len(self._done)
+        return list(self._done)
+
+    def add(self, rows: list[Row]) -> None:
+        """Add finished rows; they are written every half minute and at the end."""
+        self._done += rows
+        if time.monotonic() > self._due:
+            self.write()
+
+    def write(self) -> None:
+        """Write all rows so far."""
+        import pandas as pd
+
+        write_table(pd.DataFrame(self._done).assign(settings=self._settings), self.path)
+        self._written, self._due = len(self._done), time.monotonic() + EVERY_SECONDS
+
+    def remove(self) -> None:
+        """Remove the file, after the table itself is written."""
+        self.path.unlink(missing_ok=True)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
+        if kind is None:
+            return
+        if len(self._done) > self._written:
+            self.write()
+        count = len(self._done)
+        if count:
+            what = "1 axis is" if count == 1 else f"{count} axes are"
+            click.echo(f"{what} kept in {self.path}; the same command resumes from there.", err=True)
+        elif issubclass(kind, KeyboardInterrupt):
+            click.echo("Stopped before the first axes were finished: nothing is kept.", err=True)

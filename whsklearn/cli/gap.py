@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+import numpy as np
 
 from whsklearn.cli.job import UNUSABLE, job, progress_bar, say_where, tracker_for, wrapped, writable_folder
 from whsklearn.cli.options import ORDERS, axis_options, given, reading_options, robot_options
@@ -115,34 +116,33 @@ def main(**options: Any) -> None:
         log = gap_log(options)  # with --load, it puts the gains into the options
         again = options | {"log_file": options["second"], "load": None, "loaded": None}
         second = gap_log(again) if options["second"] else None
-        if second is not None:
-            refuse_shared(log, second)
-        finder = diagnose(options, log, second, folder)
-        if finder.verdict_ == "data_problem":
-            raise SystemExit(UNUSABLE)
-        return
-    if options["effects"]:
-        from whsklearn.cli.own_effects import load_effects  # this compiles, and --help must not
+    else:
+        if options["effects"]:
+            from whsklearn.cli.own_effects import load_effects  # this compiles, and --help must not
 
-        load_effects(options["effects"])
-    try:
-        whole = read_log(options)
-        log = liveliest(taken(options, whole))
-        if options["kind"] == "servo":  # a chain keeps the units of its log
-            note_assumed(log)
-        used, given = (len(set(x.groups.tolist())) for x in (log, whole))
-        log.rows = {"used": int(log.y.size), "given": int(whole.y.size), "taken": used, "segments": given}
-        second = liveliest(taken(options, read_log(options, options["second"]))) if options["second"] else None
-    except ColumnError:
-        raise
-    except LogError as error:
-        data_problem(error, folder)
-        raise
+            load_effects(options["effects"])
+        try:
+            log, second = axis_logs(options)
+        except LogError as error:
+            if not isinstance(error, ColumnError):
+                data_problem(error, folder)
+            raise
     if second is not None:
         refuse_shared(log, second)
     finder = diagnose(options, log, second, folder)
     if finder.verdict_ == "data_problem":
         raise SystemExit(UNUSABLE)
+
+
+def axis_logs(options: dict[str, Any]) -> tuple[Bunch, Bunch | None]:
+    """What is used of the log of an axis or of a chain, and of that named by ``--test``."""
+    whole = read_log(options)
+    log = liveliest(taken(options, whole))
+    if options["kind"] == "servo":  # a chain keeps the units of its log
+        note_assumed(log)
+    used, given = (len(set(x.groups.tolist())) for x in (log, whole))
+    log.rows = {"used": int(log.y.size), "given": int(whole.y.size), "taken": used, "segments": given}
+    return log, liveliest(taken(options, read_log(options, options["second"]))) if options["second"] else None
 
 
 def taken(options: dict[str, Any], log: Bunch) -> Bunch:
@@ -302,7 +302,6 @@ def _own_clock(source: Any) -> bool:
 
 def as_record(options: dict[str, Any], log: Bunch) -> tuple[Any, dict[str, Any]]:
     """The log in the form that this kind of model takes (SI for an axis), and the names of its columns."""
-    import numpy as np
     import pandas as pd
 
     from whsklearn.gap.following_error import following_error

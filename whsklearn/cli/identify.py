@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+import numpy as np
 
 from whsklearn.cli.job import (
     job,
@@ -67,7 +68,6 @@ def main(**options: Any) -> None:
 
         arm.identify(options)
         return
-    import numpy as np
 
     from whsklearn.identification.report import write
 
@@ -168,8 +168,6 @@ def together(logs: list[Bunch]) -> Bunch:
 
     Raises ValueError if rates or kinds of units differ, or two logs hold the same samples.
     """
-    import numpy as np
-
     first = logs[0]
     signals = [(first.X[:, 0], first.y, first.groups)]
     for k, log in enumerate(logs[1:], 1):

@@ -26,8 +26,6 @@ USAGE, UNUSABLE, ENDED, INTERRUPTED = 2, 3, 143, 130  # besides 0 for a result a
 class WrongOption(click.ClickException):
     """An option that does not fit the log, such as a column that does not exist.
 
-    Examples
-    --------
     >>> error = WrongOption("The log has no column 'u'.")
     >>> error.exit_code, error.format_message()
     (2, "The log has no column 'u'.")
@@ -39,8 +37,6 @@ class WrongOption(click.ClickException):
 class UnusableLog(click.ClickException):
     """A log from which nothing can be learned.
 
-    Examples
-    --------
     >>> UnusableLog("Row 17 has 3 cells, the header 4.").exit_code
     3
     """
@@ -51,8 +47,6 @@ class UnusableLog(click.ClickException):
 class RecordLost(click.ClickException):
     """The tracking server was lost during the run; the files that the job writes are on the disk.
 
-    Examples
-    --------
     >>> RecordLost("The record cannot be written.").exit_code
     1
     """
@@ -61,8 +55,6 @@ class RecordLost(click.ClickException):
 class Ended(KeyboardInterrupt):
     """SIGTERM, treated like Ctrl-C, so that runs are closed and temporary files are removed.
 
-    Examples
-    --------
     >>> issubclass(Ended, KeyboardInterrupt), ENDED
     (True, 143)
     """
@@ -110,8 +102,6 @@ def guarded(function: Callable[..., None], **kwargs: Any) -> None:
 def no_room(error: OSError) -> str:
     """A sentence if a file did not fit on the disk or would exceed a limit; empty for any other error.
 
-    Examples
-    --------
     >>> print(no_room(OSError(errno.ENOSPC, "No space left on device", "gap.html")))
     gap.html cannot be written (No space left on device); make room or name another folder.
     """
@@ -205,8 +195,6 @@ def say_where(tracker: Tracker) -> None:
 def worse_than_mean(nmse: Mapping[str, float]) -> str:
     """A sentence on models whose free run is worse than a constant; empty if there are none.
 
-    Examples
-    --------
     >>> worse_than_mean({"ARX": 0.2, "axis": 0.9})
     ''
     >>> print(wrapped(worse_than_mean({"ARX": 0.2, "axis": 1.4})))

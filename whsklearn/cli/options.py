@@ -14,8 +14,6 @@ Command = Callable[..., Any]
 class OrdersType(click.ParamType):
     """Four whole numbers, as in ``2,2,2,2``.
 
-    Examples
-    --------
     >>> ORDERS.convert("3, 2, 2,1", None, None)
     (3, 2, 2, 1)
     """

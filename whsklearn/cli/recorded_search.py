@@ -48,8 +48,6 @@ def recorded(search_class: type) -> type:
     scikit-learn documents ``_run_search`` as the method in which a subclass decides what is evaluated and when
     (`sklearn.model_selection.BaseSearchCV`); candidates, folds and results are its own.
 
-    Examples
-    --------
     >>> from sklearn.linear_model import Ridge
     >>> from sklearn.model_selection import GridSearchCV
     >>> search = recorded(GridSearchCV)(Ridge(), {"alpha": [0.1, 1.0, 10.0]}, cv=2, n_jobs=1)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+import numpy as np
 
 from whsklearn.cli.options import units_of
 
@@ -133,8 +134,6 @@ def refuse_shared(train: Bunch, test: Bunch, why: str = TESTED) -> None:
 
     Raises LogError: with the span that both contain.
     """
-    import numpy as np
-
     from whsklearn.logs.errors import LogError
     from whsklearn.logs.overlap import shared_run
     from whsklearn.logs.units import factor_of
@@ -169,8 +168,6 @@ def long_segments(log: Bunch) -> Bunch:
 
     Raises LogError if the segments between holes are too short for a diagnosis.
     """
-    import numpy as np
-
     from whsklearn.gap.data_check import FEWEST_SAMPLES, SHORTEST_RECORD
     from whsklearn.logs.errors import LogError
 
@@ -199,8 +196,6 @@ def bridged(log: Bunch) -> Bunch:
 
     A chain also simulates the samples of a hole, which takes time and shows nothing.
     """
-    import numpy as np
-
     first, last = 0, log.y.size
     while (log.time[last - 1] - log.time[first]) * log.sample_rate > 2 * (last - first):
         cut = first + 1 + int(np.argmax(np.diff(log.time[first:last])))
@@ -216,8 +211,6 @@ def bridged(log: Bunch) -> Bunch:
 
 def longest(log: Bunch) -> Bunch:
     """The longest segment of a log, with a note if there are others."""
-    import numpy as np
-
     counts = np.bincount(log.groups)
     if counts.size == 1:
         return log
@@ -232,8 +225,6 @@ def longest(log: Bunch) -> Bunch:
 
 def liveliest(log: Bunch) -> Bunch:
     """The part of a very long log in which the axis travels most, with a note if something is left out."""
-    import numpy as np
-
     n = log.y.size
     if n <= MOST_ROWS:
         return log
@@ -258,8 +249,6 @@ def _cut(log: Bunch, rows: Any, text: str) -> Bunch:
 
 def record_of(options: dict[str, Any]) -> ComparedRecord:
     """The record that the options of `tune` name; a position is replaced by its velocity, as in `identify`."""
-    import numpy as np
-
     from whsklearn.cli.comparison import ComparedRecord
     from whsklearn.identification.view import view
     from whsklearn.logs.errors import LogError
@@ -287,8 +276,6 @@ def record_of(options: dict[str, Any]) -> ComparedRecord:
 def names_of(files: Sequence[str]) -> list[str]:
     """Labels of the records: the file names, with their folders if names repeat.
 
-    Examples
-    --------
     >>> names_of(("a.csv", "b.csv")), names_of(("mon/a.csv", "tue/a.csv"))
     (['a.csv', 'b.csv'], ['mon/a.csv', 'tue/a.csv'])
     """

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 
 from whsklearn.cli.job import job, worse_than_mean, wrapped, writable_file
 from whsklearn.cli.options import joint_options, reading_options, system_options
@@ -25,7 +26,6 @@ def main(**options: Any) -> None:
 
     Example: whsklearn simulate model.json second.csv --output position_rad --out simulated.csv
     """
-    import numpy as np
     import pandas as pd
 
     from whsklearn.logs.files import atomic_write
@@ -84,15 +84,11 @@ def main(**options: Any) -> None:
 def first_speed(position: Any, dt: float) -> float:
     """The velocity at the start of a position (n,), sampled every ``dt`` s; 0 if its noise may have made it.
 
-    Examples
-    --------
     >>> import numpy as np
     >>> t = np.arange(300) / 100
     >>> round(first_speed(3.0 * t - t**2, 0.01), 6), first_speed(np.random.default_rng(0).normal(size=300), 0.01)
     (3.0, 0.0)
     """
-    import numpy as np
-
     from whsklearn.identification.view import window_of
 
     if len(position) < 7:

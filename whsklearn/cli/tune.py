@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
 import click
+import numpy as np
 
 from whsklearn.cli.job import job, progress_bar, say_where, table, tracker_for, wrapped
 from whsklearn.cli.options import ORDERS, given, logged_option, reading_options, system_options
@@ -115,7 +116,6 @@ def with_segments(estimator: Any, record: ComparedRecord) -> tuple[Any, dict[str
 
 def what_is_better(search: Any, record: ComparedRecord, champion: Callable[[], Any]) -> str:
     """A sentence if the mean of the output or the settings of the champion do better on the folds; otherwise empty."""
-    import numpy as np
     from sklearn.base import clone
     from sklearn.model_selection import cross_val_score
 
@@ -185,8 +185,6 @@ def numbers(text: str, option: str, kind: type, default: Any = _NOT_ALLOWED) -> 
 
 def count(options: dict[str, Any], grid: list[dict[str, list[Any]]]) -> int:
     """Number of candidates that the search will try; halving tries some of them more than once."""
-    import numpy as np
-
     whole = sum(int(np.prod([len(v) for v in g.values()])) for g in grid)
     return min(options["candidates"], whole) if options["kind"] == "random" else whole
 
@@ -195,7 +193,6 @@ def build_search(
     options: dict[str, Any], estimator: Any, grid: list[dict[str, list[Any]]], record: ComparedRecord
 ) -> Any:
     """The search with its folds and scores of the free run, without the first samples after each restart."""
-    import numpy as np
     from sklearn.base import clone
     from sklearn.metrics import make_scorer
     from sklearn.model_selection import GridSearchCV, RandomizedSearchCV
@@ -296,25 +293,13 @@ def workers(backend: str, scheduler: str | None) -> Iterator[None]:
 
 def leaders(results: dict[str, Any]) -> str:
     """The best eight candidates as a table."""
-    import numpy as np
-
     key = "mean_test_neg_nmse"
     order = np.argsort(-np.nan_to_num(results[key], nan=-np.inf))[:8]
     varied = [k for k in results["params"][0] if len({str(p[k]) for p in results["params"]}) > 1] or ["p"]
-    rows = [
-        [
-            i + 1,
-            *(shown(results["params"][c][k]) for k in varied),
-            float(-results[key][c]),
-            float(results["mean_fit_time"][c]),
-        ]
-        for i, c in enumerate(order)
-    ]
-    return table(
-        ["", *(k.removeprefix("lags__") for k in varied), "NMSE", "seconds"], rows, title=f"The best {len(rows)}"
-    )
-
-
-def shown(value: Any) -> Any:
-    """A setting as shown in the table: None is the estimator's default."""
-    return "default" if value is None else value
+    rows = []
+    for i, c in enumerate(order):
+        settings = [results["params"][c][k] for k in varied]
+        settings = ["default" if v is None else v for v in settings]  # None is the estimator's default
+        rows.append([i + 1, *settings, float(-results[key][c]), float(results["mean_fit_time"][c])])
+    names = [k.removeprefix("lags__") for k in varied]
+    return table(["", *names, "NMSE", "seconds"], rows, title=f"The best {len(rows)}")

@@ -44,8 +44,6 @@ SHOWN = 0.1  # of a column's rms in the record that shows it best: a number that
 class OneWay(ValueError):
     """Raised for records whose friction and offset cannot be compared.
 
-    Examples
-    --------
     >>> from whsklearn.gap import ServoRecord
     >>> t = np.arange(400) / 100.0
     >>> there, back = (ServoRecord(t, 0.1 * way + 0.0 * t, way * t) for way in (1.0, -1.0))
@@ -255,8 +253,6 @@ def rows_of(view: InverseView, model: ServoHypothesis, label: str, own: Mapping[
 def parts_of(term: ServoTerm) -> list[str]:
     """What tells the numbers of one effect apart: those of a wave are its cosine and sine.
 
-    Examples
-    --------
     >>> from whsklearn.gap.plants.servo_candidates import candidate
     >>> parts_of(ServoTerm(candidate("cogging"), (0.1, 0.2, 12.0))), parts_of(ServoTerm(candidate("coulomb"), (0.2,)))
     (['cos 12 q', 'sin 12 q'], [''])

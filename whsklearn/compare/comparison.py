@@ -16,8 +16,6 @@ SHOWN = 0.05  # of the scale of a number: an interval of 95 %
 def spoken(row: Mapping[str, Any]) -> str:
     """Name of a number as a reader sees it, with its part where several share the name.
 
-    Examples
-    --------
     >>> spoken({"name": "input_offset"}), spoken({"name": "cogging", "part": "cos 12 q"})
     ('input offset', 'cogging (cos 12 q)')
     """

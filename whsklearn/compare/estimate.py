@@ -42,8 +42,6 @@ class Summand(NamedTuple):
 
     ``walker`` is the number that a drift lets walk; -1 of any other summand.
 
-    Examples
-    --------
     >>> noise = Summand(np.diag([0.04, 0.01]), degrees=200.0)
     >>> noise.walker, np.sqrt(np.diag(noise.covariance)).tolist()
     (-1, [0.2, 0.1])
@@ -79,8 +77,6 @@ def degrees_of(parts: Sequence[Summand], to: Array) -> float:
 class Estimate:
     """Numbers of a record.
 
-    Examples
-    --------
     >>> noise, drift = Summand(np.array([[9.0]]), 200.0), Summand(np.array([[16.0]]), 4.0)
     >>> Estimate("monday.csv", np.array([1.0]), (noise, drift), left=0.1, drift={}).errors.tolist()
     [5.0]

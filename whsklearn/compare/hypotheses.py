@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -43,7 +43,14 @@ N_GAINS = 61  # of the grid from which the best gain is sought: a tenth apart
 
 @dataclass(frozen=True)
 class Difference:
-    """The second estimate minus the first."""
+    """The second estimate minus the first.
+
+    >>> noise = (Summand(np.diag([1e-4, 1e-4]), 50.0),)
+    >>> first, second = (Estimate("log", np.array([inertia, 0.2]), noise, 0.1, {}) for inertia in (1.0, 1.3))
+    >>> d = Difference(("inertia", "viscous"), {}, first, second, first.values, first.errors, np.ones(2))
+    >>> d.values.round(2).tolist()
+    [0.3, 0.0]
+    """
 
     names: tuple[str, ...]  # names of the p numbers
     covers: dict[str, tuple[str, ...]]  # name -> names of numbers that change with it
@@ -95,7 +102,11 @@ class Difference:
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """One possible change."""
+    """One possible change.
+
+    >>> Hypothesis("coulomb", np.eye(3)[:, [1]]).basis.ravel().tolist()  # of three numbers the second alone
+    [0.0, 1.0, 0.0]
+    """
 
     name: str
     basis: Array  # (p, k): directions in which the numbers change
@@ -104,7 +115,15 @@ class Hypothesis:
 
 @dataclass(frozen=True)
 class FittedHypothesis:
-    """A hypothesis, fitted together with others."""
+    """A hypothesis, fitted together with others.
+
+    >>> noise = (Summand(np.diag([1e-4, 1e-4]), 50.0),)
+    >>> first, second = (Estimate("log", np.array([inertia, 0.2]), noise, 0.1, {}) for inertia in (1.0, 1.3))
+    >>> d = Difference(("inertia", "viscous"), {}, first, second, first.values, first.errors, np.ones(2))
+    >>> inertia = weigh(d, hypotheses(d)[0], np.zeros((2, 0)))
+    >>> inertia.step.round(2).tolist(), inertia.p_value < 1e-6
+    ([0.3], True)
+    """
 
     hypothesis: Hypothesis
     step: Array  # (k,): step along its basis
@@ -251,7 +270,7 @@ def _occam(d: Difference, h: Hypothesis, information: Array) -> float:
     return 0.5 * float(np.linalg.slogdet(np.eye(prior.size) + np.outer(prior, prior) * information)[1])
 
 
-def moved(d: Difference, alpha: float) -> list[tuple[FittedHypothesis, list[FittedHypothesis]]]:
+def changed(d: Difference, alpha: float) -> list[tuple[FittedHypothesis, list[FittedHypothesis]]]:
     """What changed, the most certain first, each with its rivals; empty if nothing did.
 
     A second change must be as sure as the first beside it, and explain e^4 times more than the first alone.
@@ -321,7 +340,7 @@ def between(rows: list[Regression], first: list[Estimate], second: list[Estimate
 
 def changes_between(d: Difference, units: tuple[str, ...], alpha: float) -> list[Change]:
     """What changed, as shown to the reader."""
-    found = moved(d, alpha)
+    found = changed(d, alpha)
     if not found:
         return []
     n_asked = len(hypotheses(d))
@@ -343,7 +362,12 @@ def changes_between(d: Difference, units: tuple[str, ...], alpha: float) -> list
 
 
 class ChangeFit(NamedTuple):
-    """The first numbers (p,), the step of one change (k,) with its covariance (k, k), and degrees of freedom."""
+    """The first numbers (p,), the step of one change (k,) with its covariance (k, k), and degrees of freedom.
+
+    >>> fit = ChangeFit(np.array([1.0]), np.array([0.3]), np.array([[1e-4]]), 20.0)
+    >>> float(fit.start[0] + fit.step[0]), float(np.sqrt(fit.covariance[0, 0]))  # after it, and its standard error
+    (1.3, 0.01)
+    """
 
     start: Array
     step: Array
@@ -362,30 +386,29 @@ def _told(
     """One change with its numbers from the joint fit of all of them."""
     start, step, covariance, degrees = fit
     h = best.hypothesis
-    p_value = min(1.0, best.p_value * asked)
     names = [f.hypothesis.name for f in rivals]
+
+    def change(before: float, after: float, error: float, unit: str, direction: Any = None) -> Change:
+        p_value = min(1.0, best.p_value * asked)
+        return Change(h.name, before, after, error, degrees, unit, p_value, names, best.size, direction)
+
     if h.name.partition(" at ")[0] == "gain":
         ratio = 1.0 + float(step[0])  # of the numbers: twice the gain halves all of them
-        error = float(np.sqrt(covariance[0, 0])) / ratio**2
-        return Change(h.name, 1.0, 1.0 / ratio, error, degrees, "1", p_value, names, best.size)
+        return change(1.0, 1.0 / ratio, float(np.sqrt(covariance[0, 0])) / ratio**2, "1")
     if h.body is not None:
         size, error = load_of(h.name, step, covariance)
-        unit = "kg" if h.name.startswith("mass") else "kg m"
-        return Change(h.name, 0.0, size, error, degrees, unit, p_value, names, best.size)
+        return change(0.0, size, error, "kg" if h.name.startswith("mass") else "kg m")
     at = [i for i, n in enumerate(d.names) if n == h.name]
     if not at:  # one with other numbers: only its change is known
-        error = float(np.sqrt(covariance[0, 0]))
-        return Change(h.name, 0.0, float(step[0]), error, degrees, "kg m²", p_value, names, best.size)
+        return change(0.0, float(step[0]), float(np.sqrt(covariance[0, 0])), "kg m²")
     unit = units[at[0]]
     step, covariance = step[: len(at)], covariance[: len(at), : len(at)]  # what it covers comes behind
     a, b = start[at], start[at] + step
     if len(at) == 1:
-        error = float(np.sqrt(covariance[0, 0]))
-        return Change(h.name, float(a[0]), float(b[0]), error, degrees, unit, p_value, names, best.size)
+        return change(float(a[0]), float(b[0]), float(np.sqrt(covariance[0, 0])), unit)
     size_a, size_b = float(np.linalg.norm(a)), float(np.linalg.norm(b))
     along = (b if size_b > size_a else a) / max(size_a, size_b, 1e-300)
     error = float(np.sqrt(along @ covariance @ along))
     turn = float(np.arctan2(a[0] * b[1] - a[1] * b[0], a @ b)) if len(at) == 2 else 0.0
     across = float(np.sqrt(np.trace(covariance) - error**2)) / max(min(size_a, size_b), 1e-300)
-    direction = (turn, across) if len(at) == 2 and across < 1.0 else None
-    return Change(h.name, size_a, size_b, error, degrees, unit, p_value, names, best.size, direction)
+    return change(size_a, size_b, error, unit, (turn, across) if len(at) == 2 and across < 1.0 else None)

@@ -56,8 +56,6 @@ def scattered(parts: list[Estimate]) -> Array:
 class Course(NamedTuple):
     """How a number goes from record to record: ``trend``, ``change point`` or ``neither``; its slope a record.
 
-    Examples
-    --------
     >>> course(np.array([1.0, 1.2, 1.4, 1.6, 1.8]), np.full(5, 1e-4), 0.01).word
     'trend'
     """
@@ -475,8 +473,6 @@ def changes_in_words(changes: Sequence[Change]) -> str:
 def by_effect(shares: Mapping[str, float]) -> list[str]:
     """One phrase per effect: the shares at the joints of an arm together; no number where a share is NaN.
 
-    Examples
-    --------
     >>> by_effect({"inertia": 0.02, "coulomb": float("nan")})
     ['2 % of inertia', 'coulomb']
     >>> by_effect({"coulomb at hip": 0.1, "coulomb at knee": 0.2, "coulomb at foot": 0.4, "coulomb at toe": 0.3})

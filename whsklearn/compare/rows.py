@@ -100,8 +100,6 @@ def reversals_of(speed: Array, slowest: float) -> NDArray[np.intp]:
 def slowest_of(path: Array, time: Array) -> float:
     """Frequency (Hz) below which a twentieth of the path's variance lies, in cosine half waves over the record.
 
-    Examples
-    --------
     >>> t = np.arange(0.0, 30.0, 0.01)
     >>> [round(slowest_of(np.cos(2 * np.pi * f * t), t), 3) for f in (0.5, 1 / 60)]  # one way once is half a cycle
     [0.5, 0.017]

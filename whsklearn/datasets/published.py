@@ -153,13 +153,11 @@ def fetch_silverbox(folder: str | os.PathLike[str] | None = None, *, download: b
 
     Examples
     --------
-    >>> import tempfile
     >>> from whsklearn.datasets import fetch_silverbox
-    >>> with tempfile.TemporaryDirectory() as empty:
-    ...     try:
-    ...         fetch_silverbox(empty, download=False)
-    ...     except FileNotFoundError as error:
-    ...         print("SNLS80mV" in str(error))
+    >>> try:
+    ...     fetch_silverbox("nowhere", download=False)
+    ... except FileNotFoundError as error:
+    ...     print("SNLS80mV" in str(error))
     True
     """
     path = _file(SILVERBOX, folder, download)
@@ -293,15 +291,9 @@ A. Janot, M. Gautier, M. Brunot: Data Set and Reference Models of EMPS. Workshop
 Benchmarks, Eindhoven, 2019."""
 
 _KR300_FILES = {k: (f"kr300_axis1_{k}.csv", f"{Path(KR300_FOLDER.format(k)).name}/data.mat") for k in "ABC"}
-_KR300_COLUMNS = [
-    "time_s",
-    "motor_torque_Nm",
-    "motor_position_deg",
-    "motor_velocity_deg_s",
-    "load_position_deg",
-    "load_velocity_deg_s",
-    "reference_deg",
-]
+_KR300_COLUMNS = (
+    "time_s motor_torque_Nm motor_position_deg motor_velocity_deg_s load_position_deg load_velocity_deg_s reference_deg"
+).split()
 _KR300_UNITS = {"time": "s", "torque": "Nm", "position": "deg", "velocity": "deg/s", "reference": "deg"}
 _KR300_TEXT = """\
 Axis 1 of a KUKA KR300, a turntable: vertical axis, gear 256.857:1, encoders on motor and load, 250 Hz, three records
@@ -312,13 +304,8 @@ J. Weigand, J. Ulmen, A. Janot, M. Ruskowski, 2021: Robot Identification, record
 benchmark that followed it (Weigand, Goetz, Ulmen, Ruskowski 2022, doi 10.26204/DATA/5), which has other records."""
 # What the publishers' own programs read from ``rec`` in data.mat: one row per axis, one column per 4 ms.
 _KR300_FIELDS = (
-    "act_torque_abs_nm",
-    "act_pos_mot_deg",
-    "act_vel_mot_deg_per_s",
-    "act_pos_se_deg",
-    "act_vel_se_deg_per_s",
-    "ref_pos_deg",
-)
+    "act_torque_abs_nm act_pos_mot_deg act_vel_mot_deg_per_s act_pos_se_deg act_vel_se_deg_per_s ref_pos_deg"
+).split()
 
 # SHA-256 of the numbers, each as nine significant digits, so that CSV and MAT files of one record agree.
 _SUMS = {
@@ -358,13 +345,11 @@ def fetch_emps(folder: str | os.PathLike[str] | None = None, *, download: bool =
 
     Examples
     --------
-    >>> import tempfile
     >>> from whsklearn.datasets import fetch_emps
-    >>> with tempfile.TemporaryDirectory() as empty:
-    ...     try:
-    ...         fetch_emps(empty, download=False)
-    ...     except FileNotFoundError as error:
-    ...         print("emps_train.csv" in str(error))
+    >>> try:
+    ...     fetch_emps("nowhere", download=False)
+    ... except FileNotFoundError as error:
+    ...     print("emps_train.csv" in str(error))
     True
     """
     frames = _frames(_EMPS, folder, download, verify)
@@ -410,13 +395,11 @@ def fetch_kr300(folder: str | os.PathLike[str] | None = None, *, download: bool 
 
     Examples
     --------
-    >>> import tempfile
     >>> from whsklearn.datasets import fetch_kr300
-    >>> with tempfile.TemporaryDirectory() as empty:
-    ...     try:
-    ...         fetch_kr300(empty, download=False)
-    ...     except FileNotFoundError as error:
-    ...         print("kr300" in str(error))
+    >>> try:
+    ...     fetch_kr300("nowhere", download=False)
+    ... except FileNotFoundError as error:
+    ...     print("kr300" in str(error))
     True
     """
     frames = _frames(_KR300, folder, download, verify)

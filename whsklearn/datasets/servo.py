@@ -66,12 +66,9 @@ def reference_signal(
     0.8
     """
     makers: dict[str, tuple[Callable[..., NDArray[np.float64]], float]] = {
-        "sine": (_sine, 0.8),
-        "multisine": (_multisine, 1.0),
-        "staircase": (_staircase, 5.0),
-        "sweep": (_sweep, 1.0),
+        "sine": (_sine, 0.8), "multisine": (_multisine, 1.0), "staircase": (_staircase, 5.0), "sweep": (_sweep, 1.0),
         "rich": (_rich, 5.0),
-    }
+    }  # fmt: skip
     if kind not in makers:
         raise ValueError(f"Unknown reference {kind!r}; expected one of: {', '.join(makers)}, or an array.")
     make, default = makers[kind]
@@ -227,8 +224,6 @@ def _shaped(cls: type[Effect], base: Bunch, rng: np.random.Generator) -> Effect:
 
 def _signals(base: Bunch, axis: ServoAxis) -> Bunch:
     """True signals of a simulated record."""
-    from sklearn.utils import Bunch
-
     return Bunch(
         time=base.time,
         position=base.true_position,

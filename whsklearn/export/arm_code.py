@@ -8,28 +8,22 @@ instead of numbers, with known geometry and links, so that zeros and constants a
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from types import FunctionType, SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from sklearn.utils import Bunch
 
 from whsklearn.effects import codes
-from whsklearn.effects.equations import smooth_sign
-from whsklearn.export.axis_code import Fragment, Law, compensated
-from whsklearn.export.code import identifier, render
-from whsklearn.export.languages import C, OneOf, Symbol
+from whsklearn.export.axis_code import Fragment, arranged_law, compensated, static_torque
+from whsklearn.export.code import render
+from whsklearn.export.languages import C, Symbol
 from whsklearn.export.model import Loss, losses_of
 from whsklearn.export.specialise import Specialiser
-from whsklearn.logs.files import atomic_write
 from whsklearn.systems import _arm_kernels as kernels
-from whsklearn.systems._servo_kernel import Ends, arranged, load_sum, motor_sum, plant_of
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from whsklearn.systems.arm import Arm
+from whsklearn.systems._servo_kernel import plant_of
+from whsklearn.systems.arm import Arm
 
 _UNKNOWN = "it needs more than position, velocity and acceleration"
 
@@ -119,43 +113,36 @@ def _with_effects(work: Specialiser, acting: Any, position: Any, velocity: Any, 
     for effects in ([e for e in there if _static(e)], driven):
         if effects:
             drive = asked.value if isinstance(asked, Traced) else asked
-            here = (_law(effects), position.value, velocity.value, drive)
-            asked = asked + Traced(work, work.bind("friction", work.call(_torque, *here)))
+            plant = plant_of(effects, np.zeros(0))
+            here = (arranged_law(plant.codes, plant.p, effects), position.value, velocity.value, math.inf, drive)
+            asked = asked + Traced(work, work.bind("friction", work.call(static_torque, *here)))
     return asked
 
 
 def c_of_arm(arm: Arm, name: str, real: str = "double") -> tuple[dict[str, str], list[Loss]]:
     """Header and source by file name, and their losses.
 
-    Examples
-    --------
     >>> from whsklearn.datasets import default_arm
     >>> from whsklearn.export.arm_code import c_of_arm
     >>> files, losses = c_of_arm(default_arm(), "turntable")
     >>> sorted(files), losses, "0.3" in files["turntable.c"]
     (['turntable.c', 'turntable.h'], [], True)
     """
-    language = C(real)
-    losses: list[Loss] = []
+    losses = arm_losses(arm)
+    joints = [(j, "m" if s else "rad", "N" if s else "Nm") for j, s in zip(arm.joints, arm.slides, strict=True)]
+    names = {"name": name, "real": real, "joints": joints, "losses": losses, "guard": f"{name.upper()}_H"}
+    part = torques_code(arm, C(real))
+    return {f"{name}.{end}": render(f"arm.{end}.j2", code=part, **names) for end in ("h", "c")}, losses
+
+
+def arm_losses(arm: Arm) -> list[Loss]:
+    """Effects that its code cannot represent."""
+    losses = []
     for joint, acting in {**dict(zip(arm.joints, arm.effects, strict=True)), **arm.sums}.items():
         held = (codes.LOAD_FRICTION, codes.INPUT_OFFSET)
         out = [e for e in acting if e.magnitude != e.neutral and not _static(e) and e.code not in held]
         losses += [Loss(f"{joint}'s {x.name}", x.size, x.reason) for x in losses_of(out, _UNKNOWN)]
-    joints = [(j, "m" if s else "rad", "N" if s else "Nm") for j, s in zip(arm.joints, arm.slides, strict=True)]
-    names = {"name": name, "real": real, "joints": joints, "losses": losses, "guard": f"{name.upper()}_H"}
-    part = torques_code(arm, language)
-    return {f"{name}.{end}": render(f"arm.{end}.j2", code=part, **names) for end in ("h", "c")}, losses
-
-
-def write_arm_c(arm: Arm, out: Path, real: str) -> tuple[list[Path], list[Loss]]:
-    """Write header and source: ``out`` is a folder (files ``model.h`` and ``model.c``) or the path of the source."""
-    folder, stem = (out.parent, out.stem) if out.suffix in (".c", ".h") else (out, "model")
-    folder.mkdir(parents=True, exist_ok=True)
-    files, losses = c_of_arm(arm, identifier(stem), real)
-    paths = [folder / file for file in files]
-    for path in paths:
-        atomic_write(path, files[path.name].encode())
-    return paths, losses
+    return losses
 
 
 def _static(effect: Any) -> bool:
@@ -164,16 +151,3 @@ def _static(effect: Any) -> bool:
 
 def _zeros(*shape: int) -> NDArray[np.object_]:
     return np.full(shape, 0.0, dtype=object)
-
-
-def _law(effects: list[Any]) -> Law:
-    plant = plant_of(effects, np.zeros(0))
-    own = tuple(dict.fromkeys(type(e).evaluate for e in effects if e.evaluate is not None))
-    rows, p, ends = arranged(plant.codes, plant.p)
-    return Law(rows, p, OneOf(own), Ends(*map(int, ends)))
-
-
-def _torque(law, position, velocity, drive):  # type: ignore[no-untyped-def]
-    s, ds = smooth_sign(velocity, math.inf)
-    torque, _slope = motor_sum(law.effects, law.p, law.own, law.ends, 0, 0.0, position, velocity, s, ds, drive)
-    return torque + load_sum(law.effects, law.p, law.ends, 0.0, position, velocity)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from whsklearn.effects import codes
+from whsklearn.effects import Effect, codes
 from whsklearn.effects.equations import quantized, smooth_sign
 from whsklearn.export.languages import Language, OneOf, StateArray, Symbol
 from whsklearn.export.specialise import Specialiser
@@ -95,26 +96,26 @@ def _read(law, position, t, lattice):  # type: ignore[no-untyped-def]
 
 
 def axis_code(
-    axis: ServoAxis, language: Language, state: Any, *, velocity: bool = False, remember: bool = False, out: float = 1.0
+    axis: ServoAxis, language: Language, *, velocity: bool = False, remember: bool = False, out: float = 1.0
 ) -> AxisCode:
     """Specialise the integrator to one axis.
 
-    ``state``: ``state(name, index)``: how the language reads a number kept between samples.
     ``velocity``: whether to return the velocity instead of the encoder's reading.
     ``remember``: whether to compute sines and cosines of the motion from the previous ones, stored in ``wave``.
     ``out``: factor from the unit of the result to SI.
     """
     plant = pack(axis)
-    law = _arranged(plant.codes, plant.p, axis)
+    law = arranged_law(plant.codes, plant.p, axis.effects)
     body, chain = Body(*map(float, body_of(plant))), DriveStage(*map(float, chain_of(plant)))
     two = body.share > 0.0
     lattice = float(lattice_of(plant)[0])
     dt = 1.0 / axis.sample_rate
     h = dt / axis.substeps
     memory: dict[tuple[int, int], int] = {}
+    state = language.state
 
     def mechanical(i: int) -> str:
-        return state(STATES[i], -1) if two or i < 2 else ""
+        return state(STATES[i]) if two or i < 2 else ""
 
     def hysteresis(i: int, k: int) -> str:
         return state("memory", memory.setdefault((i, k), len(memory)))
@@ -128,8 +129,8 @@ def axis_code(
         StateArray(lambda i: state("lag", i)), Symbol("u"), Symbol("t"), h,
     )  # fmt: skip
     seeing = Specialiser(language, "r_")
-    seen = state(STATES[2 if two and axis.sensor.side == "load" else 0], -1)
-    y = Symbol(state("velocity", -1)) if velocity else seeing.call(_read, law, Symbol(seen), Symbol("t"), lattice)
+    seen = state(STATES[2 if two and axis.sensor.side == "load" else 0])
+    y = Symbol(state("velocity")) if velocity else seeing.call(_read, law, Symbol(seen), Symbol("t"), lattice)
     y = seeing.binary("Mult", y, 1.0 / out)
     older, newer, share = _holds(chain.delay / h, axis.substeps)
     states = dict.fromkeys(STATES[: 4 if two else 2], 0)
@@ -152,16 +153,12 @@ def _timed(part: Fragment) -> bool:
     return any(re.search(r"\bt\b", line) for line in [*part.lines, part.result])
 
 
-def _own(axis: ServoAxis) -> OneOf:
-    """The functions of user-defined effects, in the order in which `pack` numbers them."""
-    classes = dict.fromkeys(type(e) for e in axis.effects if e.evaluate is not None and e.magnitude != e.neutral)
-    return OneOf(tuple(c.evaluate for c in classes if c.evaluate is not None))
-
-
-def _arranged(effects: Any, p: Any, axis: ServoAxis) -> Law:
-    """Rows in the integrator's order, and the end of each kind."""
-    effects, p, ends = arranged(effects, p)
-    return Law(effects, p, _own(axis), Ends(*map(int, ends)))
+def arranged_law(rows: Any, p: Any, effects: Iterable[Effect]) -> Law:
+    """Rows in the integrator's order, the end of each kind, and user-defined effects as `plant_of` numbers them."""
+    rows, p, ends = arranged(rows, p)
+    classes = dict.fromkeys(type(e) for e in effects if e.evaluate is not None and e.magnitude != e.neutral)
+    own = OneOf(tuple(c.evaluate for c in classes if c.evaluate is not None))
+    return Law(rows, p, own, Ends(*map(int, ends)))
 
 
 def _holds(delay: float, substeps: int) -> tuple[list[int], list[int], list[float]]:
@@ -185,17 +182,18 @@ def torque_code(
     """
     plant = pack(axis)
     keep = [i for i, code in enumerate(plant.codes) if compensated(int(code))]
-    law = _arranged(plant.codes[keep], plant.p[keep], axis)
+    law = arranged_law(plant.codes[keep], plant.p[keep], axis.effects)
     work = Specialiser(language)
     kappa = 1.0 / axis.smoothing if axis.friction == "tanh" else math.inf
     motion = (work.binary("Mult", by, Symbol(name)) for by, name in ((far, "position"), (rate, "velocity")))
-    result = work.binary("Mult", work.call(_static_torque, law, *motion, kappa), 1.0 / drive)
+    result = work.binary("Mult", work.call(static_torque, law, *motion, kappa, 0.0), 1.0 / drive)
     return Fragment(*work.finish(result), work.text(result))
 
 
-def _static_torque(law, position, velocity, kappa):  # type: ignore[no-untyped-def]
+def static_torque(law, position, velocity, kappa, drive):  # type: ignore[no-untyped-def]
+    """Torque of the effects of a law at one instant; sign(velocity) has the sharpness kappa."""
     s, ds = smooth_sign(velocity, kappa)
-    torque, _slope = motor_sum(law.effects, law.p, law.own, law.ends, 0, 0.0, position, velocity, s, ds, 0.0)
+    torque, _slope = motor_sum(law.effects, law.p, law.own, law.ends, 0, 0.0, position, velocity, s, ds, drive)
     return torque + load_sum(law.effects, law.p, law.ends, 0.0, position, velocity)
 
 

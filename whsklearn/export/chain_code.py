@@ -90,13 +90,14 @@ def _pushed(b, f, z, n, u, y):  # type: ignore[no-untyped-def]
     z[n - 1] = b[n] * u - f[n] * y
 
 
-def _with_effects(chain, work, state, states, block, drive):  # type: ignore[no-untyped-def]
+def _with_effects(chain, work, states, block, drive):  # type: ignore[no-untyped-def]
     """The reading of a chain with effects at its ports, sample by sample as `whsklearn.systems.chain.run`."""
+    state = work.language.state
     ports: Any = packed(chain.effects)
     slots: dict[tuple[int, int], int] = {}
     memory = StateArray(lambda i, j: state("memory", slots.setdefault((i, j), len(slots))))
     own = OneOf(tuple(type(e).evaluate for e in chain.effects if e.evaluate is not None))
-    t: Any = Symbol(state("samples", -1))
+    t: Any = Symbol(state("samples"))
     n = max(chain.b1.size, chain.f1.size) - 1
     b, f = (np.pad(v, (0, n + 1 - v.size)) for v in (chain.b1, chain.f1))
     z = StateArray(lambda i: state("first", i))
@@ -112,21 +113,21 @@ def _with_effects(chain, work, state, states, block, drive):  # type: ignore[no-
         states["history"] = whole + 1
         for i in reversed(range(whole + 1)):
             work.store(state("history", i), past[i])
-    before: Any = Symbol(state("last_x", -1))
+    before: Any = Symbol(state("last_x"))
     ahead = work.bind("ahead", work.call(_ahead, f, z, n, first, x))
     driven_u = work.bind("driven", work.call(driven, *ports[:2], memory, u, t, x, before, ahead, chain.dt))
     work.call(_pushed, b, f, z, n, driven_u, first)
     dx = work.bind("dx", work.binary("Sub", x, before))
-    ddx = work.bind("ddx", work.binary("Sub", dx, Symbol(state("last_dx", -1))))
+    ddx = work.bind("ddx", work.binary("Sub", dx, Symbol(state("last_dx"))))
     law = chain.law
     v = work.call(_law, law.codes, law.shapes, law.weights, x, dx)
     more = work.call(added, *ports[:2], memory, own, Symbol(drive), x, dx, ddx, t, chain.dt, math.inf)
     v = work.bind("v", work.binary("Add", v, more))
-    work.store(state("last_x", -1), x)
-    work.store(state("last_dx", -1), dx)
+    work.store(state("last_x"), x)
+    work.store(state("last_dx"), dx)
     y = work.bind("q", block("second", chain.b2, chain.f2, v))
     y = work.bind("y", work.call(sensed, *ports[:2], memory, own, y, t, chain.dt))
-    work.store(state("samples", -1), work.binary("Add", t, 1.0))
+    work.store(state("samples"), work.binary("Add", t, 1.0))
     if slots:
         states["memory"] = len(slots)
     return y
@@ -141,11 +142,9 @@ def _ahead(f, z, n, first, x):  # type: ignore[no-untyped-def]
     return (z[1] if n > 1 else 0.0) - f[1] * first + x - first
 
 
-def chain_code(
-    chain: CodedChain, language: Language, state: Any, *, drive: str = "drive", out: float = 1.0
-) -> ChainCode:
-    """Specialise a chain to its numbers; ``state`` and ``out`` as for `axis_code`, ``drive`` the input's variable."""
-    work = Specialiser(language)
+def chain_code(chain: CodedChain, language: Language, *, drive: str = "drive", out: float = 1.0) -> ChainCode:
+    """Specialise a chain to its numbers; ``out`` as for `axis_code`, ``drive`` the input's variable."""
+    work, state = Specialiser(language), language.state
     states: dict[str, int] = {}
 
     def block(name: str, b: NDArray[Any], f: NDArray[Any], u: Any) -> Any:
@@ -157,21 +156,21 @@ def chain_code(
 
     effects = bool(chain.effects) and not chain.direct
     if effects:
-        x = _with_effects(chain, work, state, states, block, drive)
+        x = _with_effects(chain, work, states, block, drive)
     else:
         x = block("first", chain.b1, chain.f1, Symbol(drive))
     if chain.law is not None and not effects:
         law, dx = chain.law, 0.0
         if any(t.name != "power" for t in law.terms):
             states["last_x"] = 0
-            dx = work.bind("dx", work.binary("Sub", x, Symbol(state("last_x", -1))))
-            work.store(state("last_x", -1), x)
+            dx = work.bind("dx", work.binary("Sub", x, Symbol(state("last_x"))))
+            work.store(state("last_x"), x)
         x = work.bind("v", work.call(_law, law.codes, law.shapes, law.weights, x, dx))
     y = work.binary("Add", x if effects else block("second", chain.b2, chain.f2, x), chain.offset)
     if chain.integrates:
         states["total"] = 0
-        total = work.bind("total", work.binary("Add", Symbol(state("total", -1)), y))
-        work.store(state("total", -1), total)
+        total = work.bind("total", work.binary("Add", Symbol(state("total")), y))
+        work.store(state("total"), total)
         y = work.binary("Mult", total, chain.dt)
     y = work.bind("y", work.binary("Mult", y, 1.0 / out))
     return ChainCode(Fragment(*work.finish(y), work.text(y)), states)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -60,61 +61,52 @@ def c_files(model: Exported, name: str, what: str = "model", real: str = "double
     function NAME_torque alone. ``real`` is {"double", "float"}.
     """
     lang = C(real)
-
-    def state(field: str, index: int) -> str:
-        return f"s->{field}" if index < 0 else f"s->{field}[{index}]"
-
-    names: dict[str, Any] = {"name": name, "real": real, "lang": lang, "code": None, "chain": None, "torque": None}
-    names |= {"states": None, "counters": [], "title": _title(model, what), "header": f"{name}.h"}
-    names |= {"losses": code_losses(model, what), "guard": f"{name.upper()}_H", "output": model.logged.capitalize()}
-    names |= {"one": lang.number(1.0), "wave": WAVE, "largest": LARGEST_DRIVE[real]}
-    names |= _units(model, lang, what)
-    if what == "compensator":
-        names["torque"] = torque_code(model.need_axis("A compensator"), lang, *model.steady_factors)
-    elif model.axis is not None:
-        velocity = model.logged == "velocity"
-        code = axis_code(model.axis, lang, state, velocity=velocity, remember=True, out=model.factors[1])
-        names["code"], names["states"] = code, dict(code.states)
-        names["counters"] = ["samples"]
+    names = _shown(model, lang, name, what, real)
+    names |= {"real": real, "states": None, "counters": [], "header": f"{name}.h", "guard": f"{name.upper()}_H"}
+    names |= {"output": model.logged.capitalize(), "one": lang.number(1.0), "wave": WAVE}
+    if (code := names["code"]) is not None:
+        names["states"], names["counters"] = dict(code.states), ["samples"]
         if code.history > 1:
             names["states"]["history"] = code.history
             names["counters"] = ["samples", "newest"]
-    elif model.chain is not None:
-        names["chain"] = chain_code(model.chain, lang, state, out=model.factors[1])
+    elif names["chain"] is not None:
         names["states"] = names["chain"].states
     return {f"{name}.h": render("model.h.j2", **names), f"{name}.c": render("model.c.j2", **names)}
 
 
 def st_file(model: Exported, name: str, what: str = "model") -> str:
     """A function block NAME (or a function NAME_torque) in Structured Text."""
-    lang = StructuredText()
+    return render("model.st.j2", **_shown(model, StructuredText(), name, what, drive="acting"))
 
-    def state(field: str, index: int) -> str:
-        return field if index < 0 else f"{field}[{index}]"
 
+def _shown(
+    model: Exported, lang: Language, name: str, what: str, real: str = "double", drive: str = "drive"
+) -> dict[str, Any]:
+    """What the templates of both languages show; ``drive``: the variable with the drive of a chain."""
     names: dict[str, Any] = {"name": name, "lang": lang, "code": None, "chain": None, "torque": None}
-    names |= {"title": _title(model, what), "losses": code_losses(model, what), "largest": LARGEST_DRIVE["double"]}
-    names |= _units(model, lang, what)
+    names |= {"title": _title(model, what), "losses": code_losses(model, what), "largest": LARGEST_DRIVE[real]}
     if what == "compensator":
         names["torque"] = torque_code(model.need_axis("A compensator"), lang, *model.steady_factors)
     elif model.axis is not None:
-        velocity = model.logged == "velocity"
-        names["code"] = axis_code(model.axis, lang, state, velocity=velocity, out=model.factors[1])
+        velocity, remember = model.logged == "velocity", isinstance(lang, C)
+        names["code"] = axis_code(model.axis, lang, velocity=velocity, remember=remember, out=model.factors[1])
     elif model.chain is not None:
-        names["chain"] = chain_code(model.chain, lang, state, drive="acting", out=model.factors[1])
-    return render("model.st.j2", **names)
+        names["chain"] = chain_code(model.chain, lang, drive=drive, out=model.factors[1])
+    return names | _units(model, lang, what)
 
 
-def write_c(model: Exported, out: Path, what: str, real: str) -> tuple[list[Path], list[Loss]]:
-    """Write header and source: ``out`` is a folder (files ``model.h`` and ``model.c``) or the path of the source."""
+def write_sources(out: Path, files_of: Callable[[str], dict[str, str]]) -> list[Path]:
+    """Write header and source: ``out`` is a folder (files ``model.h`` and ``model.c``) or the path of the source.
+
+    ``files_of``: texts by file name, for a name of the model.
+    """
     folder, stem = (out.parent, out.stem) if out.suffix in (".c", ".h") else (out, "model")
     folder.mkdir(parents=True, exist_ok=True)
     paths = []
-    for file, text in c_files(model, identifier(stem), what, real).items():
-        path = folder / file
-        atomic_write(path, text.encode())
-        paths.append(path)
-    return paths, code_losses(model, what)
+    for file, text in files_of(identifier(stem)).items():
+        atomic_write(folder / file, text.encode())
+        paths.append(folder / file)
+    return paths
 
 
 def _units(model: Exported, lang: Language, what: str) -> dict[str, str]:

@@ -5,20 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from whsklearn.export.arm_code import write_arm_c
-from whsklearn.export.code import code_losses as _code_losses
-from whsklearn.export.code import identifier, st_file, write_c
+from whsklearn.export.arm_code import arm_losses, c_of_arm
+from whsklearn.export.code import c_files, code_losses, identifier, st_file, write_sources
 from whsklearn.export.fmu import write_fmu
 from whsklearn.export.model import Loss, as_exported
 from whsklearn.export.robots import arm_mjcf, arm_urdf, isaac, mjcf, urdf, write_text
 from whsklearn.export.tables import Left, Ratings, write_tables
 from whsklearn.models import ArmModel, load_model
 from whsklearn.systems.arm import Arm
-
-if TYPE_CHECKING:
-    import os
 
 FORMATS = {
     "mjcf": "MuJoCo, model.xml",
@@ -65,7 +61,7 @@ def export_model(
     model: Any,
     *,
     to: str,
-    out: str | os.PathLike[str],
+    out: str | PathLike[str],
     what: str = "model",
     real: str = "double",
     ratings: Ratings | None = None,
@@ -126,13 +122,14 @@ def export_model(
     if to == "table":
         return Export(*write_tables(exported, path, ratings or Ratings()))
     if to == "c":
-        return Export(*write_c(exported, path, what, real))
+        paths = write_sources(path, lambda name: c_files(exported, name, what, real))
+        return Export(paths, code_losses(exported, what))
     if to == "fmu":
         written, losses = write_fmu(exported, path)
         return Export([written], losses)
     if to == "st":
         name = identifier(path.stem if path.suffix else "model")
-        text, losses = st_file(exported, name, what), _code_losses(exported, what)
+        text, losses = st_file(exported, name, what), code_losses(exported, what)
         return Export([write_text(text, path, "model.st")], losses)
     write, file = {"mjcf": (mjcf, "model.xml"), "urdf": (urdf, "model.urdf"), "isaac": (isaac, "actuator.py")}[to]
     text, losses = write(exported)
@@ -142,7 +139,7 @@ def export_model(
 def _export_arm(arm: Arm, to: str, path: Path, real: str) -> Export:
     """Export an arm, in the formats for several joints; its C code is its inverse dynamics."""
     if to == "c":
-        return Export(*write_arm_c(arm, path, real))
+        return Export(write_sources(path, lambda name: c_of_arm(arm, name, real)[0]), arm_losses(arm))
     if to not in ("mjcf", "urdf"):
         raise ValueError(f"An arm of {arm.n_joints} joints is exported to mjcf, urdf or c, not to {to}.")
     write, file = {"mjcf": (arm_mjcf, "model.xml"), "urdf": (arm_urdf, "model.urdf")}[to]

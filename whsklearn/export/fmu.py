@@ -28,8 +28,6 @@ _BASE = {
 def unit_definitions(units: dict[str, str]) -> dict[str, dict[str, float]]:
     """Each unit with the exponents of its base units and its factor, if it has any.
 
-    Examples
-    --------
     >>> unit_definitions({"input": "mNm", "output": "counts"})
     {'mNm': {'kg': 1, 'm': 2, 's': -2, 'factor': 0.001}, 'counts': {}}
     """
@@ -59,15 +57,8 @@ def write_fmu(model: Exported, out: Path) -> tuple[Path, list[Loss]]:
         declared = next(line for line in files["model.c"].splitlines() if " reading(" in line)
         reading = f"reading(&c->state{', c->state.samples * c->dt' if 'double t)' in declared else ''})"
     guid = "{" + str(uuid.uuid5(uuid.NAMESPACE_OID, "".join(files.values()))) + "}"  # same model, same file
-    names = {
-        "name": name,
-        "guid": guid,
-        "dt": repr(dt),
-        "units": model.units,
-        "defined": unit_definitions(model.units),
-        "losses": losses,
-        "reading": reading,
-    }
+    names = {"name": name, "guid": guid, "dt": repr(dt), "units": model.units, "losses": losses, "reading": reading}
+    names["defined"] = unit_definitions(model.units)
     source = render("fmi2.c.j2", **names)
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:

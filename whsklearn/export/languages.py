@@ -8,8 +8,8 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import Any, NamedTuple, Protocol
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple
 
 
 class Symbol(NamedTuple):
@@ -27,8 +27,6 @@ class Symbol(NamedTuple):
 class Set(NamedTuple):
     """An assignment; ``kept`` if the name belongs to the state and is kept between samples.
 
-    Examples
-    --------
     >>> sorted(used([Set("x", "a * u + x", kept=True)]))
     ['a', 'u', 'x']
     """
@@ -114,82 +112,83 @@ def rendered(statements: list[Any], language: Language, pad: str = "") -> list[s
 
 
 # --- how a language writes numbers, operators and functions: C99 and IEC 61131-3 Structured Text ---------------------
-class Language(Protocol):
-    """The interface that `whsklearn.export.specialise.Specialiser` needs from a language."""
+_OPERATORS = {"Add": "+", "Sub": "-", "Mult": "*", "Div": "/", "Lt": "<", "LtE": "<=", "Gt": ">", "GtE": ">="}
 
-    @property
-    def operators(self) -> dict[str, str]:
-        """Operators by the name of the syntax node: ``Add``, ``LtE``, ``And``, ..."""
-        ...
 
-    @property
-    def twice(self) -> frozenset[str]:
-        """Functions whose arguments are written more than once and therefore need a name."""
-        ...
+class Language:
+    """What `whsklearn.export.specialise.Specialiser` needs from a language.
+
+    Attributes
+    ----------
+    operators : dict of str to str
+        By the name of the syntax node: ``Add``, ``LtE``, ``And``, ...
+    twice : frozenset of str
+        Functions whose arguments are written more than once and therefore need a name.
+    """
+
+    operators: ClassVar[dict[str, str]]
+    twice: ClassVar[frozenset[str]]
+    _state: ClassVar[str] = ""  # before a number that is kept between samples
+    _truths: ClassVar[tuple[str, str]]  # false, true
+    _negated: ClassVar[str]
+    _assigned: ClassVar[str]
+    _branches: ClassVar[tuple[str, str, str, str]]  # if, if not, else, end
 
     def number(self, value: float) -> str:
-        """A literal."""
-        ...
-
-    def truth(self, value: bool) -> str:
-        """True or false."""
-        ...
-
-    def negated(self, text: str) -> str:
-        """Logical not."""
-        ...
-
-    def assign(self, name: str, text: str) -> str:
-        """One assignment."""
-        ...
-
-    def branch(self, test: str, yes: list[str], no: list[str], pad: str) -> list[str]:
-        """An if with its else."""
-        ...
+        """The shortest literal that reads back as the same number."""
+        raise NotImplementedError
 
     def function(self, name: str, arguments: list[str]) -> str:
         """A call; ``name`` as in `math`, or one of ``abs min max int``."""
-        ...
+        raise NotImplementedError
 
+    def state(self, field: str, index: int = -1) -> str:
+        """A number that is kept between samples: a field of its own, or an entry of one."""
+        return f"{self._state}{field}" if index < 0 else f"{self._state}{field}[{index}]"
 
-_ARITHMETIC = {"Add": "+", "Sub": "-", "Mult": "*", "Div": "/", "Lt": "<", "LtE": "<=", "Gt": ">", "GtE": ">="}
+    def truth(self, value: bool) -> str:
+        """True or false."""
+        return self._truths[value]
+
+    def negated(self, text: str) -> str:
+        """Logical not."""
+        return self._negated.format(text)
+
+    def assign(self, name: str, text: str) -> str:
+        """One assignment."""
+        return self._assigned.format(name, text.removeprefix("(").removesuffix(")") if _wrapped(text) else text)
+
+    def branch(self, test: str, yes: list[str], no: list[str], pad: str) -> list[str]:
+        """An if statement with its else, without empty branches."""
+        if_, unless, otherwise, end = self._branches
+        if not yes:
+            return [pad + unless.format(test), *no, pad + end]
+        return [pad + if_.format(test), *yes, *([pad + otherwise, *no] if no else []), pad + end]
 
 
 @dataclass(frozen=True)
-class C:
+class C(Language):
     """C99; ``real`` is ``double`` or ``float``."""
 
     real: str = "double"
-    operators: dict[str, str] = field(
-        default_factory=lambda: {**_ARITHMETIC, "Eq": "==", "NotEq": "!=", "And": "&&", "Or": "||"}
-    )
-    twice: frozenset[str] = frozenset({"min", "max"})
+    operators: ClassVar = {**_OPERATORS, "Eq": "==", "NotEq": "!=", "And": "&&", "Or": "||"}
+    twice: ClassVar = frozenset({"min", "max"})
+    _state: ClassVar = "s->"
+    _truths: ClassVar = ("0", "1")
+    _negated: ClassVar = "(!{})"
+    _assigned: ClassVar = "{} = {};"
+    _branches: ClassVar = ("if {} {{", "if (!{}) {{", "} else {", "}")
 
     def number(self, value: float) -> str:
-        """The shortest text that reads back as the same number."""
+        """See `Language`."""
         if math.isinf(value):
             return "INFINITY" if value > 0 else "(-INFINITY)"
         text = repr(float(value)) + ("f" if self.real == "float" else "")
         return f"({text})" if value < 0 else text
 
-    def truth(self, value: bool) -> str:
-        """1 or 0."""
-        return str(int(value))
-
-    def negated(self, text: str) -> str:
-        """Logical not."""
-        return f"(!{text})"
-
-    def assign(self, name: str, text: str) -> str:
-        """One assignment."""
-        return f"{name} = {text.removeprefix('(').removesuffix(')') if _wrapped(text) else text};"
-
     def branch(self, test: str, yes: list[str], no: list[str], pad: str) -> list[str]:
-        """An if statement with its else, without empty branches."""
-        test = test if _wrapped(test) else f"({test})"
-        if not yes:
-            return [f"{pad}if (!{test}) {{", *no, f"{pad}}}"]
-        return [f"{pad}if {test} {{", *yes, *([f"{pad}}} else {{", *no] if no else []), f"{pad}}}"]
+        """See `Language`; the test in brackets."""
+        return super().branch(test if _wrapped(test) else f"({test})", yes, no, pad)
 
     def function(self, name: str, arguments: list[str]) -> str:
         """A call of math.h; ``min`` and ``max`` are choices, which compile to one instruction."""
@@ -203,41 +202,24 @@ class C:
         return f"{name}{'f' if self.real == 'float' else ''}({', '.join(arguments)})"
 
 
-@dataclass(frozen=True)
-class StructuredText:
+class StructuredText(Language):
     """IEC 61131-3 Structured Text with LREAL numbers."""
 
-    operators: dict[str, str] = field(
-        default_factory=lambda: {**_ARITHMETIC, "Eq": "=", "NotEq": "<>", "And": "AND", "Or": "OR"}
-    )
-    twice: frozenset[str] = frozenset({"copysign", "floor"})
+    operators: ClassVar = {**_OPERATORS, "Eq": "=", "NotEq": "<>", "And": "AND", "Or": "OR"}
+    twice: ClassVar = frozenset({"copysign", "floor"})
+    _truths: ClassVar = ("FALSE", "TRUE")
+    _negated: ClassVar = "(NOT {})"
+    _assigned: ClassVar = "{} := {};"
+    _branches: ClassVar = ("IF {} THEN", "IF NOT {} THEN", "ELSE", "END_IF;")
 
     def number(self, value: float) -> str:
-        """A real literal; IEC 61131-3 has no infinity."""
+        """See `Language`; IEC 61131-3 has no infinity."""
         if math.isinf(value):
             return "1.0E308" if value > 0 else "(-1.0E308)"
         mantissa, _, exponent = repr(float(value)).partition("e")
         mantissa += "" if "." in mantissa else ".0"
         text = mantissa + (f"E{int(exponent)}" if exponent else "")
         return f"({text})" if value < 0 else text
-
-    def truth(self, value: bool) -> str:
-        """TRUE or FALSE."""
-        return "TRUE" if value else "FALSE"
-
-    def negated(self, text: str) -> str:
-        """Logical not."""
-        return f"(NOT {text})"
-
-    def assign(self, name: str, text: str) -> str:
-        """One assignment."""
-        return f"{name} := {text.removeprefix('(').removesuffix(')') if _wrapped(text) else text};"
-
-    def branch(self, test: str, yes: list[str], no: list[str], pad: str) -> list[str]:
-        """An IF statement with its ELSE, without empty branches."""
-        if not yes:
-            return [f"{pad}IF NOT {test} THEN", *no, f"{pad}END_IF;"]
-        return [f"{pad}IF {test} THEN", *yes, *([f"{pad}ELSE", *no] if no else []), f"{pad}END_IF;"]
 
     def function(self, name: str, arguments: list[str]) -> str:
         """A standard function, or an expression of standard functions if there is none."""

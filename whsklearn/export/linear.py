@@ -71,9 +71,9 @@ def to_control(model: Any) -> tuple[Any, list[Loss]]:
 
 def _transfer(model: Exported) -> tuple[Any, Any, float, list[Loss]]:
     if model.chain is not None:
-        held = ("power", "viscous")
         terms = model.chain.law.terms if model.chain.law else ()
-        losses = [Loss(t.name, size_of(t), "it is not linear") for t in terms if not _linear_term(t, held)]
+        bent = [t for t in terms if t.name not in ("power", "viscous") or t.shape.get("degree", 1.0) != 1.0]
+        losses = [Loss(t.name, size_of(t), "it is not linear") for t in bent]
         losses += [Loss(e.name, size_of(e), "a transfer function holds no effects") for e in model.chain_effects]
         if model.chain.offset:
             losses.append(Loss("offset", f"{model.chain.offset:.6g}", "it is not linear"))
@@ -96,7 +96,3 @@ def _transfer(model: Exported) -> tuple[Any, Any, float, list[Loss]]:
     over = [axis.inertia, total(effects, "viscous"), total(effects, "cable_spring")]
     numerator, denominator, _ = cont2discrete(([1.0], over), dt)
     return np.trim_zeros(np.ravel(numerator), "f"), denominator, dt, losses
-
-
-def _linear_term(term: Any, held: tuple[str, ...]) -> bool:
-    return term.name in held and term.shape.get("degree", 1.0) == 1.0

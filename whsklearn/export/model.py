@@ -158,12 +158,10 @@ class Exported:
                 out.append(Loss(f"unit of the {what}", "not stated", f"taken to be {wanted[0]}, as in the format"))
             elif symbol not in wanted:
                 how = "by the torque constant" if symbol == "A" else f"to {wanted[0]} for each {symbol}"
-                out.append(
-                    Loss(
-                        f"unit of the {what}", symbol, f"the format is in {wanted[0]}: numbers that have it are in "
-                        f"{symbol} here, and right for a {what} in {symbol} alone; scale them {how}",
-                    )
-                )  # fmt: skip
+                text = (
+                    f"the format is in {wanted[0]}: numbers that have it are in {symbol} here, and right for a {what}"
+                )
+                out.append(Loss(f"unit of the {what}", symbol, f"{text} in {symbol} alone; scale them {how}"))
         return out
 
     @property
@@ -216,11 +214,8 @@ def as_exported(model: Any) -> Exported:
         return Exported(chain=chain, units=units, logged=logged)
     if kind in ("arx", "output_error"):
         b, f, one = np.array(model.numerator, float), np.array(model.denominator, float), np.ones(1)
-        return Exported(
-            chain=CodedChain(b, f, None, one, one, model.dt, float(model.offset), integrates),
-            units=units,
-            logged=logged,
-        )
+        chain = CodedChain(b, f, None, one, one, model.dt, float(model.offset), integrates)
+        return Exported(chain=chain, units=units, logged=logged)
     raise ValueError(
         f"{type(model).__name__} cannot be exported; give a model file, a ServoAxis or a WienerHammersteinSystem."
     )

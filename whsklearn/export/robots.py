@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
+from numpy.typing import NDArray
 
 from whsklearn.effects import Effect, EndStop
 from whsklearn.effects.hysteresis import LuGre, PreslidingHysteresis
@@ -16,15 +18,9 @@ from whsklearn.export.code import render
 from whsklearn.export.model import Exported, Loss, left_out, losses_of, lost_parts, parts_of, size_of
 from whsklearn.logs.files import atomic_write
 from whsklearn.systems._servo_kernel import body_of, chain_of
+from whsklearn.systems.arm import Arm
 from whsklearn.systems.arm_files import inertia_matrix
 from whsklearn.systems.servo import ServoAxis, pack
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from numpy.typing import NDArray
-
-    from whsklearn.systems.arm import Arm
 
 
 def urdf(model: Exported) -> tuple[str, list[Loss]]:
@@ -160,7 +156,7 @@ def mapped(axis: ServoAxis, linear: bool = False) -> Mjcf:
     if axis.sensor.resolution:
         m.losses.append(Loss("encoder", f"step {axis.sensor.resolution:.6g} rad", "MuJoCo's sensors are not quantized"))
     effects = parts_of(axis)
-    m.losses += losses_of([e for e in effects if e.name not in _HOLDERS], "MuJoCo has nothing like it")
+    m.losses += losses_of([e for e in effects if e.name not in ELEMENTS | PARTS], "MuJoCo has nothing like it")
     for effect in effects:
         if linear and effect.name == "gravity_imbalance":
             m.losses.append(Loss(effect.name, size_of(effect), "a slide has no angle"))
@@ -169,102 +165,74 @@ def mapped(axis: ServoAxis, linear: bool = False) -> Mjcf:
     return m
 
 
-def hold_in(m: Mjcf, effect: Effect, others: list[Effect]) -> None:
-    """Add one effect to ``m`` if MuJoCo has an equivalent; ``others`` are the other effects."""
-    if effect.name in _HOLDERS:
-        _HOLDERS[effect.name](m, effect, others)
-
-
-def _viscous(m: Mjcf, e: Effect, _: list[Effect]) -> None:
-    m.damping[1] = m.damping.get(1, 0.0) + e.magnitude
-
-
-def _drag(m: Mjcf, e: Effect, _: list[Effect]) -> None:
-    m.damping[2] = m.damping.get(2, 0.0) + e.magnitude
-
-
-def _coulomb(m: Mjcf, e: Effect, others: list[Effect]) -> None:
-    if not any(_stribeck_by_lugre(o) for o in others):
-        m.joint["frictionloss"] = m.joint.get("frictionloss", 0.0) + e.magnitude
-
-
-def _stribeck_by_lugre(e: Effect) -> bool:
-    return e.name == "stribeck" and e.magnitude > 0.0
-
-
-def _stribeck(m: Mjcf, e: Effect, others: list[Effect]) -> None:
-    dry = sum(o.magnitude for o in others if o.name == "coulomb")
-    if e.magnitude <= 0.0 or dry <= 0.0:
-        m.losses.append(Loss(e.name, size_of(e), "MuJoCo holds it only on top of Coulomb friction"))
-        return
-    velocity, exponent = tuple(e.shape.values())[:2] if len(e.shape) > 1 else (*e.shape.values(), 2.0)
-    if exponent != 2.0:
-        m.losses.append(Loss(e.name, size_of(e), "held with the exponent 2, which is MuJoCo's"))
-    stiffness = dry / BRISTLE
-    m.lugre.append((stiffness, stiffness * 2e-3, dry, dry + e.magnitude, velocity))
-
-
-def _presliding(m: Mjcf, e: Effect, _: list[Effect]) -> None:
-    if not isinstance(e, PreslidingHysteresis) or type(e) not in (PreslidingHysteresis, LuGre):
-        m.losses.append(Loss(e.name, size_of(e), "MuJoCo has Dahl's and LuGre's model only"))
-        return
-    ratio, velocity, damping = (e.ratio, e.velocity, e.damping) if isinstance(e, LuGre) else (1.0, 1.0, 0.0)
-    m.lugre.append((e.torque / e.distance, e.torque * damping / e.distance, e.torque, e.torque * ratio, velocity))
-
-
-def _cogging(m: Mjcf, e: Effect, _: list[Effect]) -> None:
-    order, phase = e.shape["order"], e.shape["phase"]
-    if abs(order - round(order)) > 1e-3:
-        m.losses.append(Loss(e.name, size_of(e), "MuJoCo takes whole orders only"))
-        return
-    m.cogging.append((e.magnitude, round(order), phase - 0.5 * math.pi))  # -cos a = sin(a - pi/2)
-
-
-def _gravity(m: Mjcf, e: Effect, _: list[Effect]) -> None:
-    a, p = m.gravity
-    x = a * math.cos(p) + e.magnitude * math.cos(e.shape["phase"])
-    y = a * math.sin(p) + e.magnitude * math.sin(e.shape["phase"])
-    m.gravity = (math.hypot(x, y), math.atan2(y, x))
-
-
-def _offset(m: Mjcf, e: Effect, _: list[Effect]) -> None:
-    m.force -= e.magnitude
-    if e.name == "asymmetric_coulomb":
-        m.losses.append(Loss(e.name, size_of(e), "held as a constant force, which is the same in motion"))
-
-
-def _spring(m: Mjcf, e: Effect, others: list[Effect]) -> None:
-    cubic = [o for o in others if o.name == "hardening_spring"]
-    m.springref = cubic[0].shape["centre"] if cubic else e.shape["centre"]
-    m.spring[1] = m.spring.get(1, 0.0) + e.magnitude
-    m.force -= e.magnitude * (m.springref - e.shape["centre"])
-
-
-def _cubic(m: Mjcf, e: Effect, _: list[Effect]) -> None:
-    if m.spring.get(3) and e.shape["centre"] != m.springref:
-        m.losses.append(Loss(e.name, size_of(e), "a joint has one spring, whose centre is already used"))
-        return
-    m.springref = e.shape["centre"]
-    m.spring[3] = m.spring.get(3, 0.0) + e.magnitude
-
-
-def _stop(m: Mjcf, e: Any, _: list[Effect]) -> None:
-    if e.shape.get("relaxation"):
-        m.losses.append(Loss(e.name, size_of(e), "held without its damping: a tendon cannot be damped in contact only"))
-    m.stops.append((e.magnitude, *np.clip(e.ends, -FAR, FAR)))
-
-
-def _part(m: Mjcf, e: Effect, _: list[Effect]) -> None:
-    """Effects represented by a part of the axis: limit, delay, lag, transmission."""
-
-
-_HOLDERS = {
-    "viscous": _viscous, "quadratic_drag": _drag, "coulomb": _coulomb, "stribeck": _stribeck,
-    "presliding_hysteresis": _presliding, "cogging": _cogging, "gravity_imbalance": _gravity,
-    "input_offset": _offset, "asymmetric_coulomb": _offset, "cable_spring": _spring, "hardening_spring": _cubic,
-    "end_stop": _stop, "saturation": _part, "input_delay": _part, "actuator_lag": _part, "flexible_coupling": _part,
-    "backlash": _part,
+PARTS = {"saturation", "input_delay", "actuator_lag", "flexible_coupling", "backlash"}  # held by a part of the axis
+ELEMENTS = {
+    "viscous", "quadratic_drag", "coulomb", "stribeck", "presliding_hysteresis", "cogging", "gravity_imbalance",
+    "input_offset", "asymmetric_coulomb", "cable_spring", "hardening_spring", "end_stop",
 }  # fmt: skip
+
+
+def hold_in(m: Mjcf, e: Any, others: list[Effect]) -> None:
+    """Add one effect to ``m`` if MuJoCo has an equivalent; ``others`` are all effects."""
+
+    def lose(reason: str) -> None:
+        m.losses.append(Loss(e.name, size_of(e), reason))
+
+    shape = e.shape
+    match e.name:
+        case "viscous" | "quadratic_drag":
+            power = 1 if e.name == "viscous" else 2
+            m.damping[power] = m.damping.get(power, 0.0) + e.magnitude
+        case "coulomb":
+            if not any(o.name == "stribeck" and o.magnitude > 0.0 for o in others):  # whose LuGre element holds it
+                m.joint["frictionloss"] = m.joint.get("frictionloss", 0.0) + e.magnitude
+        case "stribeck":
+            dry = sum(o.magnitude for o in others if o.name == "coulomb")
+            if e.magnitude <= 0.0 or dry <= 0.0:
+                lose("MuJoCo holds it only on top of Coulomb friction")
+                return
+            velocity, exponent = tuple(shape.values())[:2] if len(shape) > 1 else (*shape.values(), 2.0)
+            if exponent != 2.0:
+                lose("held with the exponent 2, which is MuJoCo's")
+            stiffness = dry / BRISTLE
+            m.lugre.append((stiffness, stiffness * 2e-3, dry, dry + e.magnitude, velocity))
+        case "presliding_hysteresis":
+            if type(e) not in (PreslidingHysteresis, LuGre):
+                lose("MuJoCo has Dahl's and LuGre's model only")
+                return
+            ratio, velocity, damping = (e.ratio, e.velocity, e.damping) if isinstance(e, LuGre) else (1.0, 1.0, 0.0)
+            stiffness = e.torque / e.distance
+            m.lugre.append((stiffness, e.torque * damping / e.distance, e.torque, e.torque * ratio, velocity))
+        case "cogging":
+            if abs(shape["order"] - round(shape["order"])) > 1e-3:
+                lose("MuJoCo takes whole orders only")
+                return
+            m.cogging.append(
+                (e.magnitude, round(shape["order"]), shape["phase"] - 0.5 * math.pi)
+            )  # -cos a = sin(a - pi/2)
+        case "gravity_imbalance":
+            a, p = m.gravity
+            x = a * math.cos(p) + e.magnitude * math.cos(shape["phase"])
+            y = a * math.sin(p) + e.magnitude * math.sin(shape["phase"])
+            m.gravity = (math.hypot(x, y), math.atan2(y, x))
+        case "input_offset" | "asymmetric_coulomb":
+            m.force -= e.magnitude
+            if e.name == "asymmetric_coulomb":
+                lose("held as a constant force, which is the same in motion")
+        case "cable_spring":
+            m.springref = next((o.shape["centre"] for o in others if o.name == "hardening_spring"), shape["centre"])
+            m.spring[1] = m.spring.get(1, 0.0) + e.magnitude
+            m.force -= e.magnitude * (m.springref - shape["centre"])
+        case "hardening_spring":
+            if m.spring.get(3) and shape["centre"] != m.springref:
+                lose("a joint has one spring, whose centre is already used")
+                return
+            m.springref = shape["centre"]
+            m.spring[3] = m.spring.get(3, 0.0) + e.magnitude
+        case "end_stop":
+            if shape.get("relaxation"):
+                lose("held without its damping: a tendon cannot be damped in contact only")
+            m.stops.append((e.magnitude, *np.clip(e.ends, -FAR, FAR)))
 
 
 # --- an arm for MuJoCo and as URDF -----------------------------------------------------------------------------------
@@ -275,8 +243,6 @@ LEAST = 1e-6  # kg and kg m2: MuJoCo accepts no moving body without mass
 def arm_mjcf(arm: Arm) -> tuple[str, list[Loss]]:
     """The text of the file, and the parts of the model that it cannot represent; a motor of gear one drives each joint.
 
-    Examples
-    --------
     >>> from whsklearn.datasets import default_arm
     >>> from whsklearn.export.robots import arm_mjcf
     >>> text, losses = arm_mjcf(default_arm())
@@ -325,8 +291,6 @@ def arm_mjcf(arm: Arm) -> tuple[str, list[Loss]]:
 def arm_urdf(arm: Arm) -> tuple[str, list[Loss]]:
     """The text of the file, and the parts of the model that it cannot represent.
 
-    Examples
-    --------
     >>> from whsklearn.datasets import default_arm
     >>> from whsklearn.export.robots import arm_urdf
     >>> [str(loss) for loss in arm_urdf(default_arm())[1]][0]

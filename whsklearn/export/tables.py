@@ -9,26 +9,21 @@ ServoOne (LTI, now KEBA) and Moog MSD, Device Help: P 380 CON_TCoggAddTab, 250 c
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from whsklearn.effects import Effect
 from whsklearn.effects.base import Array
 from whsklearn.export.axis_code import compensated
-from whsklearn.export.model import Loss, losses_of, parts_of
+from whsklearn.export.model import Exported, Loss, losses_of, parts_of
 from whsklearn.logs.files import atomic_write
+from whsklearn.systems.servo import ServoAxis
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from whsklearn.export.model import Exported
-    from whsklearn.systems.servo import ServoAxis
-
-    Torque = Callable[[Array], Array]
-
+Torque = Callable[[Array], Array]
 ENTRIES = 3600  # entries of cogging.csv: one per tenth of a degree
 _FINE = 36_000  # angles of a turn at which the replay compares table and model
 # A fitted order is never whole.  Rounding by this much shifts a wave by 3.6 degrees per turn and leaves 4 % of it;
@@ -219,8 +214,6 @@ class _Tabled(NamedTuple):
 def divided(axis: ServoAxis) -> tuple[list[Effect], list[Effect], list[Effect]]:
     """Effects that are waves over a turn, those of speed alone, and the rest.
 
-    Examples
-    --------
     >>> from whsklearn import ServoAxis
     >>> from whsklearn.effects import Cogging, GravityImbalance
     >>> parts = divided(ServoAxis(effects=[Cogging(0.05, 12.0), GravityImbalance(0.2)]))

@@ -23,31 +23,13 @@ _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 _HEX = re.compile(r"0[xX][0-9a-fA-F]+")
 _BRACKETS = re.compile(r"\(\s*([^()+-]+)\)")  # accounting notation of negative numbers
 _WITH_UNIT = re.compile(r"([+-]?[\d.,]+(?:[eE][+-]?\d+)?)\s?([A-Za-zµ°%][\w°%·*/^ ]*)")
-_MISSING = {
-    "-",
-    "--",
-    "---",
-    "\u2013",
-    "\u2014",
-    "?",
-    "*",
-    "missing",
-    "#div/0!",
-    "#value!",
-    "#ref!",
-    "none",
-    "null",
-    "n/a",
-    "na",
-}
+_MISSING = set("- -- --- \u2013 \u2014 ? * missing #div/0! #value! #ref! none null n/a na".split())
 _FLAGS = {"true": 1.0, "false": 0.0}
 
 
 def plain(cell: str) -> str:
     """A cell stripped of blanks, quotes and a final semicolon, with a typographic minus replaced.
 
-    Examples
-    --------
     >>> plain(" '\u22121.5' "), plain("0.25;")
     ('-1.5', '0.25')
     """
@@ -57,8 +39,6 @@ def plain(cell: str) -> str:
 def is_word(cell: str) -> bool:
     """Whether a cell holds a word that is neither a number nor a code for a missing value.
 
-    Examples
-    --------
     >>> is_word("Port"), is_word("N/A"), is_word("1,5")
     (True, False, False)
     """
@@ -68,8 +48,6 @@ def is_word(cell: str) -> bool:
 def is_number(cell: str, decimal: str = ".") -> bool:
     """Whether a cell is empty or holds a number in some notation.
 
-    Examples
-    --------
     >>> [is_number(c) for c in ("1.5", "1,234.5", "1.2D-3", "0x1F", "1.5 Nm", "", "off")]
     [True, True, True, True, True, True, False]
     >>> is_number("1.234,5", ","), is_number("1.234,5")
@@ -96,8 +74,6 @@ def as_numbers(values: pd.Series, decimal: str) -> tuple[pd.Series, str, list[st
 
     ``values`` (n,): cells, or NaN for missing ones. ``decimal``: ``.`` or ``,``.
 
-    Examples
-    --------
     >>> import pandas as pd
     >>> as_numbers(pd.Series(["1,234.5", "7"]), ".")[0].tolist(), as_numbers(pd.Series(["2 A", "-3 A"]), ".")[1]
     ([1234.5, 7.0], 'A')

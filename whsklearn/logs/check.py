@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.typing import NDArray
 
 from whsklearn.logs.findings import SEVERITIES, Array, Finding, LogReport, finding
 from whsklearn.logs.lattice import lattice
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 
 ALLOWED_JITTER = 0.01  # as a share of the period; derivatives of the position are wrong by the same share
 GAP = 1.5  # periods; a longer step has lost a sample, a shorter one is jitter
@@ -83,6 +78,10 @@ def _stamps(time: Array, rows: NDArray[np.intp]) -> list[Finding]:
     step = np.diff(time)
     period = float(np.median(step))
     out = []
+
+    def found(code: str, steps: NDArray[np.intp], text: str, value: float | None = None) -> None:
+        out.append(finding(code, "error", rows[steps + 1], text, value))
+
     back = np.flatnonzero(step < 0)
     same = np.flatnonzero(step == 0)
     scale = period if period > 0 else np.inf  # most stamps do not increase, so there is no period to compare holes with
@@ -90,51 +89,21 @@ def _stamps(time: Array, rows: NDArray[np.intp]) -> list[Finding]:
     uneven = np.flatnonzero((step > 0) & (step <= GAP * scale) & (np.abs(step / scale - 1) > ALLOWED_JITTER))
     uneven = uneven if period > 0 else uneven[:0]
     if back.size:
-        out.append(
-            finding(
-                "LOG004",
-                "error",
-                rows[back + 1],
-                f"From row {rows[back[0]]} to row {rows[back[0] + 1]} it falls by "
-                f"{-step[back[0]]:.4g} s; sort the log or split it into its runs.",
-            )
-        )
+        text = f"From row {rows[back[0]]} to row {rows[back[0] + 1]} it falls by {-step[back[0]]:.4g} s"
+        found("LOG004", back, f"{text}; sort the log or split it into its runs.")
     if same.size:
-        out.append(
-            finding(
-                "LOG003",
-                "error",
-                rows[same + 1],
-                f"Row {rows[same[0] + 1]} has the stamp of the row before, "
-                f"{time[same[0]]:.6g} s; drop the duplicates or resample.",
-            )
-        )
+        text = f"Row {rows[same[0] + 1]} has the stamp of the row before, {time[same[0]]:.6g} s"
+        found("LOG003", same, f"{text}; drop the duplicates or resample.")
     if holes.size:
         lost = int(np.round(step[holes] / period - 1).sum())
-        out.append(
-            finding(
-                "LOG002",
-                "error",
-                rows[holes + 1],
-                f"{holes.size} hole{'s' if holes.size > 1 else ''}, about {lost} samples, the first before row "
-                f"{rows[holes[0] + 1]} ({step[holes[0]]:.4g} s for {period:.4g} s); resample; long holes start a new "
-                "group.",
-                float(lost),
-            )
-        )
+        text = f"{holes.size} hole{'s' if holes.size > 1 else ''}, about {lost} samples, the first before row "
+        text += f"{rows[holes[0] + 1]} ({step[holes[0]]:.4g} s for {period:.4g} s)"
+        found("LOG002", holes, f"{text}; resample; long holes start a new group.", float(lost))
     if uneven.size:
         worst = uneven[np.argmax(np.abs(step[uneven] / period - 1))]
         off = abs(step[worst] / period - 1)
-        out.append(
-            finding(
-                "LOG001",
-                "error",
-                rows[uneven + 1],
-                f"Row {rows[worst + 1]} follows after {step[worst]:.4g} s where "
-                f"{period:.4g} s is usual ({off:.1%} off, {ALLOWED_JITTER:.0%} allowed); resample.",
-                off,
-            )
-        )
+        text = f"Row {rows[worst + 1]} follows after {step[worst]:.4g} s where {period:.4g} s is usual"
+        found("LOG001", uneven, f"{text} ({off:.1%} off, {ALLOWED_JITTER:.0%} allowed); resample.", off)
     return out
 
 
@@ -173,9 +142,8 @@ def _repeats(signals: dict[str, Array]) -> list[Finding]:
     short = lengths <= 20  # longer runs are an axis at rest
     if table.shape[1] < 2 or lengths[short].sum() < max(3, 1e-3 * len(table)):
         return []
-    text = (
-        f"{int(lengths[short].sum())} rows equal the row before in every signal, the first is row {starts[short][0]}; "
-    )
-    text += "the logger polls faster than the controller writes, so log at the controller's rate."
-    rate = float(lengths[short].sum() / len(table))
+    count = int(lengths[short].sum())
+    text = f"{count} rows equal the row before in every signal, the first is row {starts[short][0]}; the logger polls "
+    text += "faster than the controller writes, so log at the controller's rate."
+    rate = count / len(table)
     return [Finding("LOG006", "warning", text, tuple(int(s) for s in starts[short][:10]), rate)]

@@ -18,8 +18,6 @@ _FORM = re.compile(r"\s*([0-9.]+(?:e[+-]?\d+)?)\s*(?:(?:\+-|\+/-|±)\s*([0-9.]+(
 class TorqueConstant(NamedTuple):
     """Torque constant in Nm (or N) per ampere, with its standard deviation.
 
-    Examples
-    --------
     >>> TorqueConstant.of("0.12+-0.01"), TorqueConstant.of(0.5).relative
     (TorqueConstant(value=0.12, deviation=0.01), 0.0)
     """
@@ -59,8 +57,6 @@ def factor_to_torque(constant: TorqueConstant, unit: str, column: str) -> float:
 
     Raises ColumnError if the drive is not a current.
 
-    Examples
-    --------
     >>> factor_to_torque(TorqueConstant(0.12), "mA", "i")
     0.00012
     """
@@ -76,8 +72,6 @@ def factor_to_torque(constant: TorqueConstant, unit: str, column: str) -> float:
 def is_current(column: str, unit: str) -> bool:
     """Whether a column holds a current, by its unit or, without one, by its name.
 
-    Examples
-    --------
     >>> is_current("i_q", UNKNOWN), is_current("u", "mA"), is_current("torque", "Nm")
     (True, True, False)
     """
@@ -88,8 +82,6 @@ def is_current(column: str, unit: str) -> bool:
 def doubt(column: str, unit: str) -> str:
     """The question to ask before a recognised column is used as the drive; empty for a torque or a voltage.
 
-    Examples
-    --------
     >>> doubt("torque", UNKNOWN), doubt("effort [Nm]", "Nm")
     ('', '')
     """

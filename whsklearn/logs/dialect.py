@@ -33,8 +33,6 @@ class Dialect(NamedTuple):
 def dialect_of(lines: list[str]) -> Dialect | None:
     """The layout under which most of the first lines form a table of numbers; None if there is none.
 
-    Examples
-    --------
     >>> d = dialect_of(["# rig 7", "Zeit;Moment", "s;Nm", "0,00;1,5", "0,01;1,6", "0,02;1,7"])
     >>> d.separator, d.decimal, d.first, d.names, d.units
     (';', ',', 3, ['Zeit', 'Moment'], ['s', 'Nm'])

@@ -31,8 +31,6 @@ def atomic_write(path: str | os.PathLike[str], data: bytes) -> None:
 
     Raises OSError if the file cannot be written; it names ``path``, which is unchanged.
 
-    Examples
-    --------
     >>> import pathlib, tempfile
     >>> from whsklearn.logs.files import atomic_write
     >>> with tempfile.TemporaryDirectory() as folder:
@@ -43,7 +41,7 @@ def atomic_write(path: str | os.PathLike[str], data: bytes) -> None:
     b'new'
     """
     target = Path(os.path.realpath(path))
-    if _is_device(path):
+    if is_device(path):
         with open(path, "wb") as file:
             file.write(data)
         return
@@ -73,8 +71,6 @@ def check_writable(path: str | os.PathLike[str]) -> None:
     ``path``: path of the file, which need not exist. Raises ValueError if ``path`` is a folder, its folder is missing,
     or nothing can be written there.
 
-    Examples
-    --------
     >>> import tempfile
     >>> from whsklearn.logs.files import check_writable
     >>> with tempfile.TemporaryDirectory() as folder:
@@ -83,7 +79,7 @@ def check_writable(path: str | os.PathLike[str]) -> None:
     target = Path(os.path.realpath(path))
     if target.is_dir():
         raise ValueError(f"{path} is a folder, expected the name of a file; add one.")
-    if _is_device(path):
+    if is_device(path):
         return
     if not target.parent.is_dir():
         raise ValueError(f"The folder of {path} does not exist; create it, or write somewhere else.")
@@ -97,7 +93,7 @@ def check_writable(path: str | os.PathLike[str]) -> None:
         _remove(aside)
 
 
-def _is_device(path: str | os.PathLike[str]) -> bool:
+def is_device(path: str | os.PathLike[str]) -> bool:
     """Whether it exists and is neither file nor folder: ``/dev/null``, a pipe."""
     return os.path.exists(path) and not os.path.isfile(path) and not os.path.isdir(path)
 

@@ -6,27 +6,27 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
-from whsklearn.logs import arrays, labelled, objects, packed, parts, recorders, robots, text
+from whsklearn.logs import binary, labelled, objects, packed, parts, robots, text
 from whsklearn.logs.errors import LogError
 from whsklearn.logs.source import Source
 
 _MAGIC: tuple[tuple[bytes, Callable[[Path], Source]], ...] = (
-    (b"PAR1", arrays.open_parquet),
-    (b"ARROW1", arrays.open_feather),
-    (b"\x89HDF", arrays.open_hdf5),
-    (b"MATLAB", arrays.open_matlab),
-    (b"\x93NUMPY", arrays.open_numpy),
-    (b"TDSm", recorders.open_tdms),
-    (b"MDF ", recorders.open_mdf),
-    (b"UnFinMF", recorders.open_mdf),
+    (b"PAR1", binary.open_parquet),
+    (b"ARROW1", binary.open_feather),
+    (b"\x89HDF", binary.open_hdf5),
+    (b"MATLAB", binary.open_matlab),
+    (b"\x93NUMPY", binary.open_numpy),
+    (b"TDSm", binary.open_tdms),
+    (b"MDF ", binary.open_mdf),
+    (b"UnFinMF", binary.open_mdf),
     (b"\x89MCAP", robots.open_mcap),
     (b"#ROSBAG", robots.open_bag),
 )
 _ENDINGS: dict[str, Callable[[Path], Source]] = {
-    ".parquet": arrays.open_parquet, ".pq": arrays.open_parquet, ".feather": arrays.open_feather,
-    ".mat": arrays.open_matlab, ".h5": arrays.open_hdf5, ".hdf5": arrays.open_hdf5,
-    ".npz": arrays.open_numpy, ".npy": arrays.open_numpy,
-    ".tdms": recorders.open_tdms, ".mf4": recorders.open_mdf, ".mdf": recorders.open_mdf,
+    ".parquet": binary.open_parquet, ".pq": binary.open_parquet, ".feather": binary.open_feather,
+    ".mat": binary.open_matlab, ".h5": binary.open_hdf5, ".hdf5": binary.open_hdf5,
+    ".npz": binary.open_numpy, ".npy": binary.open_numpy,
+    ".tdms": binary.open_tdms, ".mf4": binary.open_mdf, ".mdf": binary.open_mdf,
     ".mcap": robots.open_mcap, ".bag": robots.open_bag,
 }  # fmt: skip
 _SHEETS = {".xlsx", ".xls", ".ods"}
@@ -88,13 +88,13 @@ def _opened(file: Path) -> Source:
     if packed.is_packed(head):
         return _unpacked(file, head)
     ending = _ENDINGS.get(file.suffix.lower())
-    if ending is not None and ending is not arrays.open_matlab:
+    if ending is not None and ending is not binary.open_matlab:
         what = file.suffix.lower().lstrip(".")
         raise LogError(
             f"{file.name} is empty." if not head else f"{file.name} is not a {what} file: its first bytes differ."
         )
     if ending is not None and head:
-        return arrays.open_matlab(file)
+        return binary.open_matlab(file)
     return _of_text(file)
 
 
@@ -113,9 +113,9 @@ def _of_text(path: Path) -> Source:
 
 
 def _unpacked(path: Path, head: bytes) -> Source:
-    """A compressed log; NumPy archives are ZIP archives of arrays."""
+    """A compressed log; NumPy archives are ZIP archives of binary."""
     if head.startswith(packed.ZIP) and all(n.endswith(".npy") for n in packed.members(path) or [""]):
-        return arrays.open_numpy(path)
+        return binary.open_numpy(path)
     with packed.opened(path) as stream:
         try:
             inside = stream.read(16)

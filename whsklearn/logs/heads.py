@@ -50,8 +50,6 @@ def headings(above: list[list[str]], width: int, apart: bool = False) -> Head | 
     ``above``: cells of the rows, from the top of the file to the first row of data. ``width``: columns of the table.
     ``apart``: whether the first column contains the labels of the header and no data.
 
-    Examples
-    --------
     >>> head = headings([["Name", "q", "Name", "i"], ["Unit", "deg", "Unit", "A"], ["Port", "851", "Port", "851"]], 4)
     >>> head.names, head.units, head.clocks
     (['time', 'q', 'time.2', 'i'], ['', 'deg', '', 'A'], [0, 0, 2, 2])
@@ -114,8 +112,6 @@ def _extended(above: list[list[str]], width: int) -> Head | None:
 def increment_in(above: list[list[str]]) -> float | None:
     """Sample time in s, if a row of names contains ``Increment`` and the next row its value.
 
-    Examples
-    --------
     >>> increment_in([["X", "CH1", "Start", "Increment"], ["Sequence", "Volt", "0", "1.0e-03"]])
     0.001
     """
@@ -141,8 +137,6 @@ def commented(lines: list[str], width: int) -> list[str] | None:
 def period_in(lines: list[str]) -> float | None:
     """Sample time in s, if a line above the table states it with its unit.
 
-    Examples
-    --------
     >>> period_in(["Device; drive 1", "Sampling time; 250 us"]), period_in(["Samples: 300"])
     (0.00025, None)
     >>> period_in(["# sample rate [kHz] = 2"]), period_in(["HUnit,s,s", "SampleRate,2000.0,2000.0"])
@@ -173,8 +167,6 @@ def period_in(lines: list[str]) -> float | None:
 def ticks_in(lines: list[str], names: list[str]) -> tuple[int, float | None] | None:
     """The column that counts ticks and the ticks per second (None if not stated); None without such a column.
 
-    Examples
-    --------
     >>> ticks_in(["% ODrive, time in ticks of 8 kHz"], ["0", "1", "2"]), ticks_in([], ["ticks", "q"])
     ((0, 8000.0), (0, None))
     >>> ticks_in(["% 8 kHz"], ["time_ms", "q"]) is None

@@ -28,8 +28,6 @@ _FEWEST = 3
 def is_labelled(head: bytes) -> bool:
     r"""Whether the lines of a text label their numbers.
 
-    Examples
-    --------
     >>> is_labelled(b"ready\nTime: 5001 Position: 595\nTime: 5011 Position: 597\nTime: 5021 Position: 601\n")
     True
     >>> is_labelled(b"Samples: 3\nDevice: rig 7\nt,q\n0,1\n1,2\n2,3\n")

@@ -21,8 +21,6 @@ def lattice(readings: ArrayLike, distinct: float = DISTINCT) -> float:
     ``readings`` is (n,). ``distinct``: share of distinct values above which there is no grid worth knowing; 1 finds
     also one finer than the noise.
 
-    Examples
-    --------
     >>> import numpy as np
     >>> smooth = np.sin(np.arange(500.0))
     >>> round(lattice(np.round(smooth / 0.01) * 0.01), 9), lattice(smooth)

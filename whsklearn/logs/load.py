@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from sklearn.utils import Bunch
 
 from whsklearn.logs import mend
@@ -16,10 +17,11 @@ from whsklearn.logs.current import TorqueConstant, factor_to_torque, is_current
 from whsklearn.logs.errors import ColumnError, LogError, LogWarning
 from whsklearn.logs.findings import Array, Finding, LogReport
 from whsklearn.logs.formats import open_source
-from whsklearn.logs.grid import even
 from whsklearn.logs.source import Column, Source
-from whsklearn.logs.timebase import in_order, to_seconds
+from whsklearn.logs.timebase import even, in_order, to_seconds
 from whsklearn.logs.units import (
+    OTHER_NAMES,
+    ROLES,
     UNKNOWN,
     UNSTATED,
     factor_of,
@@ -31,10 +33,6 @@ from whsklearn.logs.units import (
     unit_of,
     written_unit,
 )
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 
 _MENDED = {"LOG001", "LOG002", "LOG003", "LOG004", "LOG010", "LOG011", "LOG013", "LOG014", "LOG018", "LOG023"}
 FEWEST = 3  # rows
@@ -74,19 +72,12 @@ class Log(Bunch):
 def load_log(
     path: str | os.PathLike[str],
     *,
-    time: str | int | None = None,
-    input: str | int | None = None,
-    output: str | int | None = None,
-    reference: str | int | None = None,
-    drive: str | int | None = None,
-    position: str | int | None = None,
-    command: str | int | None = None,
-    velocity: str | int | None = None,
     units: Mapping[str, str] | None = None,
     sample_rate: float | None = None,
     torque_constant: str | float | tuple[float, float] | None = None,
     resample: bool = True,
     return_X_y: bool = False,
+    **columns: str | int | None,
 ) -> Any:
     """Read the log of an axis, repair what can be repaired, and report it.
 
@@ -97,19 +88,6 @@ def load_log(
         line), JSON or JSON lines, each also packed (gz, bz2, xz, zip), Parquet, MATLAB, HDF5, NumPy, TDMS, MDF4 or
         MCAP, a ROS bag or a LeRobot folder. All but text, JSON, MATLAB (before 7.3) and NumPy need an extra, which the
         error names.
-    time : str or int, optional
-        Column of the time stamps: numbers, ticks since 1970, or dates. Columns are named or counted from 0. If omitted,
-        rows are samples at `sample_rate`.
-    input, drive : str or int
-        Column of the drive: torque, force, current, voltage, or u. Two names for the same argument.
-    output, position : str or int
-        Column of the response: position, or y. Two names for the same argument.
-    reference : str or int, optional
-        Column of the reference.
-    command : str or int, optional
-        Column of a position servo's command, if no drive is logged.
-    velocity : str or int, optional
-        Column of the velocity, if no position is logged; it is integrated.
     units : dict of str to str, optional
         Units by role, if the names of the columns do not end in one (``time_s``, ``torque_nm``, ``position_rad``,
         ``angle [deg]``). Signals other than time are not converted. ``counts/4096`` gives the counts per turn.
@@ -123,6 +101,11 @@ def load_log(
         segments at long holes; False refuses such a log and names the row.
     return_X_y : bool, default=False
         Return only the drive as X (n, 1) and the position as y (n,); refused if the log has several segments.
+    **columns : str or int
+        Columns, named or counted from 0: ``time`` (numbers, ticks since 1970, or dates; without it rows are samples at
+        `sample_rate`), ``drive`` or ``input`` (torque, force, current, voltage, u), ``position`` or ``output`` (the
+        response, y), ``reference``, ``command`` (of a position servo, if no drive is logged) and ``velocity`` (if no
+        position is logged; it is integrated).
 
     Returns
     -------
@@ -161,35 +144,42 @@ def load_log(
     ((500, 1), 100.0, 'Nm', ('LOG007',))
     >>> folder.cleanup()
     """
-    asked = {
-        "time": time, "drive": _one_name("input", input, "drive", drive, instead=command),
-        "position": _one_name("output", output, "position", position, instead=velocity),
-        "reference": reference, "command": command, "velocity": velocity,
-    }  # fmt: skip
+    asked = _by_role(columns)
     given = stated(dict(units or {}))
     source = open_source(path)
-    columns = {r: source.resolve(c, r) for r, c in asked.items() if c is not None}
-    if "drive" in columns and columns["drive"] == columns.get("position"):
+    names = {r: source.resolve(c, r) for r, c in asked.items()}
+    if "drive" in names and names["drive"] == names.get("position"):
         raise ColumnError(
-            f"Column {columns['drive']!r} of {source.name} was given for both drive and position; give two columns."
+            f"Column {names['drive']!r} of {source.name} was given for both drive and position; give two columns."
         )
-    table = read_columns(source, columns, given, sample_rate)
+    table = read_columns(source, names, given, sample_rate)
     constant = None if torque_constant is None else TorqueConstant.of(torque_constant)
     _as_torque(table, constant)
     if not resample:
         _refuse(source.name, table)
     log = _mended(source.name, table)
     log.drive_error = constant.relative if constant is not None else 0.0
-    if return_X_y:
-        if log.groups[-1] > 0:
-            raise LogError(
-                f"{source.name} falls into {log.groups[-1] + 1} segments, and X and y alone do not tell where one "
-                "ends; leave return_X_y out and pass groups."
-            )
-        _warn(source.name, log.report)
-        return log.X, log.y
+    if return_X_y and log.groups[-1] > 0:
+        raise LogError(
+            f"{source.name} falls into {log.groups[-1] + 1} segments, and X and y alone do not tell where one ends; "
+            "leave return_X_y out and pass groups."
+        )
     _warn(source.name, log.report)
-    return log
+    return (log.X, log.y) if return_X_y else log
+
+
+def _by_role(columns: Mapping[str, str | int | None]) -> dict[str, str | int]:
+    """The columns that were given, by role."""
+    if unknown := columns.keys() - {*ROLES, *OTHER_NAMES}:
+        raise TypeError(f"load_log got an unexpected argument {min(unknown)!r}; columns are {', '.join(ROLES)}.")
+    given = {name: c for name, c in columns.items() if c is not None}
+    for other, role, instead in (("input", "drive", "command"), ("output", "position", "velocity")):
+        both, neither = {other, role} <= given.keys(), given.keys().isdisjoint({other, role, instead})
+        if both or neither:
+            got = "both" if both else "neither"
+            raise ValueError(f"load_log got {got} of {other} and {role}, two names for one column; give one of them.")
+    by_role = {OTHER_NAMES.get(name, name): c for name, c in given.items()}
+    return {role: by_role[role] for role in ROLES if role in by_role}
 
 
 def _as_torque(table: _Table, constant: TorqueConstant | None) -> None:
@@ -309,16 +299,6 @@ def _one_clock(
         out[role] = np.interp(base, own[order], values[role][order])
         found.append(Finding("LOG011", "info", f"{column!r} was interpolated linearly at the stamps of {lead!r}."))
     return out, base
-
-
-def _one_name(first: str, a: Any, second: str, b: Any, instead: Any = None) -> Any:
-    """One of two names of the same argument, or neither if an alternative is given."""
-    if (a is None) == (b is None):
-        if a is None and instead is not None:
-            return None
-        got = "neither" if a is None else "both"
-        raise ValueError(f"load_log got {got} of {first} and {second}, two names for one column; give one of them.")
-    return a if a is not None else b
 
 
 def _unit(role: str, column: str, read: Column, source: Source, given: Mapping[str, str]) -> str:

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from whsklearn.logs.errors import LogError
 from whsklearn.logs.findings import Array, Finding, finding
 from whsklearn.logs.units import turn_of
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 
 HUGE = 1e100  # no sensor gives larger values, and their squares overflow
 TINY = 1e-100  # a signal that never exceeds this is zero or in a wrong unit
@@ -54,8 +50,6 @@ def missing_rows(signals: dict[str, Array], columns: dict[str, str]) -> tuple[ND
 def no_value(values: Array) -> NDArray[np.bool_]:
     """Samples such as 999 or -9999 that are far from all others: a sensor's code for a missing value.
 
-    Examples
-    --------
     >>> no_value(np.array([0.1, -9999.0, 0.2, 0.3])).tolist(), no_value(np.array([900.0, 999.0])).any()
     ([False, True, False, False], np.False_)
     """
@@ -83,8 +77,6 @@ def too_small(role: str, column: str, values: Array) -> None:
 def counted(values: Array) -> bool:
     """Whether a motion was logged in the counts of its encoder: whole numbers, each a small part of the range.
 
-    Examples
-    --------
     >>> counted(np.round(2000 * np.sin(np.arange(500.0)))), counted(np.sin(np.arange(500.0)))
     (True, False)
     """
@@ -97,8 +89,6 @@ def turn_in(values: Array, unit: str) -> float | None:
 
     A wrapped angle stays within one turn, and its jumps are nearly a whole turn.
 
-    Examples
-    --------
     >>> angle = np.linspace(0.0, 20.0, 500)
     >>> round(turn_in(np.mod(angle, 2 * np.pi), "as logged"), 6), turn_in(angle, "rad")
     (6.283185, None)
@@ -139,8 +129,6 @@ def jumps_in(time: Array, position: Array, segment: NDArray[np.int64]) -> Array 
     A motion has inertia, so each step lies near or between those around it, also in an impact. A reset of the encoder
     leaves them far, in a few rows only. None if there is no such step.
 
-    Examples
-    --------
     >>> t = np.arange(1000) / 500
     >>> angle = np.sin(3 * t)
     >>> angle[600:] -= angle[600]
@@ -189,8 +177,6 @@ def signed(role: str, values: Array) -> tuple[Array, Finding | None]:
 
     Two's complement is recognised by values at both ends of the range and none in its middle half.
 
-    Examples
-    --------
     >>> signed("drive", np.array([3.0, 1.0, 65535.0, 65530.0, 2.0]))[0]
     array([ 3.,  1., -1., -6.,  2.])
     """

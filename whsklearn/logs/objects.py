@@ -21,8 +21,6 @@ FEWEST = 3  # rows, or elements of a vector
 def is_json(head: bytes) -> bool:
     """Whether a text begins like JSON.
 
-    Examples
-    --------
     >>> is_json(b' {"t": 0'), is_json(b"[[1, 2]"), is_json(b"[Header]")
     (True, True, False)
     """

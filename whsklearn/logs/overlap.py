@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.typing import ArrayLike
 
 from whsklearn.logs.findings import Array
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
 
 # Samples in a row in which every signal agrees.  Two runs with the same reference differ by their noise: if nine
 # samples in ten of a coarse encoder agree by chance, one window in 40,000 does, and the drive has to agree as well.
@@ -27,8 +22,6 @@ def shared_run(first: ArrayLike, second: ArrayLike) -> tuple[int, int, int] | No
 
     ``first``, ``second`` (n, k) and (m, k): signals of the two records, in the same units.
 
-    Examples
-    --------
     >>> import numpy as np
     >>> rng = np.random.default_rng(0)
     >>> record = rng.standard_normal((1000, 2))

@@ -6,18 +6,16 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from whsklearn.logs.errors import ColumnError, LogError
 from whsklearn.logs.roles import guess, words_of
 from whsklearn.logs.source import Column, Source
 from whsklearn.logs.timebase import on_one_clock
 from whsklearn.logs.units import unit_of
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 _TEXTS = {".csv", ".txt", ".tsv", ".dat", ".log", ".asc"}
 _MOTOR = "(motor|joint|axis|servo|actuator|drive|node|can|canopen|device|dev|slave)"
@@ -38,8 +36,6 @@ def with_nanoseconds(source: Source) -> Source:
     """Whole seconds completed by the column of nanoseconds or microseconds beside them, as ROS messages have them;
     otherwise the source itself.
 
-    Examples
-    --------
     >>> table = {"stamp.sec": [7, 7, 8], "stamp.nanosec": [0, 500_000_000, 0], "q": [0.0, 0.1, 0.2]}
     >>> rows = Source("a.csv", list(table), lambda wanted: {w: Column(np.array(table[w])) for w in wanted})
     >>> whole = with_nanoseconds(rows)
@@ -82,8 +78,6 @@ def by_motor(source: Source) -> Source:
     """The columns of each motor, such as ``position.2``, if a column identifies the motor of each row; otherwise the
     source itself.
 
-    Examples
-    --------
     >>> table = {"t": [0, 0, 1, 1, 2, 2], "id": [1, 2] * 3, "q": [0.0, 5.0, 0.1, 5.1, 0.2, 5.2]}
     >>> rows = Source("a.csv", list(table), lambda wanted: {w: Column(np.array(table[w])) for w in wanted})
     >>> motors = by_motor(rows)
@@ -124,8 +118,6 @@ def by_signal(source: Source) -> Source:
 
     InfluxDB (``_time``, ``_field``, ``_value``), historians and many scripts write such tables.
 
-    Examples
-    --------
     >>> table = {"t": [0, 0, 1, 1, 2, 2], "signal": ["q", "i"] * 3, "value": [0.0, 5.0, 0.1, 5.1, 0.2, 5.2]}
     >>> rows = Source("a.csv", list(table), lambda wanted: {w: Column(np.array(table[w])) for w in wanted})
     >>> signals = by_signal(rows)

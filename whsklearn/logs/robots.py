@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from whsklearn.logs.arrays import _damaged, missing, open_parquet
+from whsklearn.logs.binary import _damaged, missing, open_parquet
 from whsklearn.logs.errors import LogError
 from whsklearn.logs.source import Column, Source
 
@@ -148,8 +148,6 @@ def _seconds(fields: dict[str, Any]) -> tuple[int, int] | None:
 def numbers_of(message: Any) -> dict[str, float]:
     """The numbers in a message by their paths; lists of joints by the joints' names.
 
-    Examples
-    --------
     >>> numbers_of({"name": ["elbow"], "position": [0.5], "header": {"stamp": {"sec": 2, "nanosec": 500000000}}})
     {'position.elbow': 0.5, 'header.stamp': 2.5}
     """

@@ -49,8 +49,6 @@ def guess(source: Source, role: str) -> str | None:
 
     Raises ColumnError if several columns match equally well.
 
-    Examples
-    --------
     >>> from whsklearn.logs.source import Source
     >>> source = Source("axis.csv", ["t", "i_q", "phi_deg", "M1"], lambda columns: {})
     >>> guess(source, "drive"), guess(source, "position"), guess(source, "reference")
@@ -94,8 +92,6 @@ def _other(role: str, column: str) -> bool:
 def by_number(numbers: str, chain: bool = False) -> dict[str, str]:
     """Roles for ``--columns``: two for drive and position, three with time first, four with the reference last.
 
-    Examples
-    --------
     >>> by_number("0,3"), by_number("0,1,2")
     ({'drive': '0', 'position': '3'}, {'time': '0', 'drive': '1', 'position': '2'})
     """

@@ -7,23 +7,17 @@ physical. Each result is a sentence and the option that corrects the mistake; no
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from whsklearn.logs.findings import Array
-
-if TYPE_CHECKING:
-    pass
-
 
 MOST_ROWS = 50_000  # a mistake is in every row; more rows only take time
 SLOW = 0.2  # s; no axis is logged at five times a second, but ms taken as s look like that
 FAST = 2e-6  # s; no logger is faster, but s taken as ms look like that
 SURE = 0.15  # correlation of drive and velocity; below minus this the axis would deliver power
 EXPLAINED = 0.3  # share of the drive's residual that the sign of the column explains if it is a velocity
-
-
 _VELOCITY = "--velocity COLUMN in place of --position"
 
 
@@ -94,10 +88,8 @@ def time_slips(time: Array, unit: str) -> list[Slip]:
         text = f"There is one sample every {period:.4g} s: time looks like ms or a count of samples, not s."
         return [Slip(text, "--unit time=ms, or --rate HZ in place of --time")]
     if period <= FAST and unit == "s":
-        text = (
-            f"There is one sample every {period:.3g} s, faster than any logger: time looks like hours or days, not s."
-        )
-        return [Slip(text, "--rate HZ in place of --time")]
+        text = f"There is one sample every {period:.3g} s, faster than any logger: time looks like hours or days"
+        return [Slip(f"{text}, not s.", "--rate HZ in place of --time")]
     if period <= FAST:
         return [Slip(f"There is one sample every {period:.3g} s: time looks like s.", "--unit time=s")]
     return []
@@ -106,19 +98,13 @@ def time_slips(time: Array, unit: str) -> list[Slip]:
 def unit_slips(position: Array, unit: str) -> list[Slip]:
     """A velocity, by its unit; degrees in a column of radians, by a range of many turns."""
     if unit.endswith("/s") or unit == "rpm":
-        return [
-            Slip(f"The position has the unit {unit}: it is a velocity.", "--velocity COLUMN in place of --position")
-        ]
+        return [Slip(f"The position has the unit {unit}: it is a velocity.", _VELOCITY)]
     span = float(np.ptp(position)) if position.size else 0.0
     middle = position - 0.5 * (position.max() + position.min())
     swings = int(np.sum(np.diff(np.sign(middle[np.abs(middle) > 0.2 * span])) != 0))
     if unit == "rad" and 4 * math.pi < span < 720.0 and swings > 0:
-        turns = span / (2 * math.pi)
-        return [
-            Slip(
-                f"The position swings over {span:.3g} rad, {turns:.3g} turns: are those degrees?", "--unit position=deg"
-            )
-        ]
+        text = f"The position swings over {span:.3g} rad, {span / (2 * math.pi):.3g} turns: are those degrees?"
+        return [Slip(text, "--unit position=deg")]
     return []
 
 

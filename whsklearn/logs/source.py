@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from whsklearn.logs.errors import ColumnError
 from whsklearn.logs.files import utf8
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 
 class Column(NamedTuple):

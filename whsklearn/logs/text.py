@@ -187,8 +187,6 @@ def legacy_encoding(head: bytes) -> str:
     """The encoding of a text that is not Unicode: kana indicate Japanese, byte pairs in the common rows of GB 2312
     Chinese.
 
-    Examples
-    --------
     >>> legacy_encoding("時間,トルク指令".encode("cp932")), legacy_encoding("时间;转矩(N·m)".encode("gb18030"))
     ('cp932', 'gb18030')
     >>> legacy_encoding("Zeit;Größe;Übermaß in °".encode("cp1252"))

@@ -12,6 +12,8 @@ from collections.abc import Mapping
 
 UNKNOWN = "as logged"
 UNSTATED = frozenset({"", UNKNOWN})  # a unit that is not stated
+ROLES = ("time", "drive", "position", "reference", "command", "velocity")  # of columns
+OTHER_NAMES = {"input": "drive", "output": "position"}
 
 # Symbol -> factor to SI, SI symbol, other spellings. Radians count as SI. Separators and case do not matter:
 # N·m, N m and nm are one spelling. The pound's, ounce's and kilogram's forces are those of ISO 80000-4.
@@ -73,8 +75,6 @@ _SPELLED = {_plain(s): symbol for symbol, (_, _, others) in _KNOWN.items() for s
 def unit_of(column: str, default: str = UNKNOWN) -> str:
     """The unit at the end of a column's name, in brackets or after an underscore; `default` if there is none.
 
-    Examples
-    --------
     >>> unit_of("position_deg"), unit_of("Torque [mN·m]"), unit_of("speed (rad/s)"), unit_of("velocity_rad_s")
     ('deg', 'mNm', 'rad/s', 'rad/s')
     >>> unit_of("current"), unit_of("a"), unit_of("torque_min"), unit_of("time [min]")
@@ -137,8 +137,6 @@ def _ratio(top: str, bottom: str) -> str | None:
 def written_unit(column: str) -> str:
     """The text in brackets at the end of a column's name, whether or not it is a unit; empty if there is none.
 
-    Examples
-    --------
     >>> written_unit("Torque [N·m]"), written_unit("torque_nm")
     ('N·m', '')
     """
@@ -151,8 +149,6 @@ def symbol_of(text: str) -> str | None:
 
     ``counts/4096`` and ``ticks/16384`` give the counts per turn; for a time, the ticks per second.
 
-    Examples
-    --------
     >>> symbol_of("NM"), symbol_of("deg/s"), symbol_of("counts/4096"), symbol_of("oz-in"), symbol_of("furlong")
     ('Nm', 'deg/s', 'counts/4096', 'ozf in', None)
     """
@@ -168,8 +164,6 @@ def symbol_of(text: str) -> str | None:
 def multiple_of(text: str) -> str | None:
     """A multiple of a unit, as drives write raw numbers; None for anything else.
 
-    Examples
-    --------
     >>> multiple_of("0.01A"), multiple_of("1e-3 degrees"), multiple_of("10 furlong")
     ('0.01 A', '1e-3 deg', None)
     """
@@ -181,8 +175,6 @@ def multiple_of(text: str) -> str | None:
 def unit_for(role: str, symbol: str) -> str:
     """The unit of a signal: ``Nm`` of a position is a nanometre, although columns also spell newton metres that way.
 
-    Examples
-    --------
     >>> unit_for("position", "Nm"), unit_for("drive", "Nm")
     ('nm', 'Nm')
     """
@@ -192,8 +184,6 @@ def unit_for(role: str, symbol: str) -> str:
 def factor_of(symbol: str) -> tuple[float, str]:
     """Factor and SI symbol of a unit; 1 and the unit itself if it is not known.
 
-    Examples
-    --------
     >>> factor_of("ms"), factor_of("A"), factor_of("as logged")
     ((0.001, 's'), (1.0, 'A'), (1.0, 'as logged'))
     >>> round(factor_of("counts/4096")[0] * 4096, 6), factor_of("counts/4096")[1]
@@ -220,8 +210,6 @@ def factor_between(source: str, target: str) -> float:
 
     Raises ValueError if the two measure different things, such as A and Nm.
 
-    Examples
-    --------
     >>> factor_between("Nm", "mNm"), factor_between("deg", "deg"), round(factor_between("rad/s", "rpm"), 3)
     (1000.0, 1.0, 9.549)
     """
@@ -238,8 +226,6 @@ def respelled(unit: str, own: Mapping[str, str]) -> tuple[float, str]:
 
     ``unit``: such as ``Nm s2/rad2``. ``own``: SI symbol -> its replacement, such as ``{"Nm": "mNm", "rad": "deg"}``.
 
-    Examples
-    --------
     >>> factor, spelling = respelled("Nm s/rad", {"Nm": "mNm", "rad": "deg"})
     >>> spelling, round(0.12 / factor, 6)  # 0.12 Nm s/rad in it
     ('mNm s/deg', 2.094395)
@@ -258,8 +244,6 @@ def respelled(unit: str, own: Mapping[str, str]) -> tuple[float, str]:
 def inertia_unit(drive: str, motion: str) -> str:
     """Unit of drive over acceleration, from the SI symbols of drive and motion.
 
-    Examples
-    --------
     >>> inertia_unit("Nm", "rad"), inertia_unit("N", "m"), inertia_unit("A", "rad")
     ('kg m²', 'kg', 'A s²/rad')
     """
@@ -272,8 +256,6 @@ def readable(symbol: str, default: str = "") -> str:
 
     A rate is reported in the unit of its motion, revolutions per minute in rad.
 
-    Examples
-    --------
     >>> readable("deg"), readable("counts/4096"), readable("mm/s"), readable("rpm"), readable("as logged", "rad")
     ('deg', 'rad', 'mm', 'rad', 'rad')
     """
@@ -287,8 +269,6 @@ def readable(symbol: str, default: str = "") -> str:
 def integral_of(symbol: str) -> tuple[float, str]:
     """Factor and unit of a rate's integral over seconds: that of ``rpm`` is a sixtieth of a turn.
 
-    Examples
-    --------
     >>> integral_of("deg/s"), integral_of("rpm") == (1 / 60, "turns"), integral_of("as logged")
     ((1.0, 'deg'), True, (1.0, 'as logged'))
     """
@@ -298,8 +278,6 @@ def integral_of(symbol: str) -> tuple[float, str]:
 def own_units(si: tuple[str, str], logged: tuple[str, str]) -> dict[str, str]:
     """SI symbols of drive and motion -> the units used in a report, if they differ.
 
-    Examples
-    --------
     >>> own_units(("Nm", "rad"), ("mNm", "deg")), own_units(("A", "rad/s"), ("A", "deg/s"))
     ({'Nm': 'mNm', 'rad': 'deg'}, {'rad': 'deg'})
     """
@@ -327,8 +305,6 @@ def is_time(symbol: str) -> bool:
 def time_unit_of(column: str, symbol: str) -> str:
     """The unit of a time column: at the end of its name, or within it, as in ``ms_today``.
 
-    Examples
-    --------
     >>> time_unit_of("ms_today", UNKNOWN), time_unit_of("micros", UNKNOWN), time_unit_of("time", UNKNOWN)
     ('ms', 'us', 'as logged')
     """
@@ -341,8 +317,6 @@ def time_unit_of(column: str, symbol: str) -> str:
 def seconds_of(symbol: str) -> float:
     """Seconds per unit of time; ``ticks/8000`` counts 8,000 per second.
 
-    Examples
-    --------
     >>> seconds_of("ms"), seconds_of("ticks/8000")
     (0.001, 0.000125)
     """
@@ -354,14 +328,12 @@ def stated(units: dict[str, str] | None) -> dict[str, str]:
 
     Raises ValueError if a unit's role is not known.
     """
-    roles = {"input": "drive", "output": "position"}
     out = {}
     for role, unit in (units or {}).items():
-        name = roles.get(role, role)
-        if name not in {"time", "drive", "position", "reference", "command", "velocity"}:
+        name = OTHER_NAMES.get(role, role)
+        if name not in ROLES:
             raise ValueError(
-                f"A unit was given for {role!r}; expected one of time, drive, position, reference, command, velocity, "
-                "such as --unit position=deg."
+                f"A unit was given for {role!r}; expected one of {', '.join(ROLES)}, such as --unit position=deg."
             )
         out[name] = unit_for(name, symbol_of(unit) or multiple_of(unit) or unit)
         if name == "time" and not is_time(out[name]):

@@ -131,7 +131,7 @@ class AxisModel(IdentifiedModel):
         if (by, turn) == (1.0, 1.0):
             return self
 
-        def moved(effect: Any) -> Any:
+        def in_si(effect: Any) -> Any:
             names = [f for f in (effect.size, *effect.shape) if f != "phase"]
             factors = {f: respelled(unit_of_field(effect, f), own)[0] for f in names}
             return dataclasses.replace(effect, **{f: getattr(effect, f) * factors[f] for f in names})
@@ -142,8 +142,8 @@ class AxisModel(IdentifiedModel):
             for k, v in self.standard_errors.items()
         }
         return dataclasses.replace(
-            self, inertia=self.inertia * by / turn, law=FrictionLaw([moved(t) for t in self.law.terms]),
-            effects=tuple(moved(e) for e in self.effects), standard_errors=errors,
+            self, inertia=self.inertia * by / turn, law=FrictionLaw([in_si(t) for t in self.law.terms]),
+            effects=tuple(in_si(e) for e in self.effects), standard_errors=errors,
         )  # fmt: skip
 
     def simulate(self, u: ArrayLike, *, start: float = 0.0, speed: float = 0.0) -> NDArray[np.float64]:
@@ -187,8 +187,6 @@ _OVER = {"speed": "rad/s", "velocity": "rad/s", "drive": "Nm"}  # otherwise a le
 def unit_of_field(effect: Effect, field: str) -> str:
     """Unit of an effect's parameter on a rotary axis, also if the effect is a term of a static law in the velocity.
 
-    Examples
-    --------
     >>> from whsklearn.effects import SpeedHinge, Viscous
     >>> unit_of_field(Viscous(0.1), "coefficient"), unit_of_field(SpeedHinge(0.1, 2.0), "knot")
     ('Nm s/rad', 'rad/s')

@@ -140,8 +140,6 @@ def as_input(u: ArrayLike) -> NDArray[np.float64]:
 def per(unit: str, by: str, power: int = 1) -> str:
     """A unit divided by a power of another one, with at most one slash.
 
-    Examples
-    --------
     >>> per("rad", "A"), per("rad/s", "Nm", 2), per("rad/s", "V", 0)
     ('rad/A', 'rad/(s Nm2)', 'rad/s')
     """

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from sklearn.base import clone
+from sklearn.utils import Bunch
 
 from whsklearn.effects import Effect
 from whsklearn.metrics.indices import nmse, parameter_error
 from whsklearn.plot.look import COLOURS, STYLES, TRUTH, Display
 from whsklearn.validation import cross_correlation_test, error_against_horizon, whiteness_test
-
-if TYPE_CHECKING:
-    from sklearn.utils import Bunch
-
 
 BLOCKS = {"a": "L1", "b": "L1", "c": "L2", "d": "L2"}
 
@@ -78,8 +76,6 @@ def parameter_paths(
     >>> steps.tolist(), paths["x1"].round(3)[-1]
     ([20, 40], np.float64(2.0))
     """
-    from sklearn.base import clone
-
     X, y, model = np.asarray(X), np.asarray(y), clone(estimator)
     ends = np.unique([*range(every, len(y), every), len(y)])
     rows, start = [], 0
@@ -612,8 +608,6 @@ class EffectDisplay(Display):
         if effect.name == "quantization":
             true = run.true_position[few]
             return cls(run.time[few], run.position[few], _LABELS["time"], "position, rad", before=true, line=True)
-        from sklearn.utils import Bunch
-
         signals = Bunch(
             time=run.time,
             position=run.true_position,

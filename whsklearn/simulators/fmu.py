@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.effects import Effect
+from whsklearn.filtering.records import motion
 from whsklearn.logs.units import UNKNOWN, factor_of
 
 Array = NDArray[Any]
@@ -110,20 +111,10 @@ class FMUSimulator:
 
     def _torque(self, effect: Effect, record: Any, first: float) -> Array:
         """The torque that an effect demands from the drive along the measured motion."""
-        from whsklearn.filtering.records import motion
-
         rate = 1.0 / record.dt
         m = motion(record.position, rate, min(25.0, 0.2 * rate))
-        return effect.contribution(
-            SimpleNamespace(
-                time=record.time - first,
-                position=m.position,
-                velocity=m.velocity,
-                acceleration=m.acceleration,
-                drive=record.drive,
-                kappa=None,
-            )
-        )
+        time = record.time - first
+        return effect.contribution(SimpleNamespace(time=time, drive=record.drive, kappa=None, **m._asdict()))
 
     def refit(self, record: Any, keep: NDArray[np.bool_]) -> FMUSimulator:
         """The parameters, in ratios, by least squares; the FMU as it is without any.

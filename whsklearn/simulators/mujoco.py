@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.effects import ContactStop, Coulomb, Effect, LuGre, Viscous
+from whsklearn.filtering.records import motion
 from whsklearn.logs.files import atomic_write
 from whsklearn.simulators.mujoco_edit import Axis, hold
 
@@ -323,8 +324,6 @@ class MuJoCoSimulator:
         ----------
         Ljung 1999, System Identification, 2nd ed., Prentice Hall, on initial states of simulations.
         """
-        from whsklearn.filtering.records import motion
-
         if restart not in ("fitted", "smoothed"):
             raise ValueError(f"restart is {restart!r}, expected fitted or smoothed.")
         y, dt = record.position, record.dt

@@ -38,8 +38,6 @@ def _shown(stamp: float) -> str:
 class Verdict(NamedTuple):
     """The class of a row (``row``, ``bad``, ``restart`` or ``repeated``), with its line number and a reason.
 
-    Examples
-    --------
     >>> Verdict("bad", 7, [0.3, 1.0], "time 0.3 after 0.4").what
     'bad'
     """

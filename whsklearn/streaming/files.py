@@ -14,7 +14,7 @@ from typing import Any, BinaryIO
 
 from filelock import FileLock, Timeout
 
-from whsklearn.logs.files import check_writable
+from whsklearn.logs.files import check_writable, is_device
 from whsklearn.state import read_kind
 from whsklearn.streaming.monitor import Record
 
@@ -34,7 +34,7 @@ def check_files(source: str, out: Path | None, kept: Path, fresh: bool) -> None:
             if name < other and _same(path, second):
                 raise ValueError(f"{name} and {other} are the same file, {path}; give each a file of its own.")
     for path in files.values():
-        if path in (out, kept) and not _is_device(path):
+        if path in (out, kept) and not is_device(path):
             check_writable(path)
     if kept.exists() and fresh:
         try:
@@ -51,7 +51,7 @@ def alone(*paths: Path | None) -> Iterator[None]:
     """
     with contextlib.ExitStack() as stack:
         for path in paths:
-            if path is None or _is_device(path):
+            if path is None or is_device(path):
                 continue
             real = Path(os.path.realpath(path))
             try:
@@ -74,11 +74,6 @@ def fingerprint(source: str, offset: int) -> str:
 def _same(a: Path, b: Path) -> bool:
     """Whether two names refer to the same file, whether or not it exists."""
     return (a.exists() and b.exists() and a.samefile(b)) or os.path.realpath(a) == os.path.realpath(b)
-
-
-def _is_device(path: Path) -> bool:
-    """Whether a path is something like /dev/null."""
-    return path.exists() and not path.is_file() and not path.is_dir()
 
 
 # --- where a stream's records go: a file that a resumed stream cuts back to its checkpoint, or stdout ----------------

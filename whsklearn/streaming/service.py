@@ -414,8 +414,6 @@ def _load(kept: Path, model: Any, columns: list[str]) -> dict[str, Any]:
 def _with_unit(column: str) -> str:
     """A column and its unit, if its name states one.
 
-    Examples
-    --------
     >>> _with_unit("drive_mnm"), _with_unit("u")
     ('drive_mnm in mNm', 'u')
     """

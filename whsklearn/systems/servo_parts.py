@@ -10,8 +10,6 @@ from dataclasses import dataclass, fields
 class Part:
     """A part of the axis; its numbers are checked to be finite where required and not below their bounds.
 
-    Examples
-    --------
     >>> try:
     ...     Sensor(noise=-1e-5)
     ... except ValueError as error:

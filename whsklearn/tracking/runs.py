@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from whsklearn.logs.files import utf8
 from whsklearn.tracking import store as store
@@ -28,8 +29,6 @@ from whsklearn.tracking.store import TrackingError as TrackingError
 
 if TYPE_CHECKING:
     import pandas as pd
-    from numpy.typing import ArrayLike
-
 
 BATCH = {"metrics": 800, "params": 100, "tags": 100}  # what one log_batch may hold: 1,000 in all
 

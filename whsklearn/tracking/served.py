@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import re
 from importlib.metadata import version
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from whsklearn.logs.units import UNKNOWN, factor_between, unit_of
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
 
 
 class Served:
@@ -68,8 +66,6 @@ def input_example(model: Any, rows: ArrayLike) -> Any:
 
     ``model``: fitted. ``rows`` is (n, n_features).
 
-    Examples
-    --------
     >>> from sklearn.linear_model import Ridge
     >>> from whsklearn.tracking.served import input_example
     >>> list(input_example(Ridge().fit([[0.0], [1.0]], [0.0, 1.0]), [[0.5]]).columns)

@@ -351,15 +351,12 @@ VIEW = "comparison"  # the key of the link
 VIEW_NAME = "whsklearn"  # in the menu "Views" of MLflow's own run list, from 3.15 on
 _OF = {"t": "tags", "m": "metrics", "p": "params"}
 _INDICES = "m.nmse m.mu_e m.rmse"
+_LAGS = "p.lags__n_a p.lags__n_b p.lags__n_c p.lags__n_d p.lags__law"
 # By experiment: the column to order by, whether it is ascending, and the columns besides name and data set.
 _COLUMNS: dict[str, tuple[str, bool, str]] = {
     "close_gap": ("start_time", False, f"t.verdict t.effects m.closure m.missing_share {_INDICES} t.data"),
     "compare": ("start_time", False, "t.verdict t.changes m.change m.p_value m.share_of_drive"),
-    "tune": (
-        "m.nmse",
-        True,
-        f"p.p p.P0 p.forgetting p.lags__n_a p.lags__n_b p.lags__n_c p.lags__n_d p.lags__law {_INDICES} m.fit_seconds",
-    ),
+    "tune": ("m.nmse", True, f"p.p p.P0 p.forgetting {_LAGS} {_INDICES} m.fit_seconds"),
     "identify": ("start_time", False, f"t.recommended t.data {_INDICES} m.size m.fit_seconds t.failure"),
     "fleet": ("m.nmse", False, f"t.axis t.status t.why {_INDICES} m.failed m.outliers"),
     "stream": ("start_time", False, "p.source m.innovation_rmse m.alarm t.resumed_from"),
@@ -382,8 +379,6 @@ def view_of(experiment: str) -> dict[str, Any]:
 def page_of(server: str, experiment_id: str) -> str:
     """The address of an experiment's runs with its columns, in the view for models rather than for chat traces.
 
-    Examples
-    --------
     >>> page_of("http://127.0.0.1:5000", "3")
     'http://127.0.0.1:5000/#/experiments/3/runs?workflowType=machine_learning&viewStateShareKey=comparison'
     """

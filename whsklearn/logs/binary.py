@@ -1,11 +1,11 @@
-"""Logs that are stored as arrays: Parquet, MATLAB, HDF5 and NumPy files."""
+"""Logs in binary files: Parquet, Feather, MATLAB, HDF5, NumPy, TDMS (National Instruments) and MDF (ASAM)."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 from zipfile import BadZipFile
 
 import numpy as np
@@ -154,14 +154,6 @@ def open_numpy(path: Path) -> Source:
     return _of_arrays(path, flat)
 
 
-def _field(name: str) -> Callable[[Any], Any]:
-    return lambda data: data[name]
-
-
-def _slice(i: int, tall: bool) -> Callable[[Any], Any]:
-    return lambda data: data[:, i] if tall else data[i, :]
-
-
 def open_hdf5(path: Path) -> Source:
     """An HDF5 file: data sets by their paths, the columns of a matrix are ``group/data.0``, as are fields of
     records.
@@ -170,24 +162,23 @@ def open_hdf5(path: Path) -> Source:
         import h5py
     except ImportError:
         raise missing(path, "h5py", "logs") from None
-    readers: dict[str, tuple[str, Callable[[Any], Any]]] = {}
+    places: dict[str, tuple[str, Any]] = {}  # data set, and where in it
     units: dict[str, str] = {}
 
     def note(name: str, item: Any) -> None:
         if not isinstance(item, h5py.Dataset) or item.size < 2:
             return
         if item.dtype.names:
-            readers.update({f"{name}.{f}": (name, _field(f)) for f in item.dtype.names})
+            places.update({f"{name}.{f}": (name, f) for f in item.dtype.names})
         elif item.dtype.kind in "fiub":
             shape = tuple(n for n in item.shape if n > 1)
             if len(shape) == 1:
-                readers[name] = (name, lambda d: np.squeeze(d[()]))
+                places[name] = (name, ())
             elif len(shape) == 2 and min(shape) <= 256 and len(item.shape) == 2:
                 tall = shape[0] >= shape[1]
-                for i in range(min(shape)):
-                    readers[f"{name}.{i}"] = (name, _slice(i, tall))
+                places.update({f"{name}.{i}": (name, np.s_[:, i] if tall else i) for i in range(min(shape))})
         unit = item.attrs.get("unit", item.attrs.get("units", ""))
-        if name in readers and unit:
+        if name in places and unit:
             units[name] = unit.decode() if isinstance(unit, bytes) else str(unit)
 
     try:
@@ -195,11 +186,83 @@ def open_hdf5(path: Path) -> Source:
             file.visititems(note)
     except OSError as error:
         raise _damaged(path, "HDF5", error) from None
-    if not readers:
+    if not places:
         raise LogError(f"{path.name} holds no vector of numbers; save time, drive and position as data sets.")
 
     def fetch(wanted: Sequence[str]) -> dict[str, Column]:
         with h5py.File(path, "r") as file:
-            return {w: Column(np.asarray(readers[w][1](file[readers[w][0]]))) for w in wanted}
+            return {w: Column(np.squeeze(file[places[w][0]][places[w][1]])) for w in wanted}
 
-    return Source(path.name, list(readers), fetch, units=units)
+    return Source(path.name, list(places), fetch, units=units)
+
+
+def open_tdms(path: Path) -> Source:
+    """A TDMS file: channels are ``group/channel``, or ``channel`` if the name is unique."""
+    try:
+        from nptdms import TdmsFile
+    except ImportError:
+        raise missing(path, "npTDMS", "logs") from None
+    try:
+        with TdmsFile.read_metadata(path) as file:
+            channels = [(g.name, c.name, c.properties) for g in file.groups() for c in g.channels()]
+    except (ValueError, OSError, EOFError, KeyError) as error:
+        raise _damaged(path, "TDMS", error) from None
+    once = [c for _, c, _ in channels]
+    where = {c if once.count(c) == 1 else f"{g}/{c}": (g, c) for g, c, _ in channels}
+    units = {n: str(p["unit_string"]) for n, (_, _, p) in zip(where, channels, strict=True) if p.get("unit_string")}
+    steps = {n: p.get("wf_increment") for n, (_, _, p) in zip(where, channels, strict=True)}
+    if not where:
+        raise LogError(f"{path.name} has no channels; record the log again.")
+
+    def fetch(wanted: Sequence[str]) -> dict[str, Column]:
+        with TdmsFile.open(path) as file:
+            out = {}
+            for name in wanted:
+                channel = file[where[name][0]][where[name][1]]
+                values = channel[:]
+                # Without a waveform increment, the stamps are a separate channel.
+                stamps = channel.time_track() if steps[name] and len(values) else None
+                out[name] = Column(np.asarray(values), stamps)
+            return out
+
+    return Source(path.name, list(where), fetch, units=units)
+
+
+def open_mdf(path: Path) -> Source:
+    """An MDF file, version 3 or 4: channels with the stamps of their group."""
+    try:
+        from asammdf import MDF
+    except ImportError:
+        raise missing(path, "asammdf", "logs") from None
+    with path.open("rb") as raw:
+        head = raw.read(68)
+    if b"HD" not in head[64:68]:  # asammdf would leave behind a partly built object, which raises when it is deleted
+        raise _damaged(path, "MDF", ValueError("no header block"))
+    try:
+        with MDF(path) as file:
+            where: dict[str, tuple[int, int]] = {}
+            units: dict[str, str] = {}
+            for g, group in enumerate(cast("Any", file.groups)):
+                master = file.masters_db.get(g)
+                for i, channel in enumerate(group.channels):
+                    if i == master:
+                        continue
+                    name = channel.name if channel.name not in where else f"{channel.name}.{g}"
+                    where[name] = (g, i)
+                    unit = getattr(channel, "unit", "") or getattr(getattr(channel, "conversion", None), "unit", "")
+                    if unit:
+                        units[name] = str(unit)
+    except Exception as error:  # asammdf raises any error of its parser, such as a bare struct.error
+        raise _damaged(path, "MDF", error) from None
+    if not where:
+        raise LogError(f"{path.name} has no channels; record the log again.")
+
+    def fetch(wanted: Sequence[str]) -> dict[str, Column]:
+        with MDF(path) as file:
+            out = {}
+            for name in wanted:
+                signal = file.get(group=where[name][0], index=where[name][1])
+                out[name] = Column(np.asarray(signal.samples), np.asarray(signal.timestamps, dtype=float), signal.unit)
+            return out
+
+    return Source(path.name, list(where), fetch, units=units)
