@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -371,5 +372,31 @@ def test_beside_known_numbers_a_fitted_effect_explains_what_its_look_did(empty):
     model = plant.base(np.random.default_rng(0))
     look = next(k for k in plant.looks(model, np.random.default_rng(0)) if k.name == "joint_inertia at pitch")
     grown = plant.refine(model, look)
-    assert plant.explained(model, grown, look) == pytest.approx((look.gain, look.size), rel=0.01)
+    gain, size = plant.explained(model, grown, look)
+    assert size == pytest.approx(look.size, rel=0.01)
+    assert gain > look.gain  # which is of all joints together
     assert plant.size(plant.errors(model), plant.errors(grown)) < 0.97 * look.size
+
+
+def test_a_joint_counts_by_its_own_variance_and_an_error_of_the_model_may_favour_a_name():
+    plant = arm_plant(ARM, record({"pitch": [CableSpring(1.0)]}), law=None, tolerance=0.004)
+    plant.check()
+    rng = np.random.default_rng(0)
+    model = plant.base(rng)
+    look = next(k for k in plant.looks(model, rng) if k.name == "cable_spring at pitch")
+    errors = plant.errors(model).reshape(-1, 2)
+    counts = plant.own.counts
+    for loud in (1.0, 100.0):  # of the other joint
+        before, after = ((errors * [loud, share]).ravel() for share in (1.0, 0.5))
+        assert plant._likelihood(after) - plant._likelihood(before) == pytest.approx(counts[1] * np.log(4.0))
+    power = float(np.sum(plant.alone(model) ** 2))
+    assert -counts.sum() * np.log(power) == pytest.approx(plant._likelihood(errors.ravel()))
+
+    grown = plant.refine(model, look)
+    taken, other = plant.errors(grown), plant.errors(model) * 0.5
+    names = [SimpleNamespace(model=grown, errors=e) for e in (taken, other)]
+    sizes = []
+    for floor in (1e-6, 1.0):  # what the arm left before: nothing, and more than the two differ by
+        plant.own = plant.own._replace(floor=np.full(2, floor))
+        sizes.append(np.mean(plant.leads(*names, errors.ravel(), np.random.default_rng(0))))
+    assert sizes[0] < 0.0 < sizes[1]

@@ -85,7 +85,7 @@ class Own(NamedTuple):
     mean: Array  # (m, n_joints): the artefacts
     null: Array  # (k, m, n_joints): residuals by chance of records in which nothing is missing
     floor: Array  # (n_joints,): rms residual due to the noise of the encoders, as a share of each joint's drive
-    n_effective: float
+    counts: Array  # (n_joints,): independent samples of each joint's residual
     apart: Array  # (k, m, n_joints): residuals of single records by the noise of the encoders
 
 
@@ -411,24 +411,24 @@ class ArmView:
         noise = [coloured(p, (1, self.n_rows), rng)[0] for p in power]
         return np.column_stack([np.interp(self.time, rows, x) for x in noise])
 
-    def null(self, rest: Array, apart: Array, rng: np.random.Generator) -> tuple[Array, float]:
-        """Residuals by chance with the colour of ``rest``, (N_NULL, m, n_joints), and their independent samples.
+    def null(self, rest: Array, apart: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+        """Residuals by chance with the colour of ``rest``, (N_NULL, m, n_joints), and each joint's independent samples.
 
         They contain the noise of the encoders (``apart``), the remainder of ``rest`` as coloured noise, joint by joint,
         and the errors of numbers from another record.
         """
         null = np.empty((N_NULL, self.n_rows, self.n_joints))
-        n = 0.0
+        n = np.zeros(self.n_joints)
         for j in range(self.n_joints):
             share = max(float(self.keep[:, j].mean()), 1e-9)
             null[:, :, j] = null_rows(rest[:, j], apart[:, :, j], N_NULL, rng, share)
             spread = coloured(smoothed_power(rest[:, j]), (1, self.n_rows), np.random.default_rng(0))[0]
             if self.keep[:, j].any():
-                n += share * n_effective(spread, self.n_rows)
+                n[j] = max(share * n_effective(spread, self.n_rows), 2.0)
         if self.known is not None:
             draws = rng.multivariate_normal(0.0 * self.expected, self.known.covariance, N_NULL, method="eigh")
             null += np.einsum("tjb,kb->ktj", self.phi, draws)
-        return np.where(self.keep, null, 0.0), max(n, 2.0)
+        return np.where(self.keep, null, 0.0), n
 
 
 def advance(code: int, torque: Array, age: float, dt: float) -> Array:
