@@ -57,3 +57,8 @@ def test_structured_text_writes_its_own_operators():
     assert "IF (x > 1.0) THEN" in text
     assert ":=" in text
     assert text.count("IF (") == text.count("END_IF;")
+
+
+def test_a_number_of_the_state_is_a_field_or_an_entry_of_one():
+    assert [C().state("lag"), C().state("lag", 1)] == ["s->lag", "s->lag[1]"]
+    assert [StructuredText().state("lag"), StructuredText().state("lag", 0)] == ["lag", "lag[0]"]

@@ -185,3 +185,8 @@ def test_a_velocity_in_rpm_is_integrated_to_turns(write):
     assert log.units["position"] == "turns"
     assert log.y == pytest.approx(np.sin(2 * np.pi * t) / (2 * np.pi), rel=1e-4)  # trapezia: (2 pi / RATE)^2 / 12
     assert [s.option for s in slips_in(log) if "velocity" in s.sentence] == []
+
+
+def test_a_role_that_is_none_is_named(write):
+    with pytest.raises(TypeError, match="unexpected argument 'torque'; columns are time, drive, position"):
+        load_log(write(table(300)), torque="torque_nm", position="position_rad")

@@ -246,7 +246,7 @@ def simulate(options: dict[str, Any], model: Any) -> None:
     import pandas as pd
 
     from whsklearn.filtering import motion
-    from whsklearn.lags.axis_rows import runs
+    from whsklearn.lags.axis_rows import experiments
     from whsklearn.logs.files import atomic_write
 
     out, arm = writable_file(options["out"]), model.arm
@@ -255,7 +255,7 @@ def simulate(options: dict[str, Any], model: Any) -> None:
     if abs(rate / ours - 1.0) > 0.01:
         note(f"The model was fitted at {ours:.6g} Hz, the log has {rate:.6g} Hz; the log's rate is taken.")
     path, judged = np.empty_like(log.y), np.ones(len(log.y), dtype=bool)
-    for s in runs(log.groups, len(log.y)):
+    for s in experiments(log.groups, len(log.y)):
         smooth = [motion(x, rate, 0.1 * rate) for x in log.y[s].T]
         begin = {k: np.column_stack([getattr(m, k) for m in smooth]) for k in ("position", "velocity")}
         path[s] = arm.simulate_drive(log.X[s], sample_rate=rate, resync=WINDOW, **begin).position

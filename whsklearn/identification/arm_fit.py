@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 from whsklearn.effects import Coulomb, InputOffset, LoadFriction, Viscous
 from whsklearn.effects.base import Array
 from whsklearn.estimators.least_squares import RLSRegressor
-from whsklearn.lags.axis_rows import runs
+from whsklearn.lags.axis_rows import experiments
 from whsklearn.lags.rigid_body import RigidBodyLags
 from whsklearn.models.arm import ArmModel
 from whsklearn.systems.arm import Arm
@@ -514,7 +514,7 @@ def swapped(
 
     bad = np.flatnonzero(left > MUCH)
     if bad.size and not clearly():
-        trial, whole = clone(lags).set_params(cutoff=lags.cutoff_), max(runs(groups, len(q)), key=_length)
+        trial, whole = clone(lags).set_params(cutoff=lags.cutoff_), max(experiments(groups, len(q)), key=_length)
         middle = whole.start + max((_length(whole) - SOME) // 2, 0)
         part = slice(middle, min(middle + SOME, whole.stop))
         moves = [given[::-1], np.roll(given, 1), np.roll(given, -1)]

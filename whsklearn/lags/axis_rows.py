@@ -82,7 +82,7 @@ def checked_torque(y: ArrayLike, n: int) -> Array:
     return torque
 
 
-def runs(groups: ArrayLike | None, n: int) -> Iterator[slice]:
+def experiments(groups: ArrayLike | None, n: int) -> Iterator[slice]:
     """Slices of equal consecutive group labels; one slice without groups."""
     if groups is None:
         yield slice(0, n)

@@ -26,7 +26,7 @@ from whsklearn.lags.axis_rows import (
     checked_torque,
     column_names,
     effect_terms,
-    runs,
+    experiments,
     sized_effects,
     stack_columns,
 )
@@ -231,7 +231,7 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
         target = checked_torque(y, len(X))  # type: ignore[arg-type]
         phi = self._fresh(X, y, groups)
         pieces = []
-        for s in runs(groups, len(phi)):
+        for s in experiments(groups, len(phi)):
             late = causal_delay(target[s], np.empty(0), self.delay_)[0]
             path = np.asarray(X, dtype=float)[s, 0]
             speed = self._speed(path)
@@ -294,7 +294,7 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
         if self.standstill:
             speeds = [
                 causal_motion(X[s, 0], np.empty(0) if i else memory, self._kernels)[0].velocity
-                for i, s in enumerate(runs(groups, len(X)))
+                for i, s in enumerate(experiments(groups, len(X)))
             ]
             keep &= np.abs(np.concatenate(speeds)) >= self.standstill
         return phi[keep], late[keep]
@@ -334,7 +334,7 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
     ) -> tuple[Array, Array, NDArray[np.bool_]]:
         """Columns, delayed torque and warm-up rows of a piece of the stream; a new group starts a new stream."""
         stream, out = self._stream, []
-        for i, s in enumerate(runs(groups, len(X))):
+        for i, s in enumerate(experiments(groups, len(X))):
             stream = AT_START if i else stream
             warm = stream.seen + np.arange(s.stop - s.start) < self.warmup_
             phi, late, stream = self._advance(stream, X[s, 0], drive[s], target[s])
@@ -466,7 +466,7 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
         """Columns of every record, each from a clean start, and the stream at the end of the last."""
         stream = AT_START
         pieces = []
-        for s in runs(groups, len(X)):
+        for s in experiments(groups, len(X)):
             if self.causal:
                 phi, _, stream = self._advance(AT_START, X[s, 0], drive[s], target[s])
             else:

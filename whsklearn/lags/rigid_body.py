@@ -22,7 +22,7 @@ from whsklearn.effects import InputOffset, PreslidingHysteresis
 from whsklearn.effects.base import Array
 from whsklearn.filtering.records import Motion, central_difference, motion, motion_cutoff, velocity_noise, zero_phase
 from whsklearn.filtering.streams import causal_delay, causal_kernels, causal_motion, causal_window
-from whsklearn.lags.axis_rows import DRIVEN, column_names, effect_terms, runs, sized_effects, stack_columns
+from whsklearn.lags.axis_rows import DRIVEN, column_names, effect_terms, experiments, sized_effects, stack_columns
 from whsklearn.models.files import as_arm
 from whsklearn.systems._arm_kernels import N_BODY
 from whsklearn.systems.arm import direction_of
@@ -228,7 +228,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         X = np.asarray(validate_data(self, X, dtype=np.float64, reset=False))
         drive = self._drive(X, y)
         pieces = []
-        for s in runs(groups, len(X)):
+        for s in experiments(groups, len(X)):
             if self.causal:
                 pieces.append(self._advance(self._at_start(), X[s], drive[s])[0])
             else:
@@ -277,7 +277,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         self.fit(X)
         target = self._checked_drives(y, len(X))
         drive, start = self._drive(X, target), self._at_start()
-        pieces = [self._advance(start, X[s], drive[s], target[s], rows=True)[:2] for s in runs(groups, len(X))]
+        pieces = [self._advance(start, X[s], drive[s], target[s], rows=True)[:2] for s in experiments(groups, len(X))]
         phi, late = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
         return phi, late, np.ones(late.shape, dtype=bool)
 
@@ -286,7 +286,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         X = np.asarray(check_array(X, dtype=np.float64))
         self.fit(X)
         target = self._checked_drives(y, len(X))
-        drive, pieces = self._drive(X, target), list(runs(groups, len(X)))
+        drive, pieces = self._drive(X, target), list(experiments(groups, len(X)))
         longest = X[max(pieces, key=lambda s: s.stop - s.start)][:, : self.arm_.n_joints]
         if len(pieces) > 1 and self.cutoff is None:
             self._set_cutoff(self._cutoff_of(longest, len(X)))
@@ -339,7 +339,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
             raise ValueError(f"X has shape {X.shape}, expected (n, {self.n_features_in_}) finite numbers.")
         target = self._checked_drives(y, len(X), moving=False)
         drive, out = self._drive(X, target), []
-        for i, s in enumerate(runs(groups, len(X))):
+        for i, s in enumerate(experiments(groups, len(X))):
             stream = self._at_start() if i else self._stream
             phi, late, self._stream = self._advance(stream, X[s], drive[s], target[s], rows=True)
             out.append((phi * self.weights_[:, None], late * self.weights_))
@@ -555,11 +555,11 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
 
     def _predicted(self, X: Array, drive: Array, theta: Array, groups: ArrayLike | None = None) -> Array:
         """Drives for these weights before the filter, (n, n_joints)."""
-        return np.concatenate([self._columns_along(X[s], drive[s])[0] @ theta for s in runs(groups, len(X))])
+        return np.concatenate([self._columns_along(X[s], drive[s])[0] @ theta for s in experiments(groups, len(X))])
 
     def _rate(self, torque: Array, groups: ArrayLike | None = None) -> Array:
         """Change of each joint's predicted drive per second of age, at the rows of `joint_rows`."""
-        smooth = ((self._filtered(torque[s]), s.stop - s.start) for s in runs(groups, len(torque)))
+        smooth = ((self._filtered(torque[s]), s.stop - s.start) for s in experiments(groups, len(torque)))
         return np.concatenate([central_difference(x, self.sample_rate)[self._rows_of(n)] for x, n in smooth])
 
     def _rows_of(self, length: int) -> NDArray[np.int64]:

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.utils import Bunch
 
 from whsklearn.effects import Coulomb, Effect, FrictionLaw, Viscous, as_law
+from whsklearn.systems import _servo_kernel as kernel
 from whsklearn.systems._servo_kernel import AxisNumbers, chain_of, plant_of
 from whsklearn.systems.servo_parts import Drive, PIDController, Sensor, Transmission
 
@@ -70,14 +71,8 @@ def record_frame(record: Bunch) -> pd.DataFrame:
     """
     import pandas as pd
 
-    return pd.DataFrame(
-        {
-            "time_s": record.time,
-            "reference_rad": record.reference,
-            "torque_nm": record.drive,
-            "position_rad": record.position,
-        }
-    )
+    columns = {"time_s": "time", "reference_rad": "reference", "torque_nm": "drive", "position_rad": "position"}
+    return pd.DataFrame({name: record[signal] for name, signal in columns.items()})
 
 
 def _signal(values: ArrayLike, name: str, n: int | None = None) -> NDArray[np.float64]:
@@ -114,10 +109,10 @@ def experiment(
     else:
         path = np.full((3, n), np.nan)
     measured, every = _returns(sample_rate, wanted.position, wanted.velocity, wanted.resync, n)
-    start = wanted.initial_position
-    if start is None:
-        start = _first(wanted.position, main[0] if drive is None else 0.0)
-    speed = wanted.initial_velocity
+    start, speed = wanted.initial_position, wanted.initial_velocity
+    if start is None:  # where the measurement begins, or the reference, or at zero
+        begin = wanted.position if wanted.position is not None else main if drive is None else (0.0,)
+        start = float(np.asarray(begin, dtype=float)[0])
     if speed is None:
         speed = measured[1, 0] if wanted.position is not None and drive is not None else 0.0
     return Experiment(
@@ -129,11 +124,6 @@ def experiment(
         wanted.hold == "linear",
         np.array([start, speed, start, speed], dtype=float),
     )
-
-
-def _first(position: ArrayLike | None, otherwise: float) -> float:
-    """Default initial state of a simulation."""
-    return float(otherwise if position is None else np.asarray(position, dtype=float)[0])
 
 
 def _path(
@@ -197,7 +187,7 @@ def reading_noise(deviation: float, noise: Any, random_state: Any, n: int) -> ND
     return _signal(noise, "noise", n)
 
 
-def run(
+def simulated(
     plant: AxisNumbers,
     controller: PIDController,
     e: Experiment,
@@ -206,8 +196,6 @@ def run(
     substeps: int,
 ) -> Bunch:
     """Run the compiled simulation of one experiment and name its rows; see `ServoAxis.simulate`."""
-    from whsklearn.systems import _servo_kernel as kernel
-
     n, closed = e.reference.shape[1], e.drive is None
     out = np.zeros((kernel.N_SIGNALS, n))
     if e.drive is not None:
@@ -215,17 +203,13 @@ def run(
     signals = kernel.PassInputs(e.reference, noise, e.disturbance, e.measured)
     how = kernel.How(1.0 / sample_rate, substeps, closed, int(e.every), linear=e.linear and not closed)
     kernel.run(out, plant, controller.row, signals, how, e.initial)
-    return Bunch(
-        time=np.arange(out.shape[1]) * how.sample_time,
-        reference=signals.reference[0],
-        drive=out[kernel.DRIVE],
-        position=out[kernel.MEASURED],
-        true_position=out[kernel.POSITION],
-        velocity=out[kernel.VELOCITY],
-        torque=out[kernel.TORQUE],
-        load_position=out[kernel.LOAD],
-        load_velocity=out[kernel.LOAD_VELOCITY],
-    )
+    rows = {
+        "drive": kernel.DRIVE, "position": kernel.MEASURED, "true_position": kernel.POSITION,
+        "velocity": kernel.VELOCITY, "torque": kernel.TORQUE, "load_position": kernel.LOAD,
+        "load_velocity": kernel.LOAD_VELOCITY,
+    }  # fmt: skip
+    named = {name: out[row] for name, row in rows.items()}
+    return Bunch(time=np.arange(n) * how.sample_time, reference=signals.reference[0], **named)
 
 
 # --- the axis --------------------------------------------------------------------------------------------------------
@@ -608,6 +592,6 @@ def simulate_many(
         added = reading_noise(axis.sensor.noise, e_noise, seed, e.reference.shape[1])
         jobs.append((pack(axis), axis.controller, e, added, axis.sample_rate, int(axis.substeps)))
     if n_jobs == 1 or len(jobs) == 1:
-        return [run(*job) for job in jobs]
+        return [simulated(*job) for job in jobs]
     with ThreadPoolExecutor(n_jobs) as pool:
-        return list(pool.map(lambda job: run(*job), jobs))
+        return list(pool.map(lambda job: simulated(*job), jobs))
