@@ -255,7 +255,12 @@ def test_an_effect_below_the_tolerance_is_said_to_be_small_and_not_to_be_chance(
     assert "below the tolerance" in conclude._reason(look, None, plant, 0.01)
 
 
-def test_a_run_stays_open_where_its_gap_is_seen_and_next_to_nothing_of_it_is_closed():
-    assert stays_open({"closure": 0.03, "before": 2.0, "floor": 1.0})
-    assert not stays_open({"closure": 0.5, "before": 2.0, "floor": 1.0})
-    assert not stays_open({"closure": 0.03, "before": 1.05, "floor": 1.0})  # a floor is not known so well
+def test_a_run_stays_open_where_its_gap_is_seen_and_next_to_nothing_of_it_is_closed_at_any_horizon():
+    still = {"closure": 0.03, "before": 2.0, "floor": 1.0}
+    closed = {"closure": 0.5, "before": 2.0, "floor": 1.0}
+    unseen = {"closure": 0.03, "before": 1.05, "floor": 1.0}  # a floor is not known so well
+    assert stays_open([still])
+    assert stays_open([unseen, still])
+    assert not stays_open([closed])
+    assert not stays_open([unseen])
+    assert not stays_open([closed, still])  # one step ahead, noise of the record's colour counts for less

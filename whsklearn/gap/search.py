@@ -267,9 +267,9 @@ class Search:
 
         Both are scored by the number of independent samples in the residual without either, which a strong slow effect
         makes small.  With a wrong name the residual is smaller and faster, so its independent samples are counted as
-        well.  If a plant's own records are exact, those simulated with the rival say more than blocks of this record.
-        Blocks tell which of two wrong models is less wrong; if the one taken is complete, nothing is left to ask them,
-        and the few events in which two laws differ, such as the touches of a stop, cannot make a rival of the other.
+        well.  Blocks tell which of two wrong models is less wrong; if the one taken is complete, nothing is left to ask
+        them, and the few events in which two laws differ, such as the touches of a stop, cannot make a rival of the
+        other.
         """
         lead = taken.score - other.score
         if lead < 0.0:  # the one taken is the commoner
@@ -281,11 +281,9 @@ class Search:
             return False
         whole = self.plant.complete(taken.before, taken.model)
         z = np.inf if whole else vuong(other.errors, taken.errors)
-        if self.plant.exact and separable(lead, z, np.zeros(0), self.alpha):
-            return True
+        if self.plant.exact:  # records simulated with the rival would cost a joint fit each, and blocks suffice
+            return separable(lead, z, np.zeros(0), self.alpha)
         leads = self.plant.leads(taken, other, taken.before, self.rng)
-        if self.plant.exact:
-            return bool(leads.size) and separable(lead, np.inf, leads, self.alpha)
         return separable(lead, z, leads, self.alpha) and self._still_apart(taken, other, whole)
 
     def _still_apart(self, taken: Named, other: Named, whole: bool) -> bool:

@@ -113,7 +113,7 @@ def test_an_effect_that_the_simulator_cannot_hold_is_refused_and_leaves_the_mode
     assert "cannot hold" in closed.objection(model, same)
 
 
-def test_exponents_stay_and_so_do_fields_that_the_simulator_fixes():
-    assert EffectTerm.of(Stribeck(1.0, 0.1, 2.0)).free == (0, 1)
+def test_all_numbers_are_free_but_counts_and_fields_that_the_simulator_fixes():
+    assert EffectTerm.of(Stribeck(1.0, 0.1, 2.0)).free == (0, 1, 2)
     assert EffectTerm.of(Cogging(1.0, 6.0), ("order",)).free == (0, 1)
     assert EffectTerm.of(Saturation(0.8)).free == (0,)

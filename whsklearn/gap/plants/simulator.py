@@ -186,10 +186,6 @@ class SimulatorPlant(Plant):
         """The model with the effect, which was fitted during the look."""
         return look.start if isinstance(look.start, SimulatorModel) else refine(self, self.fits.built(model), look)
 
-    def leads(self, taken: Any, other: Any, before: Array, rng: np.random.Generator) -> Array:
-        """Empty: records made by a rival would cost nine joint fits, so blocks of this record must suffice."""
-        return np.zeros(0)
-
     def _leave_out_what_cannot_be_held(self) -> None:
         """Try every effect once on the simulator, so that none is ranked that it cannot accept."""
         for name, shapes in (self._shapes or {}).items():

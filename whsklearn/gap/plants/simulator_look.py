@@ -11,7 +11,7 @@ phases.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from types import SimpleNamespace
 from typing import Any
@@ -254,7 +254,7 @@ def accelerations(plant: Any, seen: Errors) -> Iterator[Look]:
             low, high = shapes[0].quantities[scanned].bounds(scales_of(plant.record, s))
             lines = strongest_lines(timed.rows, judged, m.every * plant.record.dt, low, min(high, HIGHEST))
             known, chosen = [*known, *(dataclasses.replace(shapes[0], **{scanned: f}) for f in lines)], timed
-        look = chosen.look(_scanned(name, known, column)) if known else None
+        look = chosen.look(one_effect(name, known, column)) if known else None
         if look is not None:
             yield dataclasses.replace(look, size=look.size * share)
     signals = (x[:: m.every][at][mask] for x in (s.position, s.velocity, s.drive))
@@ -270,41 +270,31 @@ def slopes(plant: Any, seen: Errors) -> Iterator[Look]:
     plane = plant.fits.tangent(seen.model)[train]
     left = seen.error[train]
     tangent = Tangent(left, seen.null[:, train], plane, n_effective(free(left, plane)))
+
+    def column(effect: Effect) -> Array:
+        return np.asarray(smallest(plant, seen.model, effect)[0][train])
+
     for name, shapes in plant.shapes.items():
         # one run each: only shapes that differ in one number, of which there are few
         few = [e for e in shapes if not e.scanned() and (len(e.searched()) < 2 or len(shapes) == 1)]
-        if not few:
+        try:
+            look = tangent.look(one_effect(name, few, column)) if few else None
+        except (ValueError, NotImplementedError, FloatingPointError) as error:
+            plant.refused[name] = str(error)
             continue
-        columns = []
-        for start in few:
-            try:
-                columns.append(smallest(plant, seen.model, start)[0][train])
-            except (ValueError, NotImplementedError, FloatingPointError) as error:
-                plant.refused[name] = str(error)
-                break
-        if name not in plant.refused:
-            look = tangent.look(_simulated(name, few, columns))
-            if look is not None:
-                yield look
+        if look is not None:
+            yield look
 
 
-def _simulated(name: str, shapes: list[Any], columns: list[Array]) -> Family:
-    """One effect with its shapes."""
-    numbers = columns[0].shape[1] + (len(columns) > 1)
-    block = [(shapes[: len(columns)], np.stack(columns, axis=1), 1.0)]
-    return Family(name, lambda _: iter(block), lambda shape, _: (shape,), numbers)
+def one_effect(name: str, shapes: list[Any], column: Callable[[Effect], Array]) -> Family:
+    """One effect with all its shapes; ``column`` gives the columns of one."""
 
-
-def _scanned(name: str, shapes: list[Any], column: Any) -> Family:
-    """One effect with all its shapes."""
-
-    def blocks(_: Tangent) -> Iterable[tuple[Any, Array, float]]:
+    def blocks(_: Tangent) -> Iterator[tuple[Any, Array, float]]:
         for i in range(0, len(shapes), AT_ONCE):
             some = shapes[i : i + AT_ONCE]
             yield some, np.stack([column(e) for e in some], axis=1), 1.0
 
-    e = shapes[0]
-    numbers = len(e.coefficients) + len(e.shape_fields()) or 1
+    numbers = len(shapes[0].coefficients) + len(shapes[0].shape_fields()) or 1
     return Family(name, blocks, lambda shape, _: (shape,), numbers)
 
 

@@ -29,8 +29,6 @@ from whsklearn.gap.tangent import Look
 
 STEP = 1e-3  # of a logarithm, of a size relative to itself, of another number relative to a tenth at least
 PARTS = 6  # of the record that are excluded in turn: one more than the usual number of parameters of a rigid axis
-ITERATIONS = 10  # of a fit; half of the effects need only two
-LEAST_GAIN = 1e-3  # of the sum of squares: a fit ends at a step that gains less
 
 
 @dataclass(frozen=True)
@@ -78,8 +76,8 @@ class EffectTerm(FittedTerm):
         return [STEP * x for x in typical]
 
 
-# Exponents and counts, which no record of an axis distinguishes, and what only a transmission has.
-STILL = ("exponent", "elements", "load_share", "damping_ratio")
+# Counts, and what only a transmission has.
+STILL = ("elements", "load_share", "damping_ratio")
 
 
 @dataclass(frozen=True)
@@ -250,10 +248,7 @@ class SimulatorFit:
         wide = np.full(x.size - len(term.vector()), np.inf)
         low, high = term.bounds(self.scales)
         steps, ends = np.append(term.steps(), np.full(wide.size, STEP)), (np.append(low, -wide), np.append(high, wide))
-        least_squares(
-            residual, x, steps, ends, max_iterations=ITERATIONS, tolerance=LEAST_GAIN,
-            slopes=None if joint else slopes, workers=1,
-        )  # fmt: skip
+        least_squares(residual, x, steps, ends, slopes=None if joint else slopes, workers=1)
         return best if joint else min((best, self.refitted(best)), key=lambda m: _square(weigh(m.error)))
 
     def refitted(self, model: SimulatorModel) -> SimulatorModel:
