@@ -23,6 +23,7 @@ from whsklearn.effects import (
     Viscous,
     as_law,
 )
+from whsklearn.identification import identify
 from whsklearn.identification.axis_fit import (
     fit_free_law_axis,
     fit_hanging_axis,
@@ -32,12 +33,13 @@ from whsklearn.identification.axis_fit import (
     resonance_starts,
     standard_errors,
     white,
+    without_step,
 )
-from whsklearn.identification.axis_numbers import position_effects, position_weights
+from whsklearn.identification.axis_numbers import position_effects, position_weights, shooting_log
 from whsklearn.identification.view import view
 from whsklearn.identification.windows import residual
 from whsklearn.models import AxisModel
-from whsklearn.recursion.batch.axis_free_run import AxisForm, axis_motion, dissipates, rising_at_last
+from whsklearn.recursion.batch.axis_free_run import AxisForm, axis_motion, dissipates, fit_pieces, rising_at_last
 from whsklearn.systems.servo_parts import PIDController
 
 U = slow_drive(3000, 1)
@@ -257,17 +259,20 @@ def behind_a_spring(frequency, share, damping, effects=()):
 
 @pytest.mark.parametrize(("frequency", "share", "damping"), [(8.0, 0.2, 0.05), (20.0, 0.6, 0.02), (5.0, 0.8, 0.02)])
 def test_a_resonance_is_seen_before_anything_is_fitted(frequency, share, damping):
-    inertia, _, coulomb, _, found, its_share, _ = resonance_starts(behind_a_spring(frequency, share, damping)[0])[0]
+    inertia, _, coulomb, _, _, _, found, its_share, _ = resonance_starts(behind_a_spring(frequency, share, damping)[0])[
+        0
+    ]
     assert inertia == pytest.approx(0.5, rel=0.05)
     assert coulomb == pytest.approx(0.8, rel=0.15)
     assert found == pytest.approx(frequency, rel=0.04)  # half a step of the grid
     assert its_share == pytest.approx(share, abs=0.07)
 
 
+@pytest.mark.parametrize("at_load", [False, True])
 @pytest.mark.parametrize("effects", [[], [Cogging(0.2, 7)]])
-def test_an_axis_without_a_load_is_refused_before_anything_is_fitted(effects):
+def test_an_axis_without_a_load_is_refused_before_anything_is_fitted(effects, at_load):
     with pytest.raises(ValueError, match="no resonance of a load"):
-        resonance_starts(behind_a_spring(8.0, 0.0, 0.05, effects)[0])
+        resonance_starts(behind_a_spring(8.0, 0.0, 0.05, effects)[0], at_load=at_load)
 
 
 def test_a_ripple_in_closed_loop_is_no_resonance():
@@ -276,6 +281,74 @@ def test_a_ripple_in_closed_loop_is_no_resonance():
     record = view(log["torque_nm"], log["position_rad"], 0.001, "position")
     with pytest.raises(ValueError, match="no resonance of a load"):
         resonance_starts(record)
+
+
+def two_masses(seed, n=2000, dt=0.004, fine=40):
+    """Positions of motor and load in open loop, by equations of the test's own, and the truth by name."""
+    rng = np.random.default_rng(seed)
+    truth = {"inertia": 0.05, "flexible_coupling__load_share": 0.55, "viscous": 0.03, "coulomb": 0.05,
+             "load_viscous": 0.03, "load_coulomb": 0.04, "flexible_coupling__damping_ratio": 0.04}  # fmt: skip
+    share, h = truth["flexible_coupling__load_share"], dt / fine
+    masses = truth["inertia"] * np.array([1.0 - share, share])
+    reduced, turn = masses.prod() / masses.sum(), 2 * np.pi * rng.uniform(8.0, 15.0)
+    truth["flexible_coupling"] = 1.0 / (reduced * turn**2)
+    k, c = reduced * turn**2, 2 * truth["flexible_coupling__damping_ratio"] * reduced * turn
+    u = slow_drive(n, seed + 10)
+    x = q = v = w = 0.0
+    out = np.empty((2, n))
+
+    def kicked(v, torque, inertia, viscous, coulomb):
+        a = 0.5 * h * viscous / inertia
+        free, hold = (v * (1.0 - a) + h * torque / inertia) / (1.0 + a), h * coulomb / inertia / (1.0 + a)
+        return free - np.clip(free, -hold, hold)
+
+    for t in range(n):
+        out[:, t] = x, q
+        for _ in range(fine):
+            x, q = x + 0.5 * h * v, q + 0.5 * h * w
+            torque = k * (x - q) + c * (v - w)
+            v = kicked(v, u[t] - torque, masses[0], truth["viscous"], truth["coulomb"])
+            w = kicked(w, torque, masses[1], truth["load_viscous"], truth["load_coulomb"])
+            x, q = x + 0.5 * h * v, q + 0.5 * h * w
+    return u, out + 2e-5 * rng.standard_normal((2, n)), truth
+
+
+@pytest.mark.parametrize("at_load", [False, True])
+def test_friction_on_either_side_is_found_from_either_end(at_load):
+    """The truth in intervals of 3 standard errors; the weak side of friction from the load too, but wider."""
+    u, positions, truth = two_masses(3)
+    record = view(u, positions[int(at_load)], 0.004, "position")
+    model = fit_two_masses(record, at_load=at_load)
+    assert model.side == ("load" if at_load else "motor")
+    for name, value in truth.items():
+        error = model.parameters[name] - value
+        assert abs(error) < 3.0 * model.standard_errors[name] + 1e-3 * value, name
+    assert model.inertia == pytest.approx(truth["inertia"], rel=1e-3)
+    with pytest.raises(ValueError, match="no resonance of a load"):
+        resonance_starts(record, at_load=not at_load)  # each end rings in its own direction
+
+
+def test_the_structure_of_a_load_encoder_is_recommended():
+    u, positions, _ = two_masses(4, 1200)
+    found = identify(u, positions[1], dt=0.004, units={"input": "Nm", "output": "rad"})
+    assert found.recommended.structure["output"] == "load"
+
+
+def test_the_step_of_the_run_leaves_no_bias():
+    """A mass on a spring, simulated in 256 steps: the error is of the second order in the step, then of the fourth."""
+    truth = np.array([1.0, 1.0, 0.0, 0.0, 900.0])
+    u = 100.0 * np.random.default_rng(0).standard_normal(1500)
+    fine = axis_log(u, 0.02, powers=1)._replace(of_position=True, u=np.repeat(u[:, None], 256, axis=1))
+    record = view(u, axis_motion(truth, fine), 0.02, "position")
+    form, errors = AxisForm(powers=1), []
+    for steps in (4, 8):
+        log = replace(record, steps=steps)
+        fitted = fit_pieces(truth, shooting_log(log, np.inf, form), enough=1e-12)
+        errors.append([f.theta[0] - 1.0 for f in (fitted, without_step(fitted, log, np.inf, form))])
+    (plain, mended), (finer, _) = errors
+    assert plain / finer == pytest.approx(4.0, rel=0.1)
+    assert abs(plain) > 1e-3
+    assert abs(mended) < 0.05 * abs(finer)
 
 
 def test_a_load_behind_a_spring_is_found_from_the_motor_s_side():

@@ -83,7 +83,7 @@ def motor_torque(code, p, i, t, q, v, s, ds, u):
     if code == codes.VISCOUS:  # the two that every axis has come first and need no call
         value, _, slope = equations.viscous(v)
         return w * value, w * slope
-    if code == codes.COULOMB:
+    if code == codes.COULOMB or code == codes.LOAD_COULOMB:
         value, _, slope = equations.coulomb(s, ds)
         return w * value, w * slope
     if code == codes.POSITION_FRICTION:
@@ -134,6 +134,8 @@ def load_torque(code, p, i, t, q, v):
         return equations.end_stop(w, -p[i, 1], p[i, 2], -1.0, q - p[i, 3], v)
     if code == codes.DISTURBANCE_TONE:
         return equations.disturbance_tone(w, p[i, 1], p[i, 2], t)
+    if code == codes.LOAD_VISCOUS:
+        return w * v
     return 0.0
 
 
@@ -157,7 +159,7 @@ def reading(code, p, i, t, q):
 @part
 def on_load(code):
     """Whether a code is a torque on the load's side."""
-    return codes.GRAVITY_IMBALANCE <= code <= codes.END_STOP_LOWER
+    return codes.GRAVITY_IMBALANCE <= code <= codes.LOAD_VISCOUS
 
 
 @part

@@ -147,7 +147,7 @@ def mapped(axis: ServoAxis, linear: bool = False) -> Mjcf:
     m.lag = first + second
     if first and second:
         m.losses.append(Loss("actuator_lag", f"{second:.6g} s", "added to the drive's lag: MuJoCo has one"))
-    _, share, stiffness, damping, gap, _ = (float(x) for x in body_of(packed))
+    _, share, stiffness, damping, gap, *_ = (float(x) for x in body_of(packed))
     if share > 0.0:
         m.twist = {"stiffness": stiffness, "damping": damping, "gap": gap, "ratio": 0.3, "frequency": 0.0}
         reduced = axis.inertia * share * (1.0 - share)

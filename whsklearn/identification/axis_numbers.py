@@ -68,8 +68,15 @@ def axis_theta(model: AxisModel) -> tuple[Array, AxisForm]:
         share = rest[0].load_share
         reduced = model.inertia * share * (1.0 - share)
         coupling = (reduced * rest[0].compliance) ** -0.5 / (2.0 * np.pi), share, rest[0].damping_ratio
-        theta = [model.inertia, p["viscous"], p["coulomb"], offset.magnitude, *coupling]
-        return np.array(theta), AxisForm(coupled=True)
+        theta = [
+            model.inertia,
+            p["viscous"],
+            p["coulomb"],
+            offset.magnitude,
+            *(e.magnitude for e in rest[1:]),
+            *coupling,
+        ]
+        return np.array(theta), AxisForm(coupled=True, at_load=model.side == "load")
     forces, base = position_weights(rest)
     hangs = any(isinstance(e, GravityImbalance) for e in rest)
     knots = np.array([t.knot for t in hinges])

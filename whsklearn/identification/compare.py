@@ -51,7 +51,8 @@ AT_FLOOR = 1.3  # times the noise; no structure can be better, and the one with 
 ORDERS = (1, 2, 3, 4)
 GRAVITY, FORCE = "axis with gravity", "axis, free force over position"
 TWO_MASSES, CHAIN = "axis with a load behind a spring", "Wiener-Hammerstein"
-LAST = (TWO_MASSES, CHAIN)  # what takes most of the time
+AT_LOAD = "axis with a load behind a spring, measured at the load"
+LAST = (TWO_MASSES, AT_LOAD, CHAIN)  # what takes most of the time
 CHAIN_FROM = 300  # samples; with fewer, the thirty parameters of a chain cannot be estimated
 # Of the travel in a window: a steady rotation that constant velocity predicts this well follows its drive, whatever the
 # structures add
@@ -380,6 +381,10 @@ def candidates(
     if placed:
         law = {"law": ["viscous", "coulomb"], "effects": ["flexible_coupling"]}
         yield Compared(TWO_MASSES, "axis", law, "simulation"), fit_two_masses
+        yield (
+            Compared(AT_LOAD, "axis", {**law, "output": "load"}, "simulation"),
+            functools.partial(fit_two_masses, at_load=True),
+        )
     for name, powers in (("axis on a spring", 1), ("axis on a hardening spring", 3)) if sprung else ():
         effects = ["cable_spring", "hardening_spring"][: 1 + (powers > 1)]
         law = {"law": ["viscous", "coulomb"], "effects": effects}

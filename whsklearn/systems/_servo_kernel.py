@@ -168,7 +168,7 @@ def kind_of(code):
     """The field of `Ends` that a code belongs to; 6 if it is neither a torque nor an effect on the reading."""
     if code == codes.CHANGE_INERTIA:
         return 5
-    if code == codes.DEAD_ZONE or code == codes.SATURATION:
+    if code == codes.DEAD_ZONE or code == codes.SATURATION or code == codes.LOAD_COULOMB:
         return 6
     if code <= codes.CHANGE_GAIN:
         return 0
@@ -288,7 +288,9 @@ def plant_of(effects: Iterable[Effect], parts: NDArray[np.float64]) -> AxisNumbe
 # velocity is needed, standstill is exactly zero velocity, and the step cannot chatter.  It evaluates the torques once
 # per step, where an explicit midpoint rule takes two.
 class Body(NamedTuple):
-    """Inertia (kg m2), the load's share of it (0: rigid), stiffness, damping and play of the coupling, kappa."""
+    """Inertia (kg m2), the load's share of it (0: rigid), stiffness, damping and play of the coupling, kappa, and the
+    dry friction of the load (Nm).
+    """
 
     inertia: Any
     share: Any
@@ -296,17 +298,20 @@ class Body(NamedTuple):
     damping: Any
     gap: Any
     kappa: Any
+    dry: Any
 
 
 @part
 def body_of(plant):
     """The inertias and the coupling between them, from the parts and the effects of the transmission."""
     parts = plant.parts
-    inertia, share, ratio, gap = parts[INERTIA], parts[SHARE], parts[RATIO], parts[GAP]
+    inertia, share, ratio, gap, dry = parts[INERTIA], parts[SHARE], parts[RATIO], parts[GAP], 0.0
     compliance = 1.0 / parts[STIFFNESS] if parts[STIFFNESS] > 0.0 else 0.0
     contact_ratio, frequency = 0.0, 0.0
     for i in range(plant.codes.size):
         code = plant.codes[i]
+        if code == codes.LOAD_COULOMB:
+            dry += plant.p[i, 0]
         if code == codes.BACKLASH or code == codes.FLEXIBLE_COUPLING:
             if share == 0.0:
                 share = plant.p[i, 1]
@@ -318,13 +323,13 @@ def body_of(plant):
                 compliance += plant.p[i, 0]
                 ratio = plant.p[i, 2]
     if share == 0.0:
-        return Body(inertia, 0.0, 0.0, 0.0, 0.0, parts[KAPPA])
+        return Body(inertia, 0.0, 0.0, 0.0, 0.0, parts[KAPPA], 0.0)
     reduced = inertia * share * (1.0 - share)
     if compliance > 0.0:
         stiffness = 1.0 / compliance
     else:
         stiffness, ratio = contact_stiffness(frequency, reduced), contact_ratio
-    return Body(inertia, share, stiffness, contact_damping(ratio, stiffness, reduced), gap, parts[KAPPA])
+    return Body(inertia, share, stiffness, contact_damping(ratio, stiffness, reduced), gap, parts[KAPPA], dry)
 
 
 @njit(cache=False, forceinline=True, error_model="numpy")
@@ -386,6 +391,9 @@ def fine_step(effects, p, own, ends, z, body, state, u, t, h):
         give = (0.0 if at_rest else 1.0 / motor) + 1.0 / behind
         coupling = coupling_torque(x - q, v - w, free, -load / behind, body.stiffness, body.damping, body.gap, give, h)
         w_new = w + h * (coupling - load) / behind
+        if body.dry > 0.0:
+            hold = h * body.dry / behind
+            w_new = w_new - hold if w_new > hold else (w_new + hold if w_new < -hold else 0.0)
         q += half * (w + w_new)
         w = w_new
         pull -= coupling

@@ -6,7 +6,8 @@ w_1 sin e + w_2 cos e, or of a spring, w_1 e + w_2 e^2 + w_3 e^3, with e = q - c
 The steps are those of `whsklearn.systems._servo_kernel`: half a drift, a kick, half a drift (second order), linearly
 implicit in the velocity.  Dry friction is a proximal step, so standstill is exact: while the drive cannot overcome it,
 v = 0 and all earlier errors are forgotten.  It has its own kernel for speed: with 8 parameters, 25,000 samples with all
-sensitivities take 2.6 ms.  Finite differences with the servo's kernel, which has every effect, take 100 ms.
+sensitivities take 2.6 ms.  Finite differences with the servo's kernel, which has every effect, take 100 ms. Two masses
+have their own loop, `whsklearn.recursion.batch.coupled_run`.
 """
 
 from __future__ import annotations
@@ -18,22 +19,24 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from whsklearn._numba import njit, part
-from whsklearn.effects import Coulomb, FlexibleCoupling, InputOffset, Viscous
+from whsklearn.effects import FlexibleCoupling, LoadSideCoulomb, LoadSideViscous
 from whsklearn.effects.base import Array, Bools, Integers
 from whsklearn.effects.equations import speed_hinge
 from whsklearn.effects.transmission import contact_stiffness
 from whsklearn.recursion.batch.best_linear import descend
-from whsklearn.systems._servo_kernel import POSITION, VELOCITY, How, bare_parts, follow, implicit_gain, plant_of
+from whsklearn.recursion.batch.coupled_run import STATES, bodies_of, coupled_pass, slopes_of
+from whsklearn.systems._servo_kernel import implicit_gain
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
 
 SETTLED = 1e-9  # relative decrease in cost that at least one state must still reach for the search to continue
-SMALL = 1e-5  # step of a finite difference, relative to the parameter
 SHARE_AND_DAMPING = ((0.02, 0.003), (0.98, 1.0))  # lower and upper bounds of a coupling's load share and damping ratio
 LARGEST = 1e100  # bound of an error or a sensitivity, so that its square stays finite
 UNSEEN = 1e-12  # of the largest eigenvalue of the information, columns at unit length: smaller ones are rounding
+
+_WITHOUT_ROWS, _NOWHERE = np.empty((0, 0, 0)), np.empty((0, 0))
 
 
 class AxisForm(NamedTuple):
@@ -42,8 +45,9 @@ class AxisForm(NamedTuple):
     ``knots`` (> 0) are the speeds at which the slope of the friction changes.  The position-dependent forces are those
     of gravity if the axis ``hangs``, otherwise those of a spring with this number of ``powers`` of e (0: none).  theta
     holds inertia, viscous friction, Coulomb friction, offset, one weight per position-dependent force, and one per
-    knot.  If the axis is ``coupled``, it has a load behind a spring, and theta ends with resonance, load share and
-    damping ratio; then only friction acts in addition.
+    knot.  If the axis is ``coupled``, it has a load behind a spring, and theta ends with viscous and Coulomb friction
+    of the load, resonance, load share and damping ratio; then only friction acts in addition, and the output is the
+    motion of the motor or, ``at_load``, of the load.
     """
 
     knots: Array = np.empty(0)
@@ -51,6 +55,7 @@ class AxisForm(NamedTuple):
     powers: int = 0
     centre: float = 0.0
     coupled: bool = False
+    at_load: bool = False
 
     @property
     def states(self) -> int:
@@ -65,7 +70,7 @@ class AxisForm(NamedTuple):
     @property
     def size(self) -> int:
         """Number of parameters."""
-        return 4 + self.of_position + self.knots.size + 3 * self.coupled
+        return 4 + self.of_position + self.knots.size + 5 * self.coupled
 
 
 class AxisLog(NamedTuple):
@@ -110,7 +115,7 @@ class AxisFit(NamedTuple):
 
 def axis_motion(theta: Array, log: AxisLog) -> Array:
     """Velocity or position, whichever is the target of the log; shape (n,)."""
-    velocity, position = _coupled(theta, log) if log.form.coupled else _pass(theta, log, np.empty((0, 0, 0)))
+    velocity, position = _pass(theta, log, _WITHOUT_ROWS)
     return position if log.of_position else velocity
 
 
@@ -118,14 +123,14 @@ def sensitivities(theta: Array, log: AxisLog, *, of_states: bool = False) -> tup
     """The run, shape (n,), and its derivatives, shape (p + 2, n).
 
     The last two derivatives are with respect to v0 and q0 of the sample's piece.  With a coupling there are four, one
-    per state; such an axis is simulated by the servo's own kernel, with finite differences as derivatives.  With
-    ``of_states``, the derivatives with respect to theta are omitted.
+    per state.  With ``of_states``, the derivatives with respect to theta may be omitted.
     """
-    if log.form.coupled:
-        return _differences(theta, log, of_states=of_states)
-    rows = np.zeros((2, theta.size + 2, log.target.size))
-    velocity, position = _pass(theta, log, rows)
-    return (position, rows[1]) if log.of_position else (velocity, rows[0])
+    states = log.form.states
+    rows = np.zeros((2, states + theta.size * (not (of_states and log.form.coupled)), log.target.size))
+    run, by = _pass(theta, log, rows)[int(log.of_position)], rows[int(log.of_position)]
+    if log.form.coupled and len(by) > states:
+        by[:-states] = slopes_of(theta) @ by[:-states]
+    return run, by
 
 
 def fit_axis(theta: Array, log: AxisLog, *, iterations: int = 40) -> AxisFit:
@@ -168,6 +173,7 @@ def _stepped(theta: Array, step: Array, form: AxisForm) -> Array | None:
     if form.coupled:
         trial[-3] = np.clip(trial[-3], 0.5 * theta[-3], 2.0 * theta[-3])
         trial[-2:] = np.clip(trial[-2:], *SHARE_AND_DAMPING)
+        trial[4:6] = np.maximum(trial[4:6], 0.0)
     trial[0] = max(trial[0], 0.05 * theta[0])
     trial[2] = max(trial[2], 0.0)
     if not form.knots.size:
@@ -194,10 +200,35 @@ def settled(theta: Array, log: AxisLog, passes: int = 8) -> AxisLog:
     return log.starting(fit_state(theta, log, passes))
 
 
+def handed_over(theta: Array, log: AxisLog) -> AxisLog:
+    """The log of a coupled axis; each piece begins with the state at the end of the one before, if that fits better.
+
+    The twist is not measured, and with dry friction on either side its fit has several minima. The first piece may
+    begin at rest.
+    """
+    if not log.form.coupled:
+        return log
+    for _ in range(HANDED):
+        begins, ends = log.bounds[:-1], np.empty((log.bounds.size - 1, STATES))
+        motion = coupled_pass(
+            bodies_of(theta), log.form.at_load, log.u, log.bounds, log.states, log.dt, _WITHOUT_ROWS, ends
+        )
+        states = np.vstack([[0.0, log.target[0] if log.of_position else 0.0, 0.0, 0.0], ends[:-1]])
+        other = log.starting(states)
+        costs = [np.add.reduceat(((log.target - run) * log.counts) ** 2, begins)
+                 for run in (motion[int(log.of_position)], axis_motion(theta, other))]  # fmt: skip
+        better = costs[1] < costs[0]
+        if not better.any():
+            break
+        log = settled(theta, log.starting(np.where(better[:, None], states, log.states)), SETTLING)
+    return log
+
+
+HANDED = 2  # rounds of it
 SETTLING = 3  # passes of the state fit after each step of the parameters
 
 
-def fit_pieces(theta: Array, log: AxisLog, *, iterations: int = 25) -> AxisFit:
+def fit_pieces(theta: Array, log: AxisLog, *, iterations: int = 25, enough: float = 1e-6) -> AxisFit:
     """Multiple shooting: theta, and v0 and q0 of every piece, by Levenberg-Marquardt on the errors of all pieces.
 
     The states are eliminated: the part of the sensitivities and of the error that they can explain does not count for
@@ -210,14 +241,14 @@ def fit_pieces(theta: Array, log: AxisLog, *, iterations: int = 25) -> AxisFit:
     """
 
     def run_of(trial: Array, before: AxisLog) -> _Run:
-        there = settled(trial, before, SETTLING)
+        there = handed_over(trial, settled(trial, before, SETTLING))
         error = there.target - axis_motion(trial, there)
         return _Run(trial, there, error, _squares(error))
 
     def rows_of(at: _Run) -> Array:
         return beside_the_states(sensitivities(at.theta, at.log)[1], at.log)
 
-    return _fitted(theta, log, run_of, rows_of, iterations, 1e-6)
+    return _fitted(theta, log, run_of, rows_of, iterations, enough)
 
 
 def _fitted(
@@ -312,47 +343,22 @@ def _covariance(rows: Array, error: Array, theta: Array, batches: int = 60) -> A
     return (inverse @ (scores @ scores.T) @ inverse + hidden @ hidden.T) / np.outer(scale, scale)
 
 
-def coupling_of(theta: Array) -> FlexibleCoupling:
-    """The coupling from theta: inertia, resonance (Hz, motor and load free), load share and damping ratio."""
+def behind_the_spring(theta: Array) -> tuple[FlexibleCoupling, LoadSideViscous, LoadSideCoulomb]:
+    """The coupling from theta (inertia, resonance in Hz, load share, damping ratio), and the load's friction."""
     frequency, share, ratio = theta[-3:].tolist()
     reduced = float(theta[0]) * share * (1.0 - share)
-    return FlexibleCoupling(1.0 / contact_stiffness(frequency, reduced), share, ratio)
-
-
-def _coupled(theta: Array, log: AxisLog) -> Array:
-    """Velocity and position on the motor side, (2, n), by the servo's kernel, piece by piece."""
-    effects = [
-        Viscous(theta[1]), Coulomb(theta[2]), InputOffset(theta[3]), coupling_of(theta),
-    ]  # fmt: skip
-    steps = log.u.shape[1]
-    # samples of the pass for one of the log: a held drive needs one, a smooth one as many as there are fine steps
-    per = 1 if np.array_equal(log.u[:, 0], log.u[:, -1]) else steps
-    plant, out = plant_of(effects, bare_parts(theta[0])), np.empty((2, len(log.u)))
-    for (a, b), (v, q, twist, slip) in zip(itertools.pairwise(log.bounds.tolist()), log.states.tolist(), strict=True):
-        drive = np.ascontiguousarray(log.u[a:b, :per]).ravel()
-        start = np.repeat([[q], [v], [twist], [slip]], drive.size, axis=1)
-        run = follow(plant, drive, start, How(log.dt / per, steps // per, every=drive.size))
-        out[0, a:b], out[1, a:b] = run[VELOCITY][::per], run[POSITION][::per]
-    return out
-
-
-def _differences(theta: Array, log: AxisLog, *, of_states: bool) -> tuple[Array, Array]:
-    """The run of a coupled axis and its derivatives by forward differences."""
-    at, states = axis_motion(theta, log), log.states
-    torque, speed = float(np.std(log.u)), float(np.std(log.v0)) or 1.0
-    sizes = np.r_[theta[0], theta[0], torque, torque, theta[4:]]
-    rows = []
-    for step in np.diag(SMALL * np.maximum(np.abs(theta), sizes))[: 0 if of_states else None]:
-        rows.append((axis_motion(theta + step, log) - at) / step.max())
-    place = float(np.std(log.target)) if log.of_position else speed * log.dt
-    for step in np.diag(SMALL * np.array([speed, place, place, speed])):
-        rows.append((axis_motion(theta, log.starting(states + step)) - at) / step.max())
-    return at, np.array(rows)
+    coupling = FlexibleCoupling(1.0 / contact_stiffness(frequency, reduced), share, ratio)
+    return coupling, LoadSideViscous(float(theta[4])), LoadSideCoulomb(float(theta[5]))
 
 
 def _pass(theta: Array, log: AxisLog, rows: Array) -> Array:
-    start = np.column_stack([log.v0, log.q0])
-    motion: Array = axis_pass(theta, log.form, log.u, log.bounds, start, log.dt, rows)
+    form = log.form
+    if form.coupled:
+        motion: Array = coupled_pass(
+            bodies_of(theta), form.at_load, log.u, log.bounds, log.states, log.dt, rows, _NOWHERE
+        )
+    else:
+        motion = axis_pass(theta, form, log.u, log.bounds, log.states, log.dt, rows)
     return motion
 
 
