@@ -1,4 +1,4 @@
-"""A diagnosis of five million rows: seconds, memory, and whether the hidden effect is still named.
+"""A diagnosis of five million rows: seconds, of them of CPU, memory, and whether the hidden effect is still named.
 
     python -m benchmarks.long_log                 # two minutes; a log of 130 MB in a temporary folder
 
@@ -47,9 +47,11 @@ def main(rows: float) -> None:
         began = time.monotonic()
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         took = time.monotonic() - began
-        peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1e6
+        used = resource.getrusage(resource.RUSAGE_CHILDREN)
+        cpu, peak = used.ru_utime + used.ru_stime, used.ru_maxrss / 1e6
+        size = log.stat().st_size / 1e6
         print(
-            f"{rows:.0f} rows, {log.stat().st_size / 1e6:.0f} MB: status {done.returncode}, {took:.0f} s, {peak:.2f} GB"
+            f"{rows:.0f} rows, {size:.0f} MB: status {done.returncode}, {took:.0f} s ({cpu:.0f} s CPU), {peak:.2f} GB"
         )
         if done.returncode == 0:
             found = json.loads((Path(folder) / "gap" / "gap.json").read_text())

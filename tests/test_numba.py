@@ -16,10 +16,11 @@ import numba
 import numpy as np
 import pytest
 from numba.core import event
+from numba.core.runtime import _nrt_python, rtsys
 from numba.extending import intrinsic
 
 import whsklearn
-from whsklearn import _numba
+from whsklearn import RMILSRegressor, WienerHammersteinLags, _numba
 from whsklearn._numba import fingerprint, imported, part
 from whsklearn.systems.stability import is_stable
 
@@ -201,6 +202,50 @@ def _owner(_context, array):
         return builder.ptrtoint(struct.meminfo, context.get_value_type(numba.types.intp))
 
     return numba.types.intp(array), made
+
+
+@_numba.njit(cache=False, error_model="numpy", counted=False)
+def _ends(x):
+    return x[:1], x[1:]
+
+
+def _sum_of_ends(x):
+    first, rest = _ends(x)
+    return first[0] + rest[0]
+
+
+def test_what_counts_no_references_may_not_return_an_array(tmp_path, monkeypatch):
+    """Its caller would give back a reference that nobody took."""
+    monkeypatch.setattr(_numba._settings, "CACHE_DIR", str(tmp_path))
+    with pytest.raises(Exception, match="_ends counts no references, but returns an array"):
+        _numba.njit(error_model="numpy")(_sum_of_ends)(np.arange(3.0))
+    assert _numba.njit(error_model="numpy")(_sum_of_views)(np.arange(3.0)) == 1.0
+
+
+@_numba.view
+def _views(x):
+    return x[:1], x[1:]
+
+
+def _sum_of_views(x):
+    first, rest = _views(x)
+    return first[0] + rest[0]
+
+
+@pytest.mark.parametrize("orders", [(2, 2, 2, 2), (1, 3, 2, 1)])
+def test_a_stream_gives_back_all_memory_that_its_kernels_take(orders):
+    X = np.random.default_rng(0).normal(size=(400, 1))
+    model = RMILSRegressor(WienerHammersteinLags(*orders), random_state=0).partial_fit(X, X[:, 0])
+    _nrt_python.memsys_enable_stats()
+    try:
+        before = rtsys.get_allocation_stats()
+        for row in X:
+            model.partial_fit(row[None].copy(), row.copy())
+        after = rtsys.get_allocation_stats()
+    finally:
+        _nrt_python.memsys_disable_stats()
+    assert after.alloc > before.alloc
+    assert after.alloc - before.alloc == after.free - before.free
 
 
 def test_a_borrowed_array_is_the_array_and_nobody_counts_its_references(tmp_path, monkeypatch):

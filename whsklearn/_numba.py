@@ -141,6 +141,9 @@ if _KNOWN:
 
         def run_pass(self, state: Any) -> bool:
             """As Numba makes its own where there is none."""
+            returned = state.targetctx.data_model_manager[state.return_type]
+            if not state.flags.nrt and returned.contains_nrt_meminfo():  # a caller that counts would free it twice
+                raise TypeError(f"{state.func_id.func_name} counts no references, but returns an array; see `view`.")
             state.library = state.pipeline.library(state.targetctx.codegen(), state.func_id.func_qualname)
             if state.pipeline.kept:
                 state.library.enable_object_caching()
@@ -296,16 +299,21 @@ class KernelPart:
         return self.py_func.__qualname__
 
 
-def njit(*signature: Any, cache: bool = True, short: bool = False, **options: Any) -> Any:
+def njit(*signature: Any, cache: bool = True, short: bool = False, counted: bool | None = None, **options: Any) -> Any:
     """`numba.njit` with the cache on and keyed on all that is inlined; used in the same ways.
 
     ``*signature``: the function itself where the decorator has no brackets.
     ``cache``: False for functions that kernels call: they are compiled within them (`KernelPart`).
     ``short``: True for kernels whose inner loops are short, over a handful of parameters (`SHORT`).
+    ``counted``: False for kernels that make no array and return none, so that references to their arguments need not
+        be counted: RMILS takes 3 % less, a re-run of the memory 5 to 10 %, and a quarter less code goes to LLVM.  What
+        they call inherits it; a part that makes arrays for itself says True, and one that returns views is a `view`.
     ``**options``: of `numba.njit`.
     """
     if len(signature) == 1 and callable(signature[0]) and hasattr(signature[0], "__code__"):
-        return njit(cache=cache, short=short, **options)(signature[0])
+        return njit(cache=cache, short=short, counted=counted, **options)(signature[0])
+    if counted is not None:
+        options["_nrt"] = counted
 
     def decorate(function: Callable[..., Any]) -> Any:
         if not cache and LINKED is not None and not _settings.DISABLE_JIT:
@@ -362,6 +370,11 @@ class Locator:
 def part(function: Callable[..., Any]) -> Any:
     """A function that kernels call, as `KernelPart`: compiled within them, and kept in their cache entries."""
     return njit(cache=False, error_model="numpy")(function)
+
+
+def view(function: Callable[..., Any]) -> Any:
+    """A function that returns views of its arguments, written into its callers, whose arrays they are (`njit`)."""
+    return _declare(inline="always")(function)
 
 
 @cache

@@ -7,7 +7,7 @@ import numpy as np
 from whsklearn import WienerHammersteinSystem
 from whsklearn.datasets import make_wiener_hammerstein
 from whsklearn.effects.law import polynomial_law
-from whsklearn.recursion.rows.predictor import advance, copy_past, respond, state_size, with_room
+from whsklearn.recursion.rows.predictor import Past, advance, copy_past, respond, state_size
 from whsklearn.recursion.rows.subinnovations import (
     Models,
     Samples,
@@ -20,7 +20,7 @@ LINEAR = polynomial_law([0.0, 1.0, 0.5])  # with n_a = 1, n_b = 0, n_c = 1 the m
 
 def one_sample_on(blocks, codes, shapes, kappa, past, u_past):
     """The past one sample later."""
-    line = with_room(past, 1)
+    line = Past(*(np.zeros((len(values) + 1, *values.shape[1:])) for values in past))
     copy_past(past, 0, line, 1, past)
     advance(blocks, line, 0, u_past)
     respond(blocks, codes, shapes, kappa, line, 0)

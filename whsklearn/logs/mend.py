@@ -145,10 +145,13 @@ def jumps_in(time: Array, position: Array, segment: NDArray[np.int64]) -> Array 
     low, high = np.minimum(steps[:-2], steps[2:]), np.maximum(steps[:-2], steps[2:])
     middle = steps[1:-1]
     excess[1:-1] = np.maximum(middle - high, low - middle).clip(0.0) * (both[:-1] & both[1:])
-    found = np.sort(np.argsort(excess)[-MOST_JUMPS - steps.size // 500 :])
+    most_of_all = MOST_JUMPS + steps.size // 500
+    found = np.sort(np.argpartition(excess, -most_of_all)[-most_of_all:])
     found = found[excess[found] > 0.0]
     while found.size:  # what is left makes the others smaller, so the set only shrinks
-        usual = np.setdiff1d(np.flatnonzero(sound), found)
+        left = sound.copy()
+        left[found] = False
+        usual = np.flatnonzero(left)
         made = steps.copy()
         made[found] = np.interp(found, usual, steps[usual])  # a wrong reading of one sample makes two jumps in turn
         most = np.abs(np.diff(made))[both].max()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from whsklearn._numba import njit, part
+from whsklearn._numba import njit
 
 
 @njit(cache=False, error_model="numpy", forceinline=True)
@@ -20,7 +20,7 @@ def is_stable(b, radius):
     return stable
 
 
-@part
+@njit(cache=False, error_model="numpy", counted=True)
 def _stepped_down(b, radius):
     """Schur-Cohn: every reflection coefficient is below one."""
     n = b.size

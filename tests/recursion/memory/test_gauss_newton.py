@@ -71,9 +71,9 @@ def test_the_damped_solve():
     rng = np.random.default_rng(0)
     root = rng.standard_normal((5, 5))
     a, right, solution = root @ root.T + 0.1 * np.eye(5), rng.standard_normal(5), np.empty(5)
-    assert solve_damped(a, right, 0.5, solution)
+    assert solve_damped(a, right, 0.5, solution, np.empty((5, 5)))
     np.testing.assert_allclose(solution, np.linalg.solve(a + 0.5 * np.diag(np.diag(a)), right), rtol=1e-9)
-    assert not solve_damped(-a, right, 0.0, solution)
+    assert not solve_damped(-a, right, 0.0, solution, np.empty((5, 5)))
 
 
 @pytest.mark.parametrize("budget", [1, 37, 1000])

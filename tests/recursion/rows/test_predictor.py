@@ -143,6 +143,7 @@ def test_push_puts_the_newest_first_one_number_an_input():
 def test_the_state_does_not_depend_on_the_length_of_the_record():
     dims = np.array([2, 2, 2, 2, 3], dtype=np.int64)
     assert state_size(dims) == 2 * (1 + 3) + 2 * (1 + 3 + 3)
+    assert state_size(dims, 4) == 6 * (1 + 3) + 6 * (1 + 3 + 3)
 
 
 def test_blocks_that_are_longer_than_a_line_are_filters_too():

@@ -196,7 +196,7 @@ def refine_part(
     return bool(_refine_part(theta, law, kappa, tuple(memory), tuple(prior), iterations, information, state, plain))
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", counted=False)
 def _refine_part(theta, law, kappa, memory, prior, iterations, information, state, work):
     memory, prior, work = Memory(*memory), Prior(*prior), Work(work[0], Segment(*work[1]), *work[2:])
     n, at, trial = theta.size, work.at, work.trial
@@ -209,7 +209,7 @@ def _refine_part(theta, law, kappa, memory, prior, iterations, information, stat
                 at[PHASE] = DONE
                 break
             at[ITERATION] += 1
-            solved = solve_damped(information, work.slope, at[DAMPING], trial)
+            solved = solve_damped(information, work.slope, at[DAMPING], trial, work.trial_information)
             for i in range(n):
                 trial[i] += theta[i]
             if solved and is_stable(trial[na - 1 : na - 1 + nb], 0.999):
@@ -277,10 +277,9 @@ def _add_prior(theta, prior, information, slope):
 
 
 @part
-def solve_damped(matrix, right, damping, solution):
-    """Solve (A + damping diag A) s = r by Cholesky; return False if A is not positive definite."""
+def solve_damped(matrix, right, damping, solution, low):
+    """Solve (A + damping diag A) s = r by Cholesky, into ``low``; return False if A is not positive definite."""
     n = right.size
-    low = np.empty((n, n))
     for i in range(n):
         for j in range(i + 1):
             s = matrix[i, j]

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from whsklearn._numba import njit, part
+from whsklearn._numba import njit, part, view
 from whsklearn.effects.base import Array, Integers
 from whsklearn.effects.codes import COULOMB, STRIBECK_TANH, VISCOUS
 from whsklearn.effects.equations import coulomb, reduced_stribeck, smooth_sign, viscous
@@ -80,7 +80,7 @@ def move_on(signals, n):
             signals[k, i] = signals[k, n + i]
 
 
-@part
+@view
 def delayed(signals, k, lag, n):
     """Signal ``k`` of the ``n`` samples, delayed by ``lag`` samples."""
     first = signals.shape[1] - LENGTH - lag

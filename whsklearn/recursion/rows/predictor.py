@@ -27,7 +27,7 @@ from typing import NamedTuple
 import numpy as np
 from numba.extending import register_jitable  # type: ignore[import-untyped]
 
-from whsklearn._numba import njit, part
+from whsklearn._numba import njit, part, view
 from whsklearn.effects.base import Array, Integers
 from whsklearn.effects.equations import smooth_sign
 from whsklearn.effects.rows import directed_term
@@ -38,7 +38,7 @@ ROWS = 64  # rows of a line along a record before the line starts over
 
 
 class Past(NamedTuple):
-    """The required past, newest first; a line has room for new samples in front of it (`with_room`)."""
+    """The required past, newest first; a line has room for new samples in front of it."""
 
     x: Array  # x, x_by (nx,), (nx, n_1): x(t-1), ... and d x / d (a, b)
     x_by: Array
@@ -53,32 +53,25 @@ def parameter_count(dims):
 
 
 @register_jitable
-def state_size(dims):
-    """Length of the flat state of one model."""
+def state_size(dims, room=0):
+    """Length of the flat state of one model, or of one with ``room`` more rows."""
     n1 = dims[0] - 1 + dims[1]
-    nx = max(dims[1], 1)
-    return nx * (1 + n1) + dims[2] * (1 + n1 + dims[4])
+    return (room + max(dims[1], 1)) * (1 + n1) + (room + dims[2]) * (1 + n1 + dims[4])
 
 
-@part
-def past_of(state, dims):
+@view
+def past_of(state, dims, room):
     """The flat state as `Past`, in the same memory.
 
-    The compiler knows that the indices of a table are positive.  It cannot know this for indices computed within one
-    flat array, and checking them took half the time of a sample.
+    With ``room`` for as many samples in front, time advances by a row and nothing is shifted.  The compiler knows that
+    the indices of a table are positive.  It cannot know this for indices computed within one flat array, and checking
+    them took half the time of a sample.
     """
-    nb, nc = dims[1], dims[2]
-    n1, nx = dims[0] - 1 + nb, max(nb, 1)
-    v0, nv = nx * (1 + n1), n1 + dims[4]
+    n1 = dims[0] - 1 + dims[1]
+    nx, nc, nv = room + max(dims[1], 1), room + dims[2], n1 + dims[4]
+    v0 = nx * (1 + n1)
     g0 = v0 + nc
     return Past(state[:nx], state[nx:v0].reshape((nx, n1)), state[v0:g0], state[g0 : g0 + nc * nv].reshape((nc, nv)))
-
-
-@part
-def with_room(past, n):
-    """Rows for ``n`` samples and for the past behind them, so that time advances by a row and nothing is shifted."""
-    nx, nc = n + past.x.size, n + past.v.size
-    return Past(np.zeros(nx), np.zeros((nx, past.x_by.shape[1])), np.zeros(nc), np.zeros((nc, past.v_by.shape[1])))
 
 
 @part
@@ -94,7 +87,7 @@ def copy_past(source, at, target, to, past):
             target.v_by[to + j, k] = source.v_by[at + j, k]
 
 
-@part
+@view
 def by_block(theta, dims):
     """(a, b, w, c, d) of the parameters, or of any array with one entry for each, as views like `past_of`."""
     w0 = dims[0] - 1 + dims[1]
@@ -186,8 +179,8 @@ def record_errors(theta, dims, codes, shapes, kappa, u, y, restart, errors, jaco
     ``restart[t]`` is True where an experiment begins; its past is unknown.
     """
     n = parameter_count(dims)
-    past = past_of(np.zeros(state_size(dims)), dims)
-    line, at = with_room(past, ROWS), ROWS
+    past = past_of(np.zeros(state_size(dims)), dims, 0)
+    line, at = past_of(np.zeros(state_size(dims, ROWS)), dims, ROWS), ROWS
     nd = dims[3]
     u_past = np.zeros(dims[0])
     y_past = np.zeros(max(nd, 1))

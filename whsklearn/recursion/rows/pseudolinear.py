@@ -151,11 +151,8 @@ def run_pseudolinear(model, recent, since, forgetting, ceiling, law, p, mode, sa
     step = np.empty(n)
     for t in range(y.size):
         push(recent_u, u[t])
-        for k in range(recent_y.size - 1, 0, -1):
-            recent_y[k] = recent_y[k - 1]
-            recent_weight[k] = recent_weight[k - 1]
-        recent_y[0] = y[t]
-        recent_weight[0] = weights[t]
+        push(recent_y, y[t : t + 1])
+        push(recent_weight, weights[t : t + 1])
         since += 1
         window = min(p, since)
         if forgetting != 1.0:

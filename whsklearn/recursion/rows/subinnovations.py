@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from whsklearn._numba import njit, part
 from whsklearn.effects.base import Array
 from whsklearn.recursion.rows.covariance import inflate, measurement_update
-from whsklearn.recursion.rows.predictor import Law, advance, by_block, copy_past, past_of, predict, respond, with_room
+from whsklearn.recursion.rows.predictor import Law, advance, by_block, copy_past, past_of, predict, respond, state_size
 from whsklearn.systems.stability import is_stable
 
 STABLE_RADIUS = 0.999
@@ -115,21 +115,28 @@ def run_windows(
 
 @njit(error_model="numpy", short=True)
 def _run_windows(models, recent, since, seen, schedule, law, p, frozen, samples, still):
+    n, m = models[0].shape[1], samples[0].shape[1]
+    line = (m + 2) * (still.size + recent[1].size)
+    scratch = np.zeros(state_size(law[0], p) + line + 4 * n)  # one array, so that nothing below counts references
+    return _run_models(models, recent, since, seen, schedule, law, p, frozen, samples, still, scratch)
+
+
+@njit(cache=False, error_model="numpy", counted=False)
+def _run_models(models, recent, since, seen, schedule, law, p, frozen, samples, still, scratch):
     models, recent, schedule, samples = Models(*models), Samples(*recent), Schedule(*schedule), Samples(*samples)
-    count = samples.y.size
-    line = Samples(
-        _newest_first(samples.u.ravel(), recent.u, samples.u.shape[1]),
-        _newest_first(samples.y, recent.y, 1),
-        _newest_first(samples.weight, recent.weight, 1),
-    )
+    count, m = samples.y.size, samples.u.shape[1]
+    length = count + recent.y.size
+    size = state_size(law[0], p)
+    room, rest = past_of(scratch[:size], law[0], p), scratch[size:]  # for every model in turn
+    line = Samples(rest[: m * length], rest[m * length : (m + 1) * length], rest[(m + 1) * length : (m + 2) * length])
+    _line_up(samples, recent, line)
     rate = schedule.forgetting[0]
-    room = with_room(past_of(models.before[0], law[0]), p)  # for every model in turn
     for s in range(models.theta.shape[0]):
         model = Models(
             models.theta[s], models.ud[s], models.before[s], models.loss[s], models.motion[s],
             models.sharpness[s : s + 1],
         )  # fmt: skip
-        rate = _run_model(model, room, line, since, seen, schedule, law, p, frozen, still)
+        rate = _run_model(model, room, line, since, seen, schedule, law, p, frozen, still, rest[(m + 2) * length :])
     schedule.forgetting[0] = rate
     _keep(recent.u, line.u)
     _keep(recent.y, line.y)
@@ -138,15 +145,18 @@ def _run_windows(models, recent, since, seen, schedule, law, p, frozen, samples,
 
 
 @part
-def _newest_first(samples, recent, m):
-    """The samples, ``m`` numbers each, from the newest to the oldest, followed by the recent ones."""
-    n = samples.size
-    line = np.empty(n + recent.size)
-    for k in range(n):
-        line[k] = samples[n - m + 2 * (k % m) - k]
-    for k in range(recent.size):
-        line[n + k] = recent[k]
-    return line
+def _line_up(samples, recent, line):
+    """Write the samples into ``line`` from the newest to the oldest, and the recent ones behind them."""
+    count, m = samples.u.shape
+    for t in range(count):
+        at = count - 1 - t
+        for j in range(m):
+            line.u[at * m + j] = samples.u[t, j]
+        line.y[at], line.weight[at] = samples.y[t], samples.weight[t]
+    for k in range(recent.u.size):
+        line.u[count * m + k] = recent.u[k]
+    for k in range(recent.y.size):
+        line.y[count + k], line.weight[count + k] = recent.y[k], recent.weight[k]
 
 
 @part
@@ -157,19 +167,16 @@ def _keep(recent, line):
 
 
 @part
-def _run_model(model, line, samples, since, seen, schedule, law, p, frozen, still):
-    """Run one model through the samples; return the forgetting factor after the last of them.
-
-    It is inlined into its only caller; compiled separately as well, a first fit would take a second longer.
-    """
+def _run_model(model, line, samples, since, seen, schedule, law, p, frozen, still, scratch):
+    """Run one model through the samples; return the forgetting factor after the last of them."""
     theta, ud, before, loss, motion, sharpness = model
     recent_u, recent_y, recent_weight = samples
     dims, codes, shapes = law
     n, count = theta.size, still.size
     m = recent_u.size // recent_y.size
     nc = dims[2]
-    past = past_of(before, dims)
-    psi, gain, start, old = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    past = past_of(before, dims, 0)
+    psi, gain, start, old = scratch[:n], scratch[n : 2 * n], scratch[2 * n : 3 * n], scratch[3 * n : 4 * n]
     blocks, psi_blocks = by_block(start if frozen else theta, dims), by_block(psi, dims)
     b = by_block(theta, dims)[1]
     rate = schedule.forgetting[0]
@@ -217,21 +224,10 @@ def _run_model(model, line, samples, since, seen, schedule, law, p, frozen, stil
             if frozen:
                 for k in range(n):
                     e -= psi[k] * (theta[k] - start[k])
-            usable = abs(e) < LARGEST_SIGNAL  # False for NaN as well: nothing is learnt while an interim model diverges
-            for k in range(n):
-                usable &= abs(psi[k]) < LARGEST_SIGNAL
+            learnt = _learn(theta, ud, psi, e, p / weight, b, gain, old)
             if now == 0:
-                loss[0] = LOSS_FORGETTING * loss[0] + (weight * e * e if usable else LARGEST_SIGNAL)
+                loss[0] = LOSS_FORGETTING * loss[0] + (weight * e * e if learnt else LARGEST_SIGNAL)
                 loss[1] = LOSS_FORGETTING * loss[1] + 1.0
-            if usable:
-                measurement_update(ud, psi, p / weight, gain)
-                ok = True
-                for k in range(n):
-                    old[k] = theta[k]
-                    theta[k] = old[k] + gain[k] * e
-                    ok &= abs(theta[k]) < LARGEST_PARAMETER
-                if not (ok and is_stable(b, STABLE_RADIUS)):
-                    _shorten(theta, gain, e, b, old)
         if learns and schedule.sharpest > 0.0:
             rms = np.sqrt(motion[0] / max(motion[1], 1.0))
             sharpness[0] = relative_sharpness(seen, schedule.sharpest) / max(rms, 1e-12)
@@ -239,16 +235,29 @@ def _run_model(model, line, samples, since, seen, schedule, law, p, frozen, stil
 
 
 @part
-def _shorten(theta, gain, e, b, old):
-    """theta = old + gain e / 2, / 4, ... until L1 with ``b`` is stable; ``old`` itself if it never is."""
-    scale = 0.5
-    for _ in range(9):
+def _learn(theta, ud, psi, e, variance, b, gain, old):
+    """(12), and theta += gain e, or a half, a quarter .. of it until L1 with ``b`` is stable; none if it never is.
+
+    Returns False, and changes nothing, if a number is too large: an interim model may diverge.  ``b`` is part of theta;
+    ``gain`` and ``old`` are scratch.
+    """
+    usable = abs(e) < LARGEST_SIGNAL  # False for NaN as well
+    for k in range(theta.size):
+        usable &= abs(psi[k]) < LARGEST_SIGNAL
+    if not usable:
+        return False
+    measurement_update(ud, psi, variance, gain)
+    for k in range(theta.size):
+        old[k] = theta[k]
+    scale = 1.0
+    for _ in range(10):
         ok = True
         for k in range(theta.size):
             theta[k] = old[k] + scale * gain[k] * e
             ok &= abs(theta[k]) < LARGEST_PARAMETER
         if ok and is_stable(b, STABLE_RADIUS):
-            return
+            return True
         scale *= 0.5
     for k in range(theta.size):
         theta[k] = old[k]
+    return True
