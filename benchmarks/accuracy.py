@@ -22,6 +22,7 @@ from joblib import Parallel, delayed
 from scipy.stats import bootstrap
 from tqdm import tqdm
 
+from benchmarks.blind import wilson
 from whsklearn import PEMRegressor, RLSRegressor, RMILSRegressor, WienerHammersteinLags, WienerHammersteinSystem
 from whsklearn.datasets import make_wiener_hammerstein
 from whsklearn.effects import FrictionLaw, reduced_law
@@ -157,14 +158,6 @@ def median_interval(values: Any) -> tuple[float, float, float]:
     return float(np.median(values)), float(ci.low), float(ci.high)
 
 
-def wilson(k: int, n: int) -> tuple[float, float]:
-    """95 % Wilson interval of a share."""
-    z, share = 1.96, k / n
-    centre = (share + z * z / (2 * n)) / (1 + z * z / n)
-    half = z * np.sqrt(share * (1 - share) / n + z * z / (4 * n * n)) / (1 + z * z / n)
-    return float(centre - half), float(centre + half)
-
-
 def run_all(
     function: Any, tasks: list[tuple[Any, ...]], label: str, n_jobs: int, record: dict[str, Any], key: str
 ) -> list[Any]:
@@ -239,7 +232,7 @@ def main(
         lines += shares_of_pem(rows)
         for name in ("RMILS", "RMILS, memory=0", "RMILS, published"):
             good = sum(r[name] <= 2 * r["PEM"] for r in rows)
-            low, high = wilson(good, len(rows))
+            _, low, high = wilson(good, len(rows))
             lines.append(f"\n{name} within 2 times PEM: {good} of {len(rows)} (95 % interval {low:.2f} to {high:.2f}).")
     if "p" in chosen:
         lines += innovation_lengths(runs or 100, jobs, record)
@@ -252,7 +245,7 @@ def main(
         key = f"minima, from {first_seed}, {perturbation}"
         variance = np.array(run_all(one_minimum, tasks, "minima", jobs, record, key))
         wrong = int(np.sum(variance > 1.45 * np.median(variance)))
-        low, high = wilson(wrong, variance.size)
+        _, low, high = wilson(wrong, variance.size)
         lines.append(
             f"\npartial_fit of 1,000 rows in a wrong minimum: {wrong} of {variance.size} seeds "
             f"(95 % interval {100 * low:.1f} to {100 * high:.1f} %)."

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+from scipy.stats import binomtest
 from tqdm import tqdm
 
 from benchmarks.blind_logs import comparators, servo, wiener_hammerstein
@@ -34,10 +35,8 @@ def wilson(k: int, n: int) -> tuple[float, float, float]:
     """Share and its 95 % interval (Wilson 1927, JASA 22)."""
     if n == 0:
         return math.nan, 0.0, 1.0
-    z, p = 1.96, k / n
-    centre = (p + z * z / (2 * n)) / (1 + z * z / n)
-    half = z / (1 + z * z / n) * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
-    return p, max(0.0, centre - half), min(1.0, centre + half)
+    interval = binomtest(k, n).proportion_ci(method="wilson")
+    return k / n, float(interval.low), float(interval.high)
 
 
 def plan(
