@@ -57,12 +57,8 @@ def degrees_of(parts: Sequence[Summand], to: Array) -> float:
 
     1 / nu = sum of q_j^2 / nu_j, where q_j is the share of summand j in the covariance.
 
-    References
-    ----------
-    Satterthwaite 1946, Biometrics Bulletin 2(6), 110-114; Welch 1947, Biometrika 34, 28-35.
+    Source: Satterthwaite 1946, Biometrics Bulletin 2(6), 110-114; Welch 1947, Biometrika 34, 28-35.
 
-    Examples
-    --------
     >>> known, guessed = Summand(np.eye(2), 100.0), Summand(np.diag([0.0, 1.0]), 4.0)
     >>> [round(degrees_of([known, guessed], unit[None]), 1) for unit in np.eye(2)]
     [100.0, 15.4]
@@ -105,10 +101,8 @@ class Estimate:
 def estimate(rows: Regression) -> Estimate:
     """Least squares of one record, with drift projected out.
 
-    References
-    ----------
-    Newey and West 1987, Econometrica 55(3), 703-708, for errors of any colour; Quenouille 1956 and Tukey 1958 for the
-    jackknife; Kuensch 1989, Annals of Statistics 17(3), 1217-1241, for its blocks.
+    Source: Newey and West 1987, Econometrica 55(3), 703-708, for errors of any colour; Quenouille 1956 and Tukey 1958
+    for the jackknife; Kuensch 1989, Annals of Statistics 17(3), 1217-1241, for its blocks.
     """
     x = np.column_stack([rows.columns, rows.nuisances])
     size = np.maximum(np.sqrt(np.mean(x**2, axis=0)), 1e-300)
@@ -181,10 +175,8 @@ def walking(every: list[Regression]) -> list[Regression]:
 
     Of what no function of the state explains: the errors of a model are slow too, but come again with the motion.
 
-    References
-    ----------
-    Whittle 1953, Arkiv foer Matematik 2(5), 423-434; Harvey 1989, Forecasting, Structural Time Series Models and the
-    Kalman Filter, ch. 2, for noise beside a level that walks.
+    Source: Whittle 1953, Arkiv foer Matematik 2(5), 423-434; Harvey 1989, Forecasting, Structural Time Series Models
+    and the Kalman Filter, ch. 2, for noise beside a level that walks.
     """
     score = np.zeros((len(every[0].channels()), WALKS.size))
     for rows in every:
@@ -236,9 +228,7 @@ def repeating(rows: Regression, z: Array, left: Array) -> list[float]:
     What functions of the state explain beyond what as many explain of noise is a lack of fit of the model; the rest is
     noise.  All is lack of fit where there are too few samples to tell.
 
-    References
-    ----------
-    Draper and Smith 1998, Applied Regression Analysis, sec. 2.1, for lack of fit and pure error.
+    Source: Draper and Smith 1998, Applied Regression Analysis, sec. 2.1, for lack of fit and pure error.
     """
     beside, out, drawn = np.linalg.qr(z)[0], [], white(functions_of_state(rows), rows)
     drawn = drawn - beside @ (beside.T @ drawn)
@@ -254,9 +244,7 @@ def repeating(rows: Regression, z: Array, left: Array) -> list[float]:
 def functions_of_state(rows: Regression) -> Array:
     """Smooth functions of columns and path at each joint, drawn at random, shape (n, `N_FEATURES`).
 
-    References
-    ----------
-    Rahimi and Recht 2007, Random features for large-scale kernel machines, NIPS 20.
+    Source: Rahimi and Recht 2007, Random features for large-scale kernel machines, NIPS 20.
     """
     rng = np.random.default_rng(0)
     state, out = np.column_stack([rows.columns, rows.path]), np.zeros((rows.target.size, N_FEATURES))

@@ -32,9 +32,7 @@ from whsklearn.systems.arm import Arm
 def spread(values: Array, variances: Array) -> tuple[float, float, float]:
     """The mean, the deviation between records beyond that within them, and the p-value that there is none.
 
-    References
-    ----------
-    DerSimonian and Laird 1986, Controlled Clinical Trials 7(3), 177-188.
+    Source: DerSimonian and Laird 1986, Controlled Clinical Trials 7(3), 177-188.
     """
     w = 1.0 / variances
     mean = float(w @ values / w.sum())
@@ -75,10 +73,8 @@ def course(values: Array, variances: Array, alpha: float) -> Course:
     ``values``, ``variances`` (n_records,): in the order of time. ``alpha``: probability of a word other than
     ``neither`` although the number stays.
 
-    References
-    ----------
-    Birge 1932, The calculation of errors by the method of least squares, Physical Review 40(2), 207-227; Schwarz 1978,
-    Annals of Statistics 6(2), 461-464.
+    Source: Birge 1932, The calculation of errors by the method of least squares, Physical Review 40(2), 207-227;
+    Schwarz 1978, Annals of Statistics 6(2), 461-464.
     """
     n = values.size
     place = np.arange(n, dtype=float)

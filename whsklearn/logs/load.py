@@ -15,7 +15,7 @@ from whsklearn.logs import mend
 from whsklearn.logs.check import check_log
 from whsklearn.logs.current import TorqueConstant, factor_to_torque, is_current
 from whsklearn.logs.errors import ColumnError, LogError, LogWarning
-from whsklearn.logs.findings import Array, Finding, LogReport
+from whsklearn.logs.findings import SEVERITIES, Array, Finding, LogReport
 from whsklearn.logs.formats import open_source
 from whsklearn.logs.source import Column, Source
 from whsklearn.logs.timebase import even, in_order, to_seconds
@@ -423,8 +423,7 @@ def _summed(time: Array, velocity: Array, segment: NDArray[np.int64]) -> tuple[A
 
 
 def _report(raw: LogReport, found: list[Finding], keep: list[Finding]) -> LogReport:
-    order = {"error": 0, "warning": 1, "info": 2}
-    every = sorted([*found, *keep], key=lambda f: order[f.severity])
+    every = sorted([*found, *keep], key=lambda f: -SEVERITIES.index(f.severity))
     return LogReport(tuple(every), raw.not_applicable, raw.jitter, raw.quantum)
 
 
