@@ -6,6 +6,9 @@ A few hundred stored samples are read for each new one.  The models that result 
 samples that arrived meanwhile and take over at a fixed sample.  They depend only on the samples up to
 that point.  How the work was divided makes no difference, and it can be restarted at any time, so it is
 not part of the state.  The work is bounded by the number of samples re-run, not by time.
+
+What this buys, over 14,000 rows of Example 5.1 on a loaded machine (least of four runs): the longest row takes 0.16 ms,
+where a whole re-run in one row takes 29.  It costs a fifth more CPU in all, and the numbers are the same to the bit.
 """
 
 from __future__ import annotations
@@ -27,6 +30,7 @@ from whsklearn.recursion.memory.gauss_newton import (
     PHASE,
     SPENT,
     UNBOUNDED,
+    Memory,
     Prior,
     Work,
     new_work,
@@ -156,7 +160,8 @@ class MultistartSearch:
         self.latest = state["memory_u"][h : h + size][-SAMPLED:], state["memory_restart"][max(size - SAMPLED, 0) : size]
         self._is_first = True
         self._is_hurried = False
-        self.iterations = refit.EARLY_ITERATIONS if np.isfinite(limit) else refit.ITERATIONS
+        self._is_scarce = bool(np.isfinite(limit))  # then short work is done together with the reading of the memory
+        self.iterations = refit.EARLY_ITERATIONS if self._is_scarce else refit.ITERATIONS
         self._y = state["memory_y"][h : h + size]
         self.given = {name: state[name] for name in ("origin", "prior_theta", "prior_information")}
 
@@ -190,7 +195,7 @@ class MultistartSearch:
         climb = refit.climb_to(relative_sharpness(seen, refit.LADDER[-1]))
         begins = first_page and not self.state["prior_information"].any()
         yield
-        bounded = bool(np.isfinite(self.limit))
+        bounded = self._is_scarce
         self._is_hurried = bounded and begins  # every start must be tried, and there is no time to spare
         count = r.n_starts if begins else refit.fresh_starts(self.state, r, self.size, bounded=bounded)
         scales = None
@@ -269,70 +274,89 @@ class MultistartSearch:
         return scales_from(sizes, self._y[-SAMPLED:])
 
     def refine(self, parent: int, theta: Array, steps: list[float]) -> Steps:
-        """Sharpen one model rung by rung; the result is the rung with the least error under the true sign.
-
-        A search of the staircase itself, sample by sample, was tried.  It lowers the error on the
-        record and raises it on others (on 50 random systems by a factor of 1.6, against 1.2 for the rungs).
-        """
+        """Take one model to its minimum, and its weights too where the record is long (`_with_true_sign`)."""
         state, r, work = self.state, self.settings, self.work
-        theta = theta.copy()
         work.at[BUDGET] -= COST_OF_BEGIN
-        n, n_state = r.size, state["before"].shape[1]
-        n1 = int(r.dims[0] - 1 + r.dims[1])
-        left = self.left
         memory = refit.memory_of(state, r, self.size, self.weights, self.given["origin"][parent], tail=r.p)
-        prior = Prior(self.given["prior_theta"][parent], self.given["prior_information"][parent] * left)
-        scarce = bool(np.isfinite(self.limit))  # then short work is done together with the reading of the memory
-        if not scarce:
+        prior = Prior(self.given["prior_theta"][parent], self.given["prior_information"][parent] * self.left)
+        if not self._is_scarce:
             yield
         if self._is_first and work.at[BUDGET] < WHOLE_ROW:  # not in a cache: one segment is enough for a row
             work.at[BUDGET] = 1.0
         self._is_first = False
+        best = yield from self._climbed(parent, theta.copy(), (memory, prior), steps)
+        if best is None:
+            return None
+        yield
+        moves = max(increment_rms(best.theta, r.dims, *self.latest), 1e-12)
+        if state["blocks"] or self.size >= r.memory:
+            return (yield from self._with_true_sign(best, (memory, prior), moves))
+        end = np.empty(state["before"].shape[1])
+        yield from self._run(best.theta.copy(), (memory, prior), refit.INFERENCE / moves, 0, best.information, end)
+        return best
 
-        def refined(kappa: float, iterations: int, information: Array, before: Array) -> Generator[None, None, float]:
-            if work.at[BUDGET] <= 0.0 and not self._is_hurried:
-                yield  # because one segment is read in any case
-            work.at[AT] = work.at[PHASE] = 0
-            while not refine_part(theta, r.law, kappa, memory, prior, iterations, information, before, work):
-                yield
-            return float(work.at[COST])
+    def _climbed(self, parent: int, theta: Array, record: tuple[Memory, Prior], steps: list[float]) -> Steps:
+        """Sharpen ``theta``, in place, rung by rung; the result is the rung with the least error under the true sign.
 
-        best = None
+        A search of the staircase itself, sample by sample, was tried.  It lowers the error on the
+        record and raises it on others (on 50 random systems by a factor of 1.6, against 1.2 for the rungs).
+        """
+        r, work, best = self.settings, self.work, None
         for relative in steps:
             if work.at[SPENT] >= self.limit:
                 break
             kappa = relative / max(increment_rms(theta, r.dims, *self.latest), 1e-12)
             work.at[BUDGET] -= COST_OF_RUNG if self._is_hurried else COST_OF_RARE_RUNG
-            information, before = np.zeros((n, n)), np.zeros(n_state)
-            yield from refined(kappa, self.iterations, information, before)
-            cost = yield from refined(np.inf, 0, np.zeros((n, n)), before)
-            if not scarce:
+            information, before = np.zeros((r.size, r.size)), np.zeros(self.state["before"].shape[1])
+            yield from self._run(theta, record, kappa, self.iterations, information, before)
+            cost = yield from self._run(theta, record, np.inf, 0, np.zeros((r.size, r.size)), before)
+            if not self._is_scarce:
                 yield
             if np.isfinite(cost) and np.isfinite(information).all() and (best is None or cost < best.cost):
                 best = refit.Refined(cost, theta.copy(), information, before, kappa, parent)
-            if not scarce:
+            if not self._is_scarce:
                 yield
-        if best is None:
-            return None
-        yield
-        moves = max(increment_rms(best.theta, r.dims, *self.latest), 1e-12)
-        theta = best.theta.copy()
-        if not state["blocks"] and self.size < r.memory:
-            yield from refined(refit.INFERENCE / moves, 0, best.information, np.empty(n_state))
-            return best
-        # On a record this long the bias that tanh() near zero adds to the weights is noticeable.  So they are fitted
-        # with the error of the true sign; only the slopes are those of a smooth one.  L1 stays on the step it found.
+        return best
+
+    def _with_true_sign(
+        self, best: refit.Refined, record: tuple[Memory, Prior], moves: float
+    ) -> Generator[None, None, refit.Refined]:
+        """The model with its weights fitted by the error of the true sign; only the slopes are those of a smooth one.
+
+        On a long record the bias that tanh() near zero adds to the weights is noticeable.  L1 stays on the step that it
+        found.
+        """
+        r, theta = self.settings, best.theta.copy()
+        n1 = int(r.dims[0] - 1 + r.dims[1])
         for step in range(3):
-            information, before = np.zeros((n, n)), np.zeros(n_state)
-            cost = yield from refined(-refit.LONG_INFERENCE / moves, 0, information, before)
+            information, before = np.zeros((r.size, r.size)), np.zeros(self.state["before"].shape[1])
+            cost = yield from self._run(theta, record, -refit.LONG_INFERENCE / moves, 0, information, before)
             if not np.isfinite(information).all() or (step and not cost < refit.SLACK * best.cost):
                 break
-            best = refit.Refined(cost, theta.copy(), information, before, best.sharpness, parent)
+            best = refit.Refined(cost, theta.copy(), information, before, best.sharpness, best.parent)
             yield
             factors = factors_of_inverse(np.ascontiguousarray(information[n1:, n1:]))
-            theta[n1:] += times(factors, work.slope[n1:])
+            theta[n1:] += times(factors, self.work.slope[n1:])
             yield
         return best
+
+    def _run(
+        self,
+        theta: Array,
+        record: tuple[Memory, Prior],
+        kappa: float,
+        iterations: int,
+        information: Array,
+        before: Array,
+    ) -> Generator[None, None, float]:
+        """`refine_part` to its end; the cost."""
+        work = self.work
+        if work.at[BUDGET] <= 0.0 and not self._is_hurried:
+            yield  # because one segment is read in any case
+        work.at[AT] = work.at[PHASE] = 0
+        while not refine_part(theta, self.settings.law, kappa, *record, iterations, information, before, work):
+            yield
+        return float(work.at[COST])
 
 
 def refit_now(state: State, r: Settings) -> None:
