@@ -67,7 +67,7 @@ def conclude(plant: Any, found: Found, rng: np.random.Generator, say: Callable[[
     diagnosis.base_parameters = _base_numbers(plant, found)
     diagnosis.next_experiment = next_experiment(diagnosis)
     for e in diagnosis.effects:
-        e.units = plant.effect_units
+        e.units = plant.units_at(e.joint)
     if diagnosis.learned is not None:
         curves = diagnosis.learned.curves
         diagnosis.learned.curves = tuple(curve_in(c, plant.units, own) for c in curves)

@@ -246,6 +246,10 @@ class Plant(Protocol):
         drive, motion = self.units
         return self.own_units.get(drive, drive), self.own_units.get(motion, motion)
 
+    def units_at(self, joint: str) -> tuple[str, str]:
+        """Those of an effect at a joint: `effect_units`."""
+        return self.effect_units
+
     @property
     def gap_unit(self) -> str:
         """That of the drive, or of the output."""

@@ -400,3 +400,13 @@ def test_a_joint_counts_by_its_own_variance_and_an_error_of_the_model_may_favour
         plant.own = plant.own._replace(floor=np.full(2, floor))
         sizes.append(np.mean(plant.leads(*names, errors.ravel(), np.random.default_rng(0))))
     assert sizes[0] < 0.0 < sizes[1]
+
+
+def test_an_effect_at_a_slide_is_told_in_newtons():
+    arm = drawn_arm(2, 0, slides=0.0)
+    arm = dataclasses.replace(arm, slides=[False, True], effects=[(Viscous(0.5), Coulomb(0.5))] * 2)
+    q, u = smooth_log(arm.with_effects({"j1": Cogging(0.5, 9.0)}), seconds=8.0)
+    q = q + 1e-6 * np.random.default_rng(0).standard_normal(q.shape)
+    found = GapFinder(arm).fit(ArmRecord(np.arange(len(q)) / RATE, q, u))
+    assert names(found) == ["cogging at j1"]
+    assert "amplitude_n" in found.effects_[0].parameters

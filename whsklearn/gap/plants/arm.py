@@ -7,6 +7,7 @@ allow, and a named effect is one that has appeared since.
 
 from __future__ import annotations
 
+import re
 import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -207,7 +208,9 @@ class ArmPlant(Plant):
         if len(place) == 1:
             gone = np.isin(view.arm.joints, list(place)).astype(float)
         shares = np.divide(gone, whole, out=np.zeros(gone.size), where=whole > 0.0)  # a joint at rest has no rows
-        return float(np.sqrt(max(power, 0.0) * shares.max() / max(float(gone.sum()), 1e-300)))
+        if gone.sum() <= 0.0:  # a second offset changes nothing but the rounding
+            return 0.0
+        return float(np.sqrt(max(power, 0.0) * max(shares.max(), 0.0) / gone.sum()))
 
     def explained(self, model: ArmState, grown: ArmState, look: Look) -> tuple[float, float]:
         """As of any plant; numbers of another record that need move less with the effect count as explained by it.
@@ -292,6 +295,12 @@ class ArmPlant(Plant):
             return tuple(f"{a}{at}{joint}" for a in of_axis(effect))
         except ValueError:
             return ()
+
+    def units_at(self, joint: str) -> tuple[str, str]:
+        """N and m at a joint that slides."""
+        arm = self.view.arm
+        sliding = {j for j, slides in zip(arm.joints, arm.slides, strict=True) if slides}
+        return ("N", "m") if sliding & {joint, *re.split(r"[+-]", joint)} else self.units
 
     def objection(self, model: ArmState, grown: ArmState) -> str:
         """The physical objections to a term's parameters."""
@@ -514,8 +523,8 @@ class ArmPlant(Plant):
 
     # --- report ------------------------------------------------------------------------------
     def _joints(self, base: ArmState, model: ArmState) -> list[dict[str, Any]]:
-        """One row for each joint: what is missing on held-out blocks before and after, the noise floor, the names."""
-        missing = zip(*(self.view.held_out(self.view.fit(m)) for m in (base, model)), self.own.floor, strict=True)
+        """One row for each joint: what is missing on held-out blocks before and after, the floor, the names."""
+        missing = zip(*(self.view.held_out(self.view.fit(m)) for m in (base, model)), self.floor, strict=True)
         return [
             {"name": joint, "missing": dict(zip(("before", "after", "floor"), map(float, shares), strict=True)),
              "names": [t.name for t in model.terms if joint in (t.kind.place or {t.joint})]}
@@ -524,7 +533,7 @@ class ArmPlant(Plant):
 
     def _worst(self, model: ArmState) -> int:
         """The joint to report first: of those of the first term, or of all, the one farthest above the floor."""
-        shares = np.nan_to_num(self._shares(self.errors(model)) / np.maximum(self.own.floor, 1e-12))
+        shares = np.nan_to_num(self._shares(self.errors(model)) / self.floor)
         first = next((np.flatnonzero(t.kind.direction) for t in model.terms if t.kind.place), np.arange(shares.size))
         return int(first[np.argmax(shares[first])])
 
@@ -576,7 +585,7 @@ class ArmPlant(Plant):
             "time": self.record.time, "measured": self.record.position[:, j],
             "runs": {k: x.reshape(-1, n)[:, j] for k, x in runs.items()},
             "held": self.measured()[1].reshape(-1, n)[:, j], "gap_time": rows, "usable": view.keep[:, j],
-            "floor": float(self.own.floor[j]), "axes": self._signals(j), "units": self.units,
+            "floor": float(self.floor[j]), "axes": self._signals(j), "units": self.units,
             "what": f"{self.gap_word} of {view.arm.joints[j]}",
             "joints": {
                 name: (rows, view.target[:, i], *(np.where(view.keep[:, i], g[:, i], np.nan) for g in gaps))
