@@ -7,14 +7,12 @@ missing) into the report folder and records the diagnosis in MLflow: a parent ru
 from __future__ import annotations
 
 import warnings
-from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-import numpy as np
 
 from whsklearn.cli.job import UNUSABLE, job, progress_bar, say_where, tracker_for, wrapped, writable_folder
 from whsklearn.cli.options import ORDERS, axis_options, given, reading_options, robot_options
@@ -302,51 +300,13 @@ def _own_clock(source: Any) -> bool:
 
 def as_record(options: dict[str, Any], log: Bunch) -> tuple[Any, dict[str, Any]]:
     """The log in the form that this kind of model takes (SI for an axis), and the names of its columns."""
-    import pandas as pd
+    from whsklearn.gap.plants.from_log import taken_from
 
-    from whsklearn.gap.following_error import following_error
-    from whsklearn.gap.plants.arm_view import ArmRecord
-    from whsklearn.gap.record import ServoRecord
-    from whsklearn.logs.units import UNKNOWN, factor_between
-
-    starts = tuple(int(k) + 1 for k in np.flatnonzero(np.diff(log.groups)))
-    if options["robot"]:
-        return ArmRecord(log.time, log.y, log.X, starts), {}
-    if options["kind"] != "servo":
-        u, y = (f"{name} [{log.units.get(role, '')}]" for name, role in (("u", "drive"), ("y", "position")))
-        frame = pd.DataFrame({"time": log.time, u: log.X[:, 0], y: log.y})
-        return frame, {"input": u, "output": y, "time": "time"}
-    drive_unit, unit = log.units.get("drive", UNKNOWN), log.units["position"]
-    drive, reference = log.X[:, 0], log.reference
-    if reference is not None:
-        reference = reference * factor_between(log.units.get("reference", unit), unit)
-    if log.command is not None:
-        reference = log.command * factor_between(log.units.get("command", unit), unit)
-        drive, drive_unit = reference - log.y, unit
-    units = "drive" if drive_unit == UNKNOWN else drive_unit, "rad" if unit == UNKNOWN else unit
-    record = ServoRecord(
-        log.time, drive, log.y, reference, units, resolution=1.0 if unit.startswith("counts") else 0.0,
-        error_for_drive=log.command is not None, logged=(drive_unit, unit),
-        starts=starts,
-    )  # fmt: skip
-    if log.command is not None:
-        drive, loop = following_error(record)
-        record = replace(record, drive=drive)
-        of_error = [
-            f"{size:.3g} {unit} times its {name}"
-            for name, size, unit in (("derivative", loop.derivative, "s"), ("integral", loop.integral, "1/s"))
-            if size
-        ]
-        late = f", the command taken {loop.delay:.3g} s later," if loop.delay else ""
-        text = (
-            f"No drive is logged: {' plus '.join([f'command minus position{late}', *of_error])} is used instead. Sizes "
-            "are per unit of the loop's gain: inertia in s2, viscous friction in s, torques in the unit of the "
-            "position. The gain itself, and what the loop does besides (filters, feedforward, limits), cannot be known "
-            "from this log."
-        )
+    record, columns, text = taken_from(log, "arm" if options["robot"] else options["kind"])
+    if text:
         note(text)
         log.notes = (*log.notes, text)
-    return record, {}
+    return record, columns
 
 
 def model_of(options: dict[str, Any]) -> Any:

@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 
 from whsklearn.compare.rows import Array, Regression, blocks_between, drifting, reversals_of, slowest_of
+from whsklearn.gap import least_squares as ols
 from whsklearn.gap.calibration import coloured, n_effective, p_value, smoothed_power
 from whsklearn.gap.plant import DEFAULT_TOLERANCE
-from whsklearn.gap.plants import inverse_dynamics as ols
 from whsklearn.gap.plants import servo_stop as stop
 from whsklearn.gap.plants.servo_candidates import Candidate
 from whsklearn.gap.plants.servo_families import Scene, family, inverse_kinds, resolved

@@ -16,8 +16,10 @@ from whsklearn.gap.diagnosis import ALPHA, Diagnosis
 from whsklearn.gap.joined import joined
 from whsklearn.gap.plant import DEFAULT_TOLERANCE
 from whsklearn.gap.plants import Base, make_plant
+from whsklearn.gap.plants.from_log import servo_record
 from whsklearn.gap.record import ServoRecord
 from whsklearn.gap.search import Search, Step
+from whsklearn.logs.load import Log
 
 STEPS = ("check", "base model", "search", "prove", "locate", "done")
 
@@ -112,11 +114,12 @@ class GapFinder(BaseEstimator):
 
         Parameters
         ----------
-        log : DataFrame, record, array, or list of records or frames
-            A frame with the columns named in ``columns`` (``time``, ``drive``, ``position``, ``reference``; or
-            ``input``, ``output``), or u of shape (n,) or (n, 1) together with ``y``.  For an arm: time (n,), positions
-            and drives (n, n_joints), in SI and in the order of its joints.  For an axis, a list of records gives one
-            diagnosis: the records share their parameters, but each has its own offset and timing.
+        log : Log, DataFrame, record, array, or list of logs, records or frames
+            What `whsklearn.logs.load_log` returns, with its units; a frame with the columns named in ``columns``
+            (``time``, ``drive``, ``position``, ``reference``; or ``input``, ``output``); or u of shape (n,) or (n, 1)
+            together with ``y``.  For an arm: time (n,), positions and drives (n, n_joints), in SI and in the order of
+            its joints.  For an axis, a list gives one diagnosis: the records share their parameters, but each has its
+            own offset and timing.
         y : array-like of shape (n,), optional
             Output, if ``log`` is the input of a Wiener-Hammerstein system.
 
@@ -128,9 +131,8 @@ class GapFinder(BaseEstimator):
         began = time.perf_counter()
         rng = np.random.default_rng(self.random_state)
         self._say("check")
-        if isinstance(log, list) and log and isinstance(log[0], ServoRecord | pd.DataFrame):
-            named: Any = columns
-            log = joined([r if isinstance(r, ServoRecord) else ServoRecord.from_frame(r, **named) for r in log])
+        if isinstance(log, list) and log and isinstance(log[0], ServoRecord | pd.DataFrame | Log):
+            log = joined([servo_record(r, columns) for r in log])
         plant = make_plant(
             self.model, log, y, Base(self.law, self.orders, self.direct), tolerance=self.tolerance, columns=columns
         )

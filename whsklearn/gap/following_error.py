@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from whsklearn.filtering.records import CUTOFF_SIGMA, HIGHEST_CUTOFF, filtered, gaussian_derivatives
-from whsklearn.gap.plants import inverse_dynamics as ols
+from whsklearn.gap import least_squares as ols
 from whsklearn.gap.record import Array, ServoRecord
 
 # Share of the residual below which a delay, a derivative or an integral is accepted: a delay trades off against viscous

@@ -1,4 +1,6 @@
-"""Least squares with bounds: Levenberg-Marquardt on a residual whose derivatives are finite differences.
+"""Least squares: linear ones with signs, and Levenberg-Marquardt within bounds on a residual that is simulated.
+
+For the second, derivatives are finite differences.
 
 Why not SciPy: a residual is a simulation of the whole record, and nearly all of the time goes into the differences of
 the Jacobian. SciPy's ``trf`` cannot update a Jacobian from step to step, so on the fits of a diagnosis it evaluates
@@ -14,6 +16,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from whsklearn.gap.record import Array
 
@@ -26,6 +29,7 @@ MOST_CARRIED = 3  # steps in a row in which derivatives are updated before they 
 # Actual over predicted drop of the sum of squares within which derivatives are updated; where a valley bends, they are
 # recomputed.
 AS_FORETOLD = (0.7, 1.3)
+RIDGE = 3e-5  # per sample, for columns of unit rms: far below the information of any column worth naming
 
 
 @dataclass
@@ -140,3 +144,49 @@ def gain_of(residual: Array, base: Array, columns: Array) -> tuple[float, Array]
     coefficients, *_ = np.linalg.lstsq(z, -r, rcond=1e-9)
     left = r + z @ coefficients
     return float(r @ r - left @ left), coefficients
+
+
+def solve(columns: Array, target: Array, positive: NDArray[np.bool_]) -> tuple[Array, NDArray[np.bool_]]:
+    """Sizes in the columns' own units, shape (p,), and a mask of the columns used; negative ones are dropped."""
+    scale = np.sqrt(np.mean(columns**2, axis=0))
+    scale[scale == 0.0] = 1.0
+    z = np.column_stack([columns / scale, target])
+    gram = z.T @ z
+    free = np.ones(scale.size, dtype=bool)
+    c = _ridge(gram, free, target.size)
+    for _ in range(scale.size):
+        bad = positive & free & (c < 0.0)
+        if not bad.any():
+            break
+        worst = np.flatnonzero(bad)[np.argmin(c[bad])]  # one at a time, because the others may become positive again
+        free[worst] = False
+        c = _ridge(gram, free, target.size)
+    return c / scale, free
+
+
+def of_differences(columns: Array, target: Array) -> Array:
+    """Sizes for which the first differences of columns and target agree best, shape (p,).
+
+    If the error is a random walk rather than white, these are the efficient ones (Cochrane and Orcutt 1949, JASA
+    44(245), 32-61, with a coefficient of one): a slow force that is missing hardly changes between two samples, while
+    the acceleration does.
+    """
+    steps = np.diff(columns, axis=0)
+    scale = np.linalg.norm(steps, axis=0) + 1e-300
+    return np.linalg.lstsq(steps / scale, np.diff(target), rcond=1e-10)[0] / scale
+
+
+def _ridge(gram: Array, free: NDArray[np.bool_], n: int) -> Array:
+    out = np.zeros(free.size)
+    at = np.flatnonzero(free)
+    if at.size:
+        held = gram[at[:, None], at]
+        held.flat[:: at.size + 1] += RIDGE * n
+        out[at] = np.linalg.solve(held, gram[at, -1])
+    return out
+
+
+def slope(x: Array, step: float) -> Array:
+    """Five-point derivative of samples ``step`` seconds apart."""
+    p = np.concatenate([x[:1], x[:1], x, x[-1:], x[-1:]])
+    return (p[:-4] - 8 * p[1:-3] + 8 * p[3:-1] - p[4:]) / (12 * step)

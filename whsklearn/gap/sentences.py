@@ -7,6 +7,7 @@ from typing import Any
 from whsklearn.gap.diagnosis import spoken
 from whsklearn.gap.localisation import NOWHERE
 from whsklearn.gap.plant import QUIET
+from whsklearn.gap.search import HALF
 
 MENU = {
     frozenset(pair.split()): text
@@ -93,12 +94,9 @@ def summary(d: Any, plant: Any) -> str:
         groups = [article_list([e.label, *e.aliases]).replace(" and ", " or ") for e in d.effects]
         return opening + "Something is missing, and this record cannot tell which: " + "; ".join(groups) + ". " + left
     if d.verdict == "partial":
-        return (
-            opening
-            + f"The gap resembles {article_list([e.label for e in d.effects])}, which explains only a part of it. "
-            + learned(d)
-            + left
-        )
+        names, more = article_list([e.label for e in d.effects]), len(d.effects) > 1
+        part = f"which explain{'' if more else 's'} {'most' if d.closure > HALF else 'only a part'} of it. "
+        return opening + f"The gap resembles {names}, {part}" + learned(d) + left
     if d.shortfall:
         return opening + d.shortfall
     if d.verdict == "unknown":

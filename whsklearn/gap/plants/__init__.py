@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from whsklearn.gap.data_check import UNEVEN
 from whsklearn.gap.record import Array
+from whsklearn.logs.load import Log
 from whsklearn.logs.timebase import LONG_GAP
 from whsklearn.logs.units import factor_of, own_units, unit_of
 
@@ -32,6 +33,11 @@ def make_plant(model: Any, log: Any, y: Any, base: Base, *, tolerance: float, co
     from whsklearn.systems.servo import ServoAxis
     from whsklearn.systems.wiener_hammerstein import WienerHammersteinSystem
 
+    if isinstance(log, Log):
+        from whsklearn.gap.plants.from_log import taken_from
+
+        chain = isinstance(model, WienerHammersteinSystem) or model == "wiener-hammerstein"
+        log, columns, _ = taken_from(log, "wiener-hammerstein" if chain else "servo")
     if isinstance(model, ServoAxis) or model == "servo":
         from whsklearn.gap.plants.servo import servo_plant
 

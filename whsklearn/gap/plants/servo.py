@@ -10,7 +10,6 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from whsklearn.effects import get_effect
@@ -29,6 +28,7 @@ from whsklearn.gap.plants import (
     servo_run,
 )
 from whsklearn.gap.plants import servo_stop as stop
+from whsklearn.gap.plants.from_log import servo_record
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, aliases, candidate
 from whsklearn.gap.plants.servo_families import highest_order, next_order, polished, widened
 from whsklearn.gap.plants.servo_families import settled as looking_settled
@@ -426,7 +426,7 @@ def servo_plant(model: Any, log: Any, *, law: str | None, tolerance: float, colu
     given = None if isinstance(model, str) else model
     if given is not None and law is None:
         law = ",".join(t.name for t in given.law.terms)
-    record = log if isinstance(log, ServoRecord) else ServoRecord.from_frame(pd.DataFrame(log), **columns)
+    record = servo_record(log, columns)
     names = law_names(law, "viscous,coulomb")
     return ServoPlant(record, names, given, tolerance)
 

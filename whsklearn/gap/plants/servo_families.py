@@ -25,10 +25,10 @@ from whsklearn.effects import codes as k
 from whsklearn.effects import get_effect
 from whsklearn.effects.quantity import ONE_PERIOD
 from whsklearn.filtering.records import CUTOFF_SIGMA
+from whsklearn.gap import least_squares as ols
 from whsklearn.gap.calibration import N_DRAWS, coloured, gain, n_effective, null_rows, smoothed_power
 from whsklearn.gap.least_squares import least_squares
 from whsklearn.gap.nameless import nameless
-from whsklearn.gap.plants import inverse_dynamics as ols
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants import servo_stop as stop
 from whsklearn.gap.plants import servo_two_mass as two_mass

@@ -19,9 +19,9 @@ from scipy.signal import lfilter
 
 from whsklearn.effects import EndStop, ParameterChange, Scales, Stribeck, codes
 from whsklearn.filtering.records import CUTOFF_SIGMA, decimation, filtered, gaussian_derivatives
+from whsklearn.gap import least_squares as ols
 from whsklearn.gap.least_squares import jacobian
 from whsklearn.gap.plant import Linearised
-from whsklearn.gap.plants import inverse_dynamics as ols
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants import servo_stop as stop
 from whsklearn.gap.plants import servo_two_mass as two_mass

@@ -21,9 +21,9 @@ from scipy.linalg import block_diag, solve
 from whsklearn.effects import LearnedTorque
 from whsklearn.effects.equations import hill
 from whsklearn.filtering.records import filtered
+from whsklearn.gap import least_squares as ols
 from whsklearn.gap.diagnosis import Curve
 from whsklearn.gap.plant import LEARNED_SHARE, Learned
-from whsklearn.gap.plants import inverse_dynamics as ols
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, Candidate, ColumnSignals
 from whsklearn.gap.plants.servo_model import ServoHypothesis, ServoTerm

@@ -24,7 +24,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from whsklearn.effects import effect_names, get_effect
@@ -33,6 +32,7 @@ from whsklearn.gap.data_check import DataProblem, check_servo
 from whsklearn.gap.filters import WHITENING, autoregression, whiten, whiteness
 from whsklearn.gap.localisation import since_reversal, spectra
 from whsklearn.gap.plant import Figures, Gap, Linearised, Plant, Told
+from whsklearn.gap.plants.from_log import servo_record
 from whsklearn.gap.plants.simulator_look import (
     Errors,
     FollowedMotion,
@@ -307,8 +307,7 @@ class SimulatorPlant(Plant):
 
 def simulator_plant(model: Any, log: Any, *, tolerance: float, columns: dict[str, Any]) -> SimulatorPlant:
     """The plant of a log under a user's own simulator."""
-    record = log if isinstance(log, ServoRecord) else ServoRecord.from_frame(pd.DataFrame(log), **columns)
-    return SimulatorPlant(model, record, tolerance=tolerance)
+    return SimulatorPlant(model, servo_record(log, columns), tolerance=tolerance)
 
 
 def _scale(record: ServoRecord) -> float:

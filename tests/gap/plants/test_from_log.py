@@ -1,0 +1,56 @@
+"""Logs as `load_log` returns them: their units and their holes reach the plant."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from whsklearn.datasets import make_servo_log
+from whsklearn.effects import GravityImbalance
+from whsklearn.gap import GapFinder
+from whsklearn.gap.plants import Base, make_plant
+from whsklearn.gap.plants.from_log import taken_from
+from whsklearn.logs import LogWarning, load_log
+
+
+@pytest.fixture(scope="module")
+def frame():
+    return make_servo_log([GravityImbalance(0.5)], duration=12.0, random_state=0)
+
+
+def loaded(folder, frame, drive: str, position: str):
+    """The log written with columns of these units, and read again."""
+    columns = {
+        "time_s": frame["time_s"],
+        f"torque_{drive}": frame["torque_nm"] * {"nm": 1.0, "mnm": 1e3}[drive],
+        f"position_{position}": frame["position_rad"] * {"rad": 1.0, "deg": 180.0 / np.pi}[position],
+    }
+    path = folder / f"{drive}_{position}.csv"
+    type(frame)(columns).to_csv(path, index=False)
+    return load_log(path, time="time_s", drive=f"torque_{drive}", position=f"position_{position}")
+
+
+def test_a_log_in_other_units_gives_the_same_names_and_its_own_numbers(tmp_path, frame):
+    found = {k: GapFinder("servo").fit(loaded(tmp_path, frame, *k)) for k in (("nm", "rad"), ("mnm", "deg"))}
+    (si,), (other,) = (f.effects_ for f in found.values())
+    assert si.name == other.name == "gravity_imbalance"
+    assert other.parameters["amplitude_mnm"] == pytest.approx(1e3 * si.parameters["amplitude_nm"], rel=1e-3)
+
+
+def test_several_logs_of_other_units_are_joined(tmp_path, frame):
+    logs = [loaded(tmp_path, frame, "nm", "rad"), loaded(tmp_path, frame.iloc[:6000], "mnm", "deg")]
+    assert GapFinder("servo").fit(logs).effects_[0].name == "gravity_imbalance"
+
+
+def test_the_holes_of_a_log_are_kept(tmp_path, frame):
+    with pytest.warns(LogWarning, match="hole"):
+        log = loaded(tmp_path, frame.drop(range(5000, 7000)), "nm", "rad")
+    assert taken_from(log, "servo")[0].starts == (5000,)
+
+
+def test_a_chain_takes_the_units_of_the_log(tmp_path, frame):
+    plant = make_plant(
+        "wiener-hammerstein", loaded(tmp_path, frame, "mnm", "deg"), None, Base(), tolerance=0.01, columns={}
+    )
+    assert plant.logged == ("mNm", "deg")
+    assert plant.units == ("Nm", "rad")

@@ -1,0 +1,78 @@
+"""A log that `load_log` has read, in the form that each kind of model takes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from whsklearn.gap.following_error import following_error
+from whsklearn.gap.plants.arm_view import ArmRecord
+from whsklearn.gap.record import ServoRecord
+from whsklearn.logs.load import Log
+from whsklearn.logs.units import UNKNOWN, factor_between
+
+
+def taken_from(log: Log, kind: str) -> tuple[Any, dict[str, Any], str]:
+    """(record, names of its columns, remark on what stands for a drive that was not logged; empty if one was).
+
+    ``kind``: ``servo`` for an axis or a simulator of one, ``wiener-hammerstein``, or ``arm``, whose log is in SI.
+
+    Examples
+    --------
+    >>> t = np.arange(400) / 100
+    >>> log = Log(time=t, X=np.cos(t)[:, None], y=np.rad2deg(np.sin(t)), reference=None, command=None)
+    >>> log |= Log(groups=np.zeros(400, dtype=int), units={"drive": "mNm", "position": "deg"})
+    >>> record, _, _ = taken_from(log, "servo")
+    >>> float(record.drive[0]), record.units, record.logged
+    (0.001, ('Nm', 'rad'), ('mNm', 'deg'))
+    """
+    starts = tuple(int(k) + 1 for k in np.flatnonzero(np.diff(log.groups)))
+    if kind == "arm":
+        return ArmRecord(log.time, log.y, log.X, starts), {}, ""
+    if kind != "servo":
+        u, y = (f"{name} [{log.units.get(role, '')}]" for name, role in (("u", "drive"), ("y", "position")))
+        frame = pd.DataFrame({"time": log.time, u: log.X[:, 0], y: log.y})
+        return frame, {"input": u, "output": y, "time": "time"}, ""
+    drive_unit, unit = log.units.get("drive", UNKNOWN), log.units["position"]
+    drive, reference = log.X[:, 0], log.reference
+    if reference is not None:
+        reference = reference * factor_between(log.units.get("reference", unit), unit)
+    if log.command is not None:
+        reference = log.command * factor_between(log.units.get("command", unit), unit)
+        drive, drive_unit = reference - log.y, unit
+    units = "drive" if drive_unit == UNKNOWN else drive_unit, "rad" if unit == UNKNOWN else unit
+    record = ServoRecord(
+        log.time, drive, log.y, reference, units, resolution=1.0 if unit.startswith("counts") else 0.0,
+        error_for_drive=log.command is not None, logged=(drive_unit, unit), starts=starts,
+    )  # fmt: skip
+    return (record, {}, "") if log.command is None else _with_error_for_drive(record)
+
+
+def servo_record(log: Any, columns: dict[str, Any]) -> ServoRecord:
+    """The record of an axis in SI, from a log, a frame with these columns, or a record."""
+    if isinstance(log, ServoRecord):
+        return log
+    if isinstance(log, Log):
+        record: ServoRecord = taken_from(log, "servo")[0]
+        return record
+    return ServoRecord.from_frame(pd.DataFrame(log), **columns)
+
+
+def _with_error_for_drive(record: ServoRecord) -> tuple[ServoRecord, dict[str, Any], str]:
+    drive, loop = following_error(record)
+    of_error = [
+        f"{size:.3g} {unit} times its {name}"
+        for name, size, unit in (("derivative", loop.derivative, "s"), ("integral", loop.integral, "1/s"))
+        if size
+    ]
+    late = f", the command taken {loop.delay:.3g} s later," if loop.delay else ""
+    text = (
+        f"No drive is logged: {' plus '.join([f'command minus position{late}', *of_error])} is used instead. Sizes "
+        "are per unit of the loop's gain: inertia in s2, viscous friction in s, torques in the unit of the "
+        "position. The gain itself, and what the loop does besides (filters, feedforward, limits), cannot be known "
+        "from this log."
+    )
+    return replace(record, drive=drive), {}, text
