@@ -71,6 +71,35 @@ def test_a_steady_rotation_follows_its_drive():
     assert "log changes of speed" in found.reason
 
 
+def test_a_steady_rotation_is_an_axis_of_which_the_friction_is_known():
+    """A controller keeps 10 rad/s to a count, so the drive is friction and noise: no inertia is seen."""
+    rng = np.random.default_rng(2)
+    q = 10.0 * 0.002 * np.arange(1500)
+    u = 0.8 + 0.01 * rng.standard_normal(q.size)
+    found = identify(u, np.round(q / 1.5e-3) * 1.5e-3, dt=0.002, units={"input": "Nm", "output": "rad"})
+    assert found.recommended.name == "axis, viscous and Coulomb", found.reason
+    assert "friction and offset take 0." in found.reason
+    p = found.model.parameters
+    assert p["viscous"] * 10.0 + p["coulomb"] + p["input_offset"] == pytest.approx(0.8, rel=0.01)
+    assert found.model.standard_errors["coulomb"] > 0.2
+    assert found.model.standard_errors["inertia"] > 0.3 * p["inertia"]
+
+
+def test_an_axis_whose_weight_goes_over_the_top_may_lose_its_long_run():
+    def tried(name, kind, score, nmse):
+        return Compared(name, kind, {}, "-", LinearModel([0.0, 1.0], [1.0]), score=score, test={"nmse": nmse})
+
+    trivial, axis, chain = (
+        Compared("t", "trivial", {}, "-", score=1.0),
+        ("axis", "axis"),
+        ("chain", "wiener-hammerstein"),
+    )
+    chosen, reason = recommend([tried(*axis, 0.01, 50.0), tried(*chain, 0.7, 0.1)], trivial)
+    assert (chosen.name, "its long run is lost" in reason) == ("axis", True)
+    chosen, _ = recommend([tried(*axis, 0.3, 50.0), tried(*chain, 0.7, 0.1)], trivial)
+    assert chosen.name == "chain"  # what predicts windows half as well and holds its run
+
+
 @pytest.mark.parametrize(
     ("u", "y", "message"),
     [

@@ -7,7 +7,7 @@ import pytest
 
 from tests.recursion.axis_log import axis_log, slow_drive
 from whsklearn.datasets import make_servo_log
-from whsklearn.effects import as_law
+from whsklearn.effects import GravityImbalance, as_law
 from whsklearn.identification import identify
 from whsklearn.identification.drive_lead import earlier, moved, skew
 from whsklearn.identification.view import view
@@ -38,6 +38,19 @@ def test_a_skew_is_found_in_plain_counts(effects, size, turn, late):
     assert skew(record) == pytest.approx(late, abs=1)
     assert not record.angle
     assert not view(u, counts, 0.001, "position").angle  # whole numbers, whatever is stated
+
+
+def test_a_skew_is_found_in_counts_over_more_than_a_turn_of_gravity():
+    """Nobody says how many counts a turn has, and a cubic does not follow a weight over one and a half."""
+    axis = ServoAxis(0.03, as_law("viscous,coulomb").reweighted([0.1, 0.1]), [GravityImbalance(1.0, 0.3)],
+                     controller=PIDController(15.0, 0.0, 0.8), sample_rate=500.0, substeps=8)  # fmt: skip
+    t = np.arange(5000) / 500.0
+    run = axis.simulate(2.5 * np.sin(1.3 * t) + 2.5 * np.sin(3.1 * t))
+    assert np.ptp(run.position) > 2.5 * np.pi
+    counts = np.round(run.position * 4096 / (2 * np.pi))
+    record = view(earlier(run.drive, -4), counts, 0.002, "auto", si=((1.0, "Nm"), (1.0, "counts")))
+    assert record.logged == "position"
+    assert skew(record) == 4
 
 
 def test_a_linear_system_of_more_poles_is_not_moved():

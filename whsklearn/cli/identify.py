@@ -223,11 +223,7 @@ def comparison(found: Identification) -> str:
 
 def numbers(found: Identification) -> str:
     """Parameters of the recommended model with 95 % intervals."""
-    from whsklearn.identification.report import parameters
+    from whsklearn.identification.report import parameters, spelled
 
-    rows = []
-    for p in parameters(found):
-        value, error = p["value"], p["standard_error"]
-        span = f"{value - 1.96 * error:.5g} to {value + 1.96 * error:.5g}" if error else "-"
-        rows.append([p["name"], f"{value:.5g}", span, p["unit"]])
+    rows = [[p["name"], *spelled(p["value"], p["standard_error"]), p["unit"]] for p in parameters(found)]
     return table(["parameter", "value", "95 % interval", "unit"], rows)

@@ -26,6 +26,9 @@ SLOW = 0.02  # of the rms velocity: below it the direction is uncertain, and wit
 WORSE, ALIKE = 2.0, 0.05
 # Share of the rms drive that must go into acceleration; below it the sign of the inertia is arbitrary
 LEAST_INERTIA = 1e-3
+# A speed whose deviation is less than this share of its mean shows the sum of friction and offset, not the inertia.
+# Starts then have these times (s) in which friction would stop the axis.
+EVEN, STOPS_IN = 0.05, (0.03, 0.3, 3.0, 30.0)
 FEWEST = 20  # samples of a balance: its six numbers and a few
 
 
@@ -101,6 +104,7 @@ class Start(NamedTuple):
     theta: Array
     columns: Array
     drive: Array
+    even: bool = False
 
     def holds(self, theta: Array) -> bool:
         """Whether other parameters explain the drive along the measured motion about as well as least squares does.
@@ -110,12 +114,12 @@ class Start(NamedTuple):
         """
         left, least = (_rms(self.drive - self.columns @ t) for t in (theta, self.theta))
         alike = left <= max(WORSE * least, ALIKE * _rms(self.drive))
-        return alike and _accelerates(theta, self.columns, self.drive)  # without inertia it is no axis
+        return alike and (self.even or _accelerates(theta, self.columns, self.drive))  # without inertia it is no axis
 
 
 def inverse_starts(log: View, form: AxisForm) -> list[Start]:
     """Starts of a fit, one for each width of the Gaussian that yields an inertia; friction is at least slightly above
-    zero.
+    zero.  If the axis turns so evenly that none does, they differ in the inertia.
 
     Raises ValueError if with none of them the drive accelerates the output in its own direction, even with a
     position-dependent force.
@@ -132,9 +136,23 @@ def inverse_starts(log: View, form: AxisForm) -> list[Start]:
             theta = rising_at_last(theta, form.knots)
             if _accelerates(theta, columns, drive) and dissipates(theta, form.knots):
                 found.append(Start(theta, columns, drive))
+    found = found or _even_starts(log, form)
     if not found:
         raise ValueError(_backwards(log, form))
     return found
+
+
+def _even_starts(log: View, form: AxisForm) -> list[Start]:
+    """Starts of an axis that turns evenly against its drive, half of which is viscous and half Coulomb friction."""
+    if form != AxisForm():
+        return []
+    for width in WIDTHS[::-1]:
+        columns, drive = balance(log, width, form)
+        speed, torque = (float(np.mean(x)) for x in (columns[:, 1], drive)) if drive.size else (0.0, 0.0)
+        if drive.size >= FEWEST and np.std(columns[:, 1]) < EVEN * abs(speed) and speed * torque > 0.0:
+            viscous, coulomb = 0.5 * torque / speed, 0.5 * abs(torque)
+            return [Start(np.array([viscous * t, viscous, coulomb, 0.0]), columns, drive, True) for t in STOPS_IN]
+    return []
 
 
 def _accelerates(theta: Array, columns: Array, drive: Array) -> bool:

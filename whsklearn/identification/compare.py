@@ -58,6 +58,9 @@ CHAIN_FROM = 300  # samples; with fewer, the thirty parameters of a chain cannot
 # structures add
 STEADY = 0.03
 LOST = 1.0  # NMSE of a free run beyond which the mean of the output is closer
+# An axis whose errors over windows are this many times smaller than those of all that hold a long run is the better
+# model, though its own long run is lost: a weight at its top magnifies every error
+OVER_THE_TOP = 5.0
 # Of the error of the trivial model, or of the same model with its drive held at the mean: a model above that says
 # nothing about how the output follows the input (an ARX of a smooth motion may be a good extrapolation of it)
 EXPLAINS = 0.9
@@ -287,6 +290,7 @@ def identify(
         progress(f"{chosen.name}, on the whole record")
     chosen.model = _better(chosen, _fitted(replace(chosen), fit_again, whole, units), whole)
     chosen.model = _with_drive_error(chosen.model, drive_error)
+    reason += _at_its_speed(chosen.model, whole) if _steady(trivial, held_out) else ""
     if test is not None:
         cuts = test[2] if len(test) == 3 else None
         judged = replace(view(test[0], test[1], dt, whole.logged, cuts), si=whole.si)
@@ -422,7 +426,10 @@ def recommend(tried: list[Compared], trivial: Compared, *, steady: bool = False)
     holding = [c for c in driven if not _lost(c.test)]
     better = [c for c in driven if c.score < EXPLAINS * trivial.score]
     # that the mean is further off is a merit mostly of what also predicts the windows
-    among = [c for c in holding if c in better] or holding or better or good
+    axes = [c for c in good if steady and not driven and c.kind == "axis"]  # of an even motion they know the friction
+    among = [c for c in holding if c in better] or holding or better or axes or good
+    turned = [c for c in better if c.kind == "axis" and c.score * OVER_THE_TOP < min(c.score for c in among)]
+    among = turned or among
     first, best = (min(some, key=lambda c: c.score) for some in (good, among))
     chosen = next(c for c in among if c.score <= AS_GOOD * best.score)
     ratio = chosen.score / trivial.score
@@ -450,7 +457,9 @@ def recommend(tried: list[Compared], trivial: Compared, *, steady: bool = False)
         reason += f"; its free run follows the output ({_told(chosen.test)}), so use it for long runs"
     elif ratio > EXPLAINS:
         reason += "; that is hardly better, so the output does not follow this input by any of the structures"
-    if _lost(chosen.test):
+    if chosen in turned:
+        reason += f"; its long run is lost ({_told(chosen.test)}), as small errors grow: use it over windows"
+    elif _lost(chosen.test):
         none = "; no structure follows the drive and stays nearer to the held-out output than its mean over a long run"
         reason += f"{none}, {chosen.name} neither ({_told(chosen.test)}): use the model over short windows only"
     elif not driven:
@@ -489,6 +498,18 @@ def _steady(trivial: Compared, log: View) -> bool:
         return False
     way = {h: rms_of(log.y[h:] - log.y[:-h]) for h in trivial.windows}
     return all(e < STEADY * way[h] for h, e in trivial.windows.items())
+
+
+def _at_its_speed(model: Any, log: View) -> str:
+    """What an axis takes at the speed at which it turned evenly: the sum is known, not its shares or the inertia."""
+    if not isinstance(model, AxisModel):
+        return ""
+    speed, (drive, motion) = float(np.mean(log.target)) * log.si[1], model.si
+    torque = float(model.law(0.0, speed)) + model.parameters["input_offset"]
+    return (
+        f" At its speed, {speed:.4g} {motion}/s, friction and offset take {torque:.4g} {drive} together; how it is "
+        "shared, and the inertia, are known only as far as the intervals say."
+    )
 
 
 def _fitted(compared: Compared, fit: Callable[[View], Any], log: View, units: dict[str, str]) -> Compared:

@@ -34,6 +34,7 @@ EXPLAINED = 0.5
 # Largest residual after a shift, as a share of the rms drive; above it the system is not an axis, and further poles
 # look like a delay.
 KNOWN = 0.35
+OVER_TURNS = 11  # powers of a position without an angle that follow a weight over two turns, in units nobody stated
 # Standard deviation (s) of the Gaussian in `skew`, and its minimum in samples: narrow enough for the motion of a servo,
 # wide enough for its encoder.
 WIDTH, FEWEST_WIDE = 0.02, 4.0
@@ -96,22 +97,23 @@ def skew(log: View) -> int:
 
 
 def force_form(logs: Sequence[View]) -> AxisForm:
-    """The force over position that explains the drives better: of a weight if it is an angle, or a cubic.
+    """The force over position that explains the drives better: of a weight if it is an angle, or a polynomial.
 
     A sine of plain counts is noise on the grid of the encoder, beside which the drive looks early.
     """
     if logs[0].logged != "position":
         return AxisForm()
     cubic = AxisForm(powers=3, centre=float(np.mean(np.concatenate([log.y for log in logs]))))
-    if not logs[0].angle:
-        return cubic
 
     def left(form: AxisForm) -> float:
         parts = [balance(log, smoothing_width(log.dt), form) for log in logs]
         columns, drive = (np.concatenate(x) for x in zip(*parts, strict=True))
         return float(np.sum((drive - columns @ solved(columns, drive)) ** 2))
 
-    return min((AxisForm(hangs=True), cubic), key=left)
+    if logs[0].angle:
+        return min((AxisForm(hangs=True), cubic), key=left)
+    turns = cubic._replace(powers=OVER_TURNS)
+    return turns if left(turns) < EXPLAINED * left(cubic) else cubic
 
 
 def age(log: View, form: AxisForm) -> tuple[float, float]:

@@ -5,13 +5,15 @@ from __future__ import annotations
 import base64
 import io
 import json
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from whsklearn.identification.windows import horizons, lead, window_errors
+from whsklearn.identification.windows import horizons, lead, residual, rms_of, window_errors
 from whsklearn.logs.files import atomic_write
+from whsklearn.logs.lattice import lattice
 from whsklearn.logs.units import UNKNOWN, own_units, respelled
 from whsklearn.models import AxisModel, ChainModel, LinearModel, save_model
 from whsklearn.plot.look import html_of
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
     from whsklearn.identification.compare import Compared, Identification
 
 MODEL_FILE = "model.json"
+MOST_DIGITS = 12  # of a number whose interval is next to nothing
 DIVERGED = 1e6  # times the error of a constant: a diverged run rather than a poor model
 
 
@@ -67,10 +70,31 @@ def on_intervals(found: Identification) -> str:
     if found.white:
         return ""
     how = "to the difference between two estimators" if found.recommended.kind == "axis" else "by sums over blocks"
+    grid = lattice(found.train.y)
+    if found.recommended.kind == "axis" and rms_of(residual(found.model, found.train)) < grid * found.train.si[1]:
+        return (
+            f"The residual of the model is below a step of the encoder ({number(grid)}), whose grid is not white; "
+            f"nothing else is seen to be missing. The intervals are widened {how}."
+        )
     return (
         "The residual of the model is not white: something is missing. The intervals are widened "
         f"{how}; whsklearn gap looks for what is missing."
     )
+
+
+def spelled(value: float, error: float | None) -> tuple[str, str]:
+    """A number and its 95 % interval, with as many digits as the width of the interval asks for.
+
+    Examples
+    --------
+    >>> spelled(1.5, 2e-7), spelled(0.0212345, 0.004), spelled(3.0, None)
+    (('1.5', '1.49999961 to 1.50000039'), ('0.0212', '0.0134 to 0.0291'), ('3', '-'))
+    """
+    if not error:
+        return f"{value:.5g}", "-"
+    ends = value - 1.96 * error, value + 1.96 * error
+    digits = int(np.clip(2 + math.ceil(math.log10(max(map(abs, ends)) / error)), 3, MOST_DIGITS))
+    return f"{value:.{digits}g}", f"{ends[0]:.{digits}g} to {ends[1]:.{digits}g}"
 
 
 def parameters(found: Identification) -> list[dict[str, Any]]:
@@ -132,6 +156,7 @@ def page(found: Identification) -> str:
         on_drive=found.on_drive,
         seconds=[f"{h * found.train.dt:.3g} s" for h in lengths],
         number=number,
+        spelled=spelled,
         error_of=error_of,
     )
 

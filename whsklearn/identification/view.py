@@ -167,7 +167,7 @@ def view(
         raise ValueError(f"dt is {dt!r}, expected a sampling time above zero in s.")
     drive, output = (unit for _, unit in si)
     # the motion of an axis under a torque is a position whether it hangs or not; a rate never is one
-    placed = output in ("rad", "m") and drive in DRIVES
+    placed = output in ("rad", "m", "counts") and drive in DRIVES
     settles = logged in ("auto", "position") and not integrates(u, y, bounds)
     if logged == "auto":
         logged = "output" if output in RATES or (settles and not placed) else "position"
