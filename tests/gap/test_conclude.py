@@ -255,6 +255,14 @@ def test_an_effect_below_the_tolerance_is_said_to_be_small_and_not_to_be_chance(
     assert "below the tolerance" in conclude._reason(look, None, plant, 0.01)
 
 
+@pytest.mark.parametrize(("exact", "said"), [(True, "partial"), (False, "named")])
+def test_where_own_records_are_exact_a_remainder_above_the_tolerance_is_part_of_the_gap(exact, said):
+    rest = SimpleNamespace(name="", p_value=1e-6, size=0.02, signal="")  # 2 % of the gap, five tolerances
+    assert verdict(0.02, 0.99, exact=exact, remainder=[rest]) == said
+    rest.size = 0.003
+    assert verdict(0.02, 0.99, exact=exact, remainder=[rest]) == "named"
+
+
 def test_a_run_stays_open_where_its_gap_is_seen_and_next_to_nothing_of_it_is_closed_at_any_horizon():
     still = {"closure": 0.03, "before": 2.0, "floor": 1.0}
     closed = {"closure": 0.5, "before": 2.0, "floor": 1.0}

@@ -265,6 +265,8 @@ def verdict_of(plant: Any, found: Found, alpha: float, run: dict[str, float]) ->
     signals = {t.look.signal for t in found.taken} - {""}
     shape = max((k.size for k in found.remainder if k.signal in signals and k.p_value <= alpha), default=0.0)
     matters = still > least or run["after"] > QUIET * run["floor"]
+    if plant.exact and still > least:  # own records that lack nothing but an effect need no margin
+        return "partial"
     if still > STILL * before and (matters or shape > STILL * before):
         return "partial"
     return "ambiguous" if any(t.rivals for t in found.taken) else "named"

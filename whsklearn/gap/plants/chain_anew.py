@@ -30,7 +30,7 @@ from whsklearn.gap.plants.chain_fit import (
     sharpest,
     weighed,
 )
-from whsklearn.gap.plants.chain_looks import kinds, softly
+from whsklearn.gap.plants.chain_looks import kinds
 from whsklearn.gap.plants.chain_model import ChainCandidate, ChainHypothesis, ChainTerm, Record
 from whsklearn.gap.record import rms
 from whsklearn.gap.search import WORTH_FITTING
@@ -57,21 +57,18 @@ def near(
 ) -> Iterator[tuple[ChainCandidate, ChainHypothesis]]:
     """Fit the model with one more candidate from where it is: strong candidates and the most promising others.
 
-    ``looks``: from `whsklearn.gap.plants.chain_looks.look`; a second look under a softer sign is taken here. ``among``:
-    the names to be fitted; by default all.
+    ``looks``: from `whsklearn.gap.plants.chain_looks.look`. ``among``: the names to be fitted; by default all.
     """
-    for start in promising(s, m, looks, among):
+    for start in promising(s, looks, among):
         yield start.kind, fitted(s, [m], start)
 
 
-def promising(s: Record, m: ChainHypothesis, looks: list[Look], among: Any = None) -> list[ChainTerm]:
-    """Starts of all strong candidates and of the best others, at the shapes that either look prefers."""
-    out: list[ChainTerm] = []
-    for one in (sorted((k for k in looks if k.start is not None), key=lambda k: -k.score), softly(s, m)):
-        starts = [k.start for k in one if (among is None or k.name in among) and not k.start.kind.folds]
-        weak = [t for t in starts if not is_strong(t.kind, s)][:KEPT]
-        out += [t for t in starts if (is_strong(t.kind, s) or t in weak) and t not in out]
-    return out
+def promising(s: Record, looks: list[Look], among: Any = None) -> list[ChainTerm]:
+    """Starts of all strong candidates and of the best others."""
+    ranked = sorted((k for k in looks if k.start is not None), key=lambda k: -k.score)
+    starts = [k.start for k in ranked if (among is None or k.name in among) and not k.start.kind.folds]
+    weak = [t for t in starts if not is_strong(t.kind, s)][:KEPT]
+    return [t for t in starts if is_strong(t.kind, s) or t in weak]
 
 
 def anew(
@@ -89,7 +86,7 @@ def anew(
     strong = [k for k in kinds(s, m) if is_strong(k, s) and (among is None or k.name in among)]
     yield from fitted_anew(s, m, others, strong, rng)
     if others:
-        for start in promising(s, m, looks, among):
+        for start in promising(s, looks, among):
             if not is_strong(start.kind, s):
                 yield start.kind, fitted(s, others, start)
 
@@ -123,15 +120,6 @@ def fitted(s: Record, models: list[ChainHypothesis], term: ChainTerm) -> ChainHy
         ways.append(sharpened(s, models[0].plus(term), cm.HARD[1:], 8))
     out = min(ways, key=lambda m: cost(s, m))
     return walked(s, out) if term.kind.scanned == "step" else out
-
-
-def fitted_once(s: Record, m: ChainHypothesis, kind: ChainCandidate, rng: np.random.Generator) -> ChainHypothesis:
-    """The model with one candidate, fitted as in `near` and `anew`; the model itself if no fit is stable."""
-    start = next((k.start for k in softly(s, m) if k.start.kind == kind), None)
-    ways = [m] if start is None else [fitted(s, [m], start)]
-    if is_strong(kind, s):
-        ways += [grown for _, grown in fitted_anew(s, m, [], [kind], rng)]
-    return min(ways, key=lambda w: cost(s, w))
 
 
 def walked(s: Record, m: ChainHypothesis) -> ChainHypothesis:

@@ -34,9 +34,7 @@ from whsklearn.recursion.batch.best_linear import filter_rows, stabilised
 from whsklearn.systems.chain import PackedChain, Ports, run
 
 READ_OFF = ("quantization",)  # a grid of the readings is visible directly, so it is not a term
-# Fields that keep their start value: another rest position is the same as one more offset, and no record of a few
-# thousand samples can distinguish exponents of a Stribeck curve.
-HELD = ("centre", "exponent")
+HELD = ("centre",)  # fields that keep their start value: another rest position is the same as one more offset
 # Waves over a signal of a chain, which has no revolution to count them by: two thirds of a period within three rms of
 # the signal to twelve.
 LEAST_ORDER, MOST_ORDER = 0.7, 12.0
