@@ -43,6 +43,17 @@ def test_units_may_be_stated_and_milliseconds_become_seconds(write):
     assert log.sample_rate == pytest.approx(RATE)
 
 
+def test_an_odrive_logs_turns_and_amperes_unless_another_unit_is_stated(write):
+    columns = table(300)
+    names = {"time": "time_s", "drive": "axis0.motor.Iq_measured", "position": "axis0.encoder.pos_estimate"}
+    whole = zip(names.values(), ("time_s", "torque_nm", "position_rad"), strict=True)
+    file = write({name: columns[of] for name, of in whole})
+    log = load_log(file, **names)
+    assert log.units == {"time": "s", "drive": "A", "position": "turns"}
+    assert "LOG019" in log.report.codes
+    assert load_log(file, **names, units={"position": "counts/8192"}).units["position"] == "counts/8192"
+
+
 def test_missing_values_are_refused_with_the_row_and_dropped_on_request(write):
     columns = table(2000)
     columns["torque_nm"][[40, 41]] = np.nan

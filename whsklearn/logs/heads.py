@@ -228,3 +228,18 @@ def _clocks(times: list[int], width: int) -> list[int] | None:
     if len(times) < 2 or times[0] != 0:
         return None
     return [max(t for t in times if t <= i) for i in range(width)]
+
+
+_ODRIVE_UNITS = {
+    "pos_estimate": "turns", "pos_setpoint": "turns", "input_pos": "turns", "vel_estimate": "turns/s",
+    "vel_setpoint": "turns/s", "input_vel": "turns/s", "iq_measured": "A", "iq_setpoint": "A",
+}  # fmt: skip
+
+
+def drive_unit(column: str) -> str:
+    """The unit of a column that bears the name of an endpoint of an ODrive; empty for any other.
+
+    >>> drive_unit("axis0.encoder.pos_estimate"), drive_unit("Iq_measured"), drive_unit("position")
+    ('turns', 'A', '')
+    """
+    return _ODRIVE_UNITS.get(column.rpartition(".")[2].strip().lower(), "")

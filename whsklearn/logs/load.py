@@ -17,6 +17,7 @@ from whsklearn.logs.current import TorqueConstant, factor_to_torque, is_current
 from whsklearn.logs.errors import ColumnError, LogError, LogWarning
 from whsklearn.logs.findings import SEVERITIES, Array, Finding, LogReport
 from whsklearn.logs.formats import open_source
+from whsklearn.logs.heads import drive_unit
 from whsklearn.logs.source import Column, Source
 from whsklearn.logs.timebase import even, in_order, to_seconds
 from whsklearn.logs.units import (
@@ -253,6 +254,12 @@ def read_columns(
             units[role] = "counts"
             text = f"Column {column!r} has whole numbers only; it is taken to be in counts. --unit {role}=UNIT states "
             found.append(Finding("LOG019", "info", text + "another unit, or the counts of a turn: counts/4096."))
+        if units[role] == UNKNOWN and (known := drive_unit(column)):
+            units[role] = known
+            text = (
+                f"Column {column!r} is taken to be in {known}, as an ODrive logs it (before firmware 0.5, in counts)."
+            )
+            found.append(Finding("LOG019", "info", f"{text} --unit {role}=UNIT states another unit."))
         if units[role] == UNKNOWN or (role == "time" and doubtful):
             text = f"The unit of {role}, column {column!r}, is not known; --unit {role}=UNIT states it."
             found.append(Finding("LOG019", "info", text))
