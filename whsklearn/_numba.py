@@ -306,8 +306,8 @@ def njit(*signature: Any, cache: bool = True, short: bool = False, counted: bool
     ``cache``: False for functions that kernels call: they are compiled within them (`KernelPart`).
     ``short``: True for kernels whose inner loops are short, over a handful of parameters (`SHORT`).
     ``counted``: False for kernels that make no array and return none, so that references to their arguments need not
-        be counted: RMILS takes 3 % less, a re-run of the memory 5 to 10 %, and a quarter less code goes to LLVM.  What
-        they call inherits it; a part that makes arrays for itself says True, and one that returns views is a `view`.
+        be counted: a quarter less code goes to LLVM, and they run as fast.  What they call inherits it; a part that
+        makes arrays for itself says True, and one that returns views is a `view`.
     ``**options``: of `numba.njit`.
     """
     if len(signature) == 1 and callable(signature[0]) and hasattr(signature[0], "__code__"):
