@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from whsklearn.cli.arm_log import gains_of, guessed_columns, joint_columns, to_si
+from whsklearn.cli.arm_log import common_rows, gains_of, guessed_columns, joint_columns, to_si
 
 JOINTS = ["shoulder", "elbow", "wrist"]
 STYLES = {
@@ -51,3 +51,12 @@ def test_gains_turn_a_current_into_a_torque_whatever_its_prefix():
         to_si("ankle", False, "rad", "A", gains)
     with pytest.raises(ValueError, match="--gains"):
         gains_of("hip:strong")
+
+
+def test_an_encoder_that_drops_out_alone_costs_its_own_instants_and_no_more():
+    times = [np.delete(0.002 * np.arange(100), slice(20, 25)), 0.002 * np.arange(100) + 1e-9]
+    one, other = common_rows(times)
+    assert len(one) == len(other) == 95
+    np.testing.assert_allclose(times[0][one], times[1][other], atol=1e-8)
+    with pytest.raises(ValueError, match="different instants"):
+        common_rows([times[0], times[1] + 0.001])

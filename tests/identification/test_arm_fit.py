@@ -165,3 +165,9 @@ def test_arms_of_many_joints(n):
     found = identify_arm(*smooth_log(arm, seconds=12.0), dt=1.0 / RATE, robot=arm)
     assert list(found.missing) == list(arm.joints)
     assert max(found.missing.values()) < 1e-3
+
+
+def test_a_log_of_fewer_rows_than_numbers_is_refused_with_both():
+    q, torque = make_arm_log(return_arrays=True)
+    with pytest.raises(ValueError, match=r"0\.08 s gives \d+ rows for \d+ numbers"):
+        identify_arm(q[:40], torque[:40], dt=0.002, robot=default_arm())

@@ -16,6 +16,7 @@ from whsklearn.cli.arm_log import checked_gains, columns_of, gains_of, note_lock
 from whsklearn.cli.job import say_where, table, tracker_for, wrapped, writable_file, writable_folder
 from whsklearn.cli.options import given
 from whsklearn.cli.records import long_segments, note
+from whsklearn.logs.errors import LogError
 
 if TYPE_CHECKING:
     from sklearn.utils import Bunch
@@ -94,7 +95,10 @@ def identified(log: Bunch, arm: Arm, **settings: Any) -> ArmFit:
 
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always", UserWarning)
-        found = identify_arm(log.y, log.X, dt=1.0 / log.sample_rate, robot=arm, groups=log.groups, **settings)
+        try:
+            found = identify_arm(log.y, log.X, dt=1.0 / log.sample_rate, robot=arm, groups=log.groups, **settings)
+        except ValueError as error:
+            raise LogError(str(error)) from error
     for text in dict.fromkeys(str(w.message) for w in said if w.category is UserWarning):
         note(text)
     if worse := [j for j, share in found.missing.items() if share > 1.0]:

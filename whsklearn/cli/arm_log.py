@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from whsklearn.cli.records import note, read
+from whsklearn.logs.errors import ColumnError, LogError
 
 if TYPE_CHECKING:
     from sklearn.utils import Bunch
@@ -41,19 +42,19 @@ def joint_columns(text: str) -> dict[str, tuple[str, str]]:
         name, colon, columns = part.partition(":")
         pair = [c.strip() for c in columns.split(",")]
         if not (name.strip() and colon and len(pair) == 2 and all(pair)):
-            raise ValueError(f"--joints holds {part!r}; expected NAME:POSITION,DRIVE for each joint, separated by ;")
+            raise ColumnError(f"--joints holds {part!r}; expected NAME:POSITION,DRIVE for each joint, separated by ;")
         if name.strip() in out:
-            raise ValueError(f"--joints names {name.strip()!r} twice; give each joint once.")
+            raise ColumnError(f"--joints names {name.strip()!r} twice; give each joint once.")
         out[name.strip()] = (pair[0], pair[1])
     if twice := [c for pair in out.values() for c in pair if sum(p.count(c) for p in out.values()) > 1]:
-        raise ValueError(f"--joints gives column {twice[0]!r} twice; give each joint its own position and drive.")
+        raise ColumnError(f"--joints gives column {twice[0]!r} twice; give each joint its own position and drive.")
     return out
 
 
 def guessed_columns(joints: Sequence[str], names: Sequence[str]) -> dict[str, tuple[str, str]]:
     """The same without `--joints`, from columns that contain the joint's name or its number.
 
-    Raises ValueError if a joint has not exactly one column of each kind.
+    Raises ColumnError if a joint has not exactly one column of each kind.
 
     >>> guessed_columns(["hip", "knee"], ["t", "actual_q_0", "actual_q_1", "actual_qd_0", "actual_qd_1", "I0", "I1"])
     {'hip': ('actual_q_0', 'I0'), 'knee': ('actual_q_1', 'I1')}
@@ -93,7 +94,7 @@ def _one_kind(joints: Sequence[str], names: Sequence[str], ranks: Sequence[Seque
         if (count := max(map(len, of.values()))) > 1 or key[2]:
             joints, count = missing, len(of.get(missing[0], ()))
             break
-    raise ValueError(
+    raise ColumnError(
         f"The log has {count} columns that may be the {kind} of {joints[0]}; name all joints with "
         f'--joints "{joints[0]}:POSITION,DRIVE;..."; it has: {", ".join(names[:30])}.'
     )
@@ -134,7 +135,7 @@ def gains_of(text: str) -> dict[str, tuple[float, float]]:
         try:
             out[name.strip()] = float(gain), float(error or 0.0)
         except ValueError:
-            raise ValueError(
+            raise ColumnError(
                 f"--gains holds {part!r}; expected NAME:NM_PER_AMPERE for each joint, separated by ;"
             ) from None
     return out
@@ -144,7 +145,7 @@ def columns_of(options: Mapping[str, Any], arm: Arm, names: Sequence[str]) -> di
     """Columns of position and drive of every joint: those of ``--joints``, or found by their names."""
     given = joint_columns(options["joints"]) if options.get("joints") else guessed_columns(arm.joints, names)
     if missing := [j for j in arm.joints if j not in given]:
-        raise ValueError(
+        raise ColumnError(
             f"--joints names no columns for {missing[0]!r}; the robot's joints are {', '.join(arm.joints)}."
         )
     return given
@@ -154,7 +155,7 @@ def checked_gains(options: Mapping[str, Any], arm: Arm) -> dict[str, tuple[float
     """The gains of ``--gains``, checked against the joints of the robot."""
     gains = gains_of(options["gains"]) if options.get("gains") else {}
     if unknown := [j for j in gains if j not in arm.joints]:
-        raise ValueError(f"--gains names {unknown[0]!r}; the robot's joints are {', '.join(arm.joints)}.")
+        raise ColumnError(f"--gains names {unknown[0]!r}; the robot's joints are {', '.join(arm.joints)}.")
     return gains
 
 
@@ -170,11 +171,34 @@ def to_si(joint: str, slides: bool, position: str, drive: str, gains: Mapping[st
     if joint in gains:
         return factor_between(position, place), gains[joint][0] * factor_between(drive, "A")
     if drive not in UNSTATED and drive.endswith("A"):
-        raise ValueError(
+        raise ColumnError(
             f"The drive of {joint} is a current in {drive}; give the {force} per A of every joint, "
             f'--gains "{joint}:{force.upper()}_PER_AMPERE;...".'
         )
     return factor_between(position, place), factor_between(drive, force)
+
+
+def common_rows(times: Sequence[Any]) -> list[Any]:
+    """Of every joint, the rows at the instants that all joints have: an encoder may drop out alone.
+
+    Raises LogError if less than half of the instants are common.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> [at.tolist() for at in common_rows([np.array([0.0, 0.1, 0.4]), np.array([0.0, 0.1, 0.2, 0.3, 0.4])])]
+    [[0, 1, 2], [0, 1, 4]]
+    """
+    import numpy as np
+
+    step = float(np.median(np.diff(times[0])))
+    ticks = [np.rint((t - times[0][0]) / (0.1 * step)).astype(np.int64) for t in times]
+    shared = ticks[0]
+    for other in ticks[1:]:
+        shared = np.intersect1d(shared, other)
+    if 2 * shared.size < max(map(len, times)):
+        raise LogError("The joints have samples at different instants; write all columns at the same ones.")
+    return [np.searchsorted(t, shared) for t in ticks]
 
 
 def read_arm(path: str, options: Mapping[str, Any], arm: Arm) -> Bunch:
@@ -193,7 +217,7 @@ def read_arm(path: str, options: Mapping[str, Any], arm: Arm) -> Bunch:
     time = options["time_column"] or (None if options.get("rate") or source.clocked else guess(source, "time"))
     given = columns_of(options, arm, source.names)
     gains = checked_gains(options, arm)
-    positions, drives, first = [], [], None
+    logs: list[tuple[Bunch, float, float]] = []
     unstated: list[str] = []
     quiet = PER_JOINT
     for joint, slides in zip(arm.joints, arm.slides, strict=True):
@@ -203,23 +227,21 @@ def read_arm(path: str, options: Mapping[str, Any], arm: Arm) -> Bunch:
         unstated += [position] * (log.units["position"] in UNSTATED)
         unstated += [drive] * (log.units["drive"] in UNSTATED and joint not in gains)
         far, by = to_si(joint, bool(slides), log.units["position"], log.units["drive"], gains)
-        positions.append(far * log.y)
-        drives.append(by * log.X[:, 0])
-        first = first or log
-        if not np.array_equal(log.time, first.time):
-            raise ValueError(
-                f"The columns of {joint} have holes where those of other joints have samples; cut the log there."
-            )
-    assert first is not None
+        logs.append((log, far, by))
+    first, rows = logs[0][0], common_rows([log.time for log, *_ in logs])
     if not options.get("joints") and not all(_owner([j], c) for j, pair in given.items() for c in pair):
         note(f"Columns in the robot's order: {'; '.join(f'{j}: {q} and {u}' for j, (q, u) in given.items())}.")
     if unstated:
         which = ", ".join(unstated[:4]) + (f" and {len(unstated) - 4} more" if len(unstated) > 4 else "")
         note(f"No unit is known for {which}; rad and Nm (m and N) are assumed. State it in the column's name.")
     if first.units["time"] == "samples":
-        raise ValueError("The log has no time; name its column with --time, or its rate with --rate.")
+        raise LogError("The log has no time; name its column with --time, or its rate with --rate.")
+    parts = np.column_stack([log.groups[at] for (log, *_), at in zip(logs, rows, strict=True)])
     return Bunch(
-        name=first.name, time=first.time, X=np.column_stack(drives), y=np.column_stack(positions), groups=first.groups,
+        name=first.name, time=first.time[rows[0]],
+        X=np.column_stack([by * log.X[at, 0] for (log, _, by), at in zip(logs, rows, strict=True)]),
+        y=np.column_stack([far * log.y[at] for (log, far, _), at in zip(logs, rows, strict=True)]),
+        groups=np.cumsum(np.append(False, np.any(np.diff(parts, axis=0) != 0, axis=1))),
         sample_rate=first.sample_rate, columns=given, notes=(),
     )  # fmt: skip
 

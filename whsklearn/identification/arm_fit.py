@@ -113,6 +113,7 @@ def identify_arm(
     q, torque = np.asarray(position, dtype=float), np.asarray(drive, dtype=float)
     lags = RigidBodyLags(robot, sample_rate=1.0 / dt, **settings)
     rows = lags.joint_rows(q, torque, groups)
+    enough_rows(lags, rows[2], len(q))
     if not settings.keys() & {"law", "effects"}:
         effects = _frictions(lags, q, torque, groups, rows)
         if any(row != (InputOffset(),) for row in effects.values()):
@@ -142,6 +143,15 @@ def identify_arm(
         {j: one_axis(lags, k, q, torque, groups) for k, j in enumerate(joints)}, nominal_numbers(lags),
         covariance, ages,
     )  # fmt: skip
+
+
+def enough_rows(lags: RigidBodyLags, keep: NDArray[np.bool_], n: int) -> None:
+    """Raise ValueError if a log of n samples gives fewer rows ``keep`` (m, n_joints) than the arm has numbers."""
+    if keep.sum() < len(lags.base_.names):
+        raise ValueError(
+            f"The log of {n / lags.sample_rate:.3g} s gives {int(keep.sum())} rows for {len(lags.base_.names)} "
+            "numbers; record longer."
+        )
 
 
 def _frictions(

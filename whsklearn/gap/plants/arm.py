@@ -44,7 +44,16 @@ from whsklearn.gap.plants.servo_model import ServoTerm
 from whsklearn.gap.record import SPLIT, Array, held_out_blocks, rms
 from whsklearn.gap.search import LEAST_SHARE, STILL
 from whsklearn.gap.tangent import Family, Look, Tangent
-from whsklearn.identification.arm_fit import Known, blocks_of, fitted, in_degrees, suspicions, swapped, updated
+from whsklearn.identification.arm_fit import (
+    Known,
+    blocks_of,
+    enough_rows,
+    fitted,
+    in_degrees,
+    suspicions,
+    swapped,
+    updated,
+)
 from whsklearn.identification.payload import ALIKE, FURTHEST, Beside
 from whsklearn.lags.rigid_body import RigidBodyLags
 from whsklearn.models.arm import ArmModel
@@ -100,6 +109,7 @@ class ArmPlant(Plant):
             warnings.simplefilter("always", UserWarning)
             try:
                 self.view = ArmView(self.lags, self.record, self.known)
+                enough_rows(self.lags, self.view.keep, len(q))
             except ValueError as error:
                 return [DataProblem("data-arm", "The log cannot be used", str(error))]
         v = self.view
