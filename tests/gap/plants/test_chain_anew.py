@@ -79,29 +79,29 @@ def test_an_instant_is_walked_to():
 
 def test_all_strong_candidates_and_the_best_of_the_rest_start_from_the_model():
     m = coloured(s := record(ChainDeadZone(0.3)), TRUE)
-    found = look(s, m, RNG(0)).looks
-    starts = anew.promising(s, found)
+    starts = anew.promising(s, m, [])
     strong = {k.code for k in anew.kinds(s, m) if anew.is_strong(k, s)}
     assert strong <= {t.kind.code for t in starts}
     weak = [t for t in starts if t.kind.code not in strong]
-    assert 0 < len(weak) <= anew.KEPT
-    assert {t.kind.name for t in anew.promising(s, found, among=("dead_zone", "cogging"))} <= {"dead_zone", "cogging"}
+    assert 0 < len(weak) <= anew.KEPT  # of one look
+    assert {t.kind.name for t in anew.promising(s, m, [], among=("dead_zone", "cogging"))} == {"dead_zone", "cogging"}
 
 
 def test_a_small_dead_zone_is_fitted_from_where_the_model_is():
     s = record(ChainDeadZone(0.05))
     m = coloured(s, TRUE)
-    found = anew.near(s, m, look(s, m, RNG(0)).looks, among=("dead_zone",))
-    best = min((grown for k, grown in found if k.at == "input"), key=lambda g: cost(s, g))
+    found = [grown for k, grown in anew.near(s, m, [], among=("dead_zone",)) if k.at == "input"]
+    best = min(found, key=lambda g: cost(s, g))
     assert best.terms[-1].q[0] == pytest.approx(0.05, rel=0.2)
     assert gained(s, m, best) > 20.0
 
 
-def test_a_broad_stribeck_curve_is_fitted_with_its_exponent_from_what_its_look_gives():
+def test_an_additive_effect_starts_from_both_looks():
+    """Of a broad Stribeck curve the softer look knows a narrow one only, from which no fit leads to it."""
     s = record(Stribeck(0.15, 3.0, 2.0))
-    m = polished(s, coloured(s, TRUE))
-    ((_, grown),) = anew.near(s, m, look(s, m, RNG(0)).looks, among=("stribeck",))
-    np.testing.assert_allclose(grown.terms[-1].q, (0.15, 3.0, 2.0), rtol=0.05)
+    m = coloured(s, TRUE)
+    starts = [t for t in anew.promising(s, m, look(s, m, RNG(0)).looks) if t.kind.name == "stribeck"]
+    assert len(starts) == 2
 
 
 def test_a_spring_that_pulls_on_a_mass_is_fitted_from_every_division_of_a_linear_model():

@@ -30,7 +30,7 @@ from whsklearn.gap.plants.chain_fit import (
     sharpest,
     weighed,
 )
-from whsklearn.gap.plants.chain_looks import kinds
+from whsklearn.gap.plants.chain_looks import kinds, softly
 from whsklearn.gap.plants.chain_model import ChainCandidate, ChainHypothesis, ChainTerm, Record
 from whsklearn.gap.record import rms
 from whsklearn.gap.search import WORTH_FITTING
@@ -57,18 +57,21 @@ def near(
 ) -> Iterator[tuple[ChainCandidate, ChainHypothesis]]:
     """Fit the model with one more candidate from where it is: strong candidates and the most promising others.
 
-    ``looks``: from `whsklearn.gap.plants.chain_looks.look`. ``among``: the names to be fitted; by default all.
+    ``looks``: from `whsklearn.gap.plants.chain_looks.look`; a second look under a softer sign is taken here. ``among``:
+    the names to be fitted; by default all.
     """
-    for start in promising(s, looks, among):
+    for start in promising(s, m, looks, among):
         yield start.kind, fitted(s, [m], start)
 
 
-def promising(s: Record, looks: list[Look], among: Any = None) -> list[ChainTerm]:
-    """Starts of all strong candidates and of the best others."""
-    ranked = sorted((k for k in looks if k.start is not None), key=lambda k: -k.score)
-    starts = [k.start for k in ranked if (among is None or k.name in among) and not k.start.kind.folds]
-    weak = [t for t in starts if not is_strong(t.kind, s)][:KEPT]
-    return [t for t in starts if is_strong(t.kind, s) or t in weak]
+def promising(s: Record, m: ChainHypothesis, looks: list[Look], among: Any = None) -> list[ChainTerm]:
+    """Starts of all strong candidates and of the best others, at the shapes that either look prefers."""
+    out: list[ChainTerm] = []
+    for one in (sorted((k for k in looks if k.start is not None), key=lambda k: -k.score), softly(s, m)):
+        starts = [k.start for k in one if (among is None or k.name in among) and not k.start.kind.folds]
+        weak = [t for t in starts if not is_strong(t.kind, s)][:KEPT]
+        out += [t for t in starts if (is_strong(t.kind, s) or t in weak) and t not in out]
+    return out
 
 
 def anew(
@@ -86,7 +89,7 @@ def anew(
     strong = [k for k in kinds(s, m) if is_strong(k, s) and (among is None or k.name in among)]
     yield from fitted_anew(s, m, others, strong, rng)
     if others:
-        for start in promising(s, looks, among):
+        for start in promising(s, m, looks, among):
             if not is_strong(start.kind, s):
                 yield start.kind, fitted(s, others, start)
 

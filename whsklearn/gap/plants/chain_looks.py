@@ -20,12 +20,12 @@ from whsklearn.effects.base import Array
 from whsklearn.gap.calibration import N_NULL, gain
 from whsklearn.gap.nameless import HATS, generic_basis, hats, without_name
 from whsklearn.gap.plants import chain_model as cm
-from whsklearn.gap.plants.chain_fit import coloured, sharpened
+from whsklearn.gap.plants.chain_fit import climb, coloured, sharpened
 from whsklearn.gap.plants.chain_model import ChainCandidate, ChainHypothesis, ChainTerm, Record, Sizes, catalogue
 from whsklearn.gap.record import rms
 from whsklearn.gap.tangent import Family, Look, Tangent, strongest_lines, with_p_values
 
-SLOPED = cm.RUNGS[2]  # kappa times rms dx at which a sign has a slope
+SLOPED, VERY_SOFT = cm.RUNGS[2], cm.RUNGS[1]  # kappa times rms dx at which a sign has a slope; at which it has a form
 
 
 @dataclass
@@ -40,11 +40,17 @@ class Scene:
     tangent: Tangent
 
     @classmethod
-    def of(cls, s: Record, m: ChainHypothesis, sharpness: float, left: Array, null: Array) -> Scene:
-        """The scene of these errors of the record and of own records, at a sharpness."""
+    def of(
+        cls, s: Record, m: ChainHypothesis, sharpness: float, left: Array, null: Array, softer: tuple[float, ...] = ()
+    ) -> Scene:
+        """The scene of these errors of the record and of own records, at a sharpness.
+
+        Signs that are these factors softer or sharper add a column to those of the model: the effect of the sharpness.
+        """
         kappa = sharpness / cm.rms_dx(s, m)
         run = cm.simulate(s, m, kappa)
-        plane = cm.sensitivities(s, m, kappa, run)[s.fit]
+        other = [cm.simulate(s, m, f * kappa)[2] - run[2] for f in softer]
+        plane = np.column_stack([cm.sensitivities(s, m, kappa, run), *(cm.whiten(c, m.ar) for c in other)])[s.fit]
         return cls(s, m, cm.sizes(s, m), kappa, run, Tangent(left, null, plane, float(left.size)))
 
     def seen(self, change: Array) -> Array:
@@ -151,6 +157,17 @@ def either(looks: list[Look | None]) -> Look | None:
     if not found:
         return None
     return dataclasses.replace(max(found, key=lambda k: k.gain), null=np.max([k.null for k in found], axis=0))
+
+
+def softly(s: Record, m: ChainHypothesis) -> list[Look]:
+    """Look at every candidate under a very soft sign, without a null.
+
+    The sign is so soft that the error of a sample on the wrong side shows by how far it is off.
+    """
+    m = climb(s, m, VERY_SOFT, 6, robust=False)
+    e = cm.left(s, m, VERY_SOFT / cm.rms_dx(s, m))[s.fit]
+    scene = Scene.of(s, m, VERY_SOFT, e, np.zeros((0, e.size)), (0.6, 0.8, 1.3, 2.0))
+    return sorted((k for kind in kinds(s, m) if (k := scene.look(kind)) is not None), key=lambda k: -k.gain)
 
 
 def kinds(s: Record, m: ChainHypothesis) -> list[ChainCandidate]:
