@@ -200,8 +200,7 @@ def _unsound(plant: Any, found: Found, alpha: float) -> int | None:
     for i in reversed(range(len(found.taken))):
         terms = model.terms
         grown = model.with_terms((*terms[: n + i], *terms[n + i + 1 :], terms[n + i]))
-        alone = len(found.taken) == 1
-        if (not alone and plant.objection(model.without(n + i), grown)) or p_of_zero(fit, n + i) > alpha:
+        if plant.objection(model.without(n + i), grown) or p_of_zero(fit, n + i) > alpha:
             unsound.append(i)
     # An effect too many moves the numbers of the others: a spring's rest position was driven out of its range by
     # presliding friction that was not there.
@@ -254,6 +253,8 @@ def verdict_of(plant: Any, found: Found, alpha: float, run: dict[str, float]) ->
     explained = max(before**2 - after**2, sum((t.size * plant.scale) ** 2 for t in found.taken))
     if explained < LEAST_SHARE * (explained + follows**2):
         return "unknown"
+    if not plant.exact and max(explained / max(before**2, 1e-300), run["closure"]) < LEAST_SHARE:
+        return "unknown" if follows > least else "coloured_noise"
     # Measured as in simulation: with half of the power gone 0.7 of the gap is left, as where two tones stand for a wave
     # of the position that a tone modulates.  Exact records: the errors are already those of a free run.
     closed = (before - after) / max(before - floor, 1e-300)

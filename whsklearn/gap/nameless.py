@@ -68,3 +68,12 @@ def nameless(scene: Scales, position: Array, speed: Array, drive: Array, **field
     """
     for signal, block in generic_basis(scene, position, speed, drive):
         yield without_name(block / (block.std(axis=0) + 1e-12), signal=signal, **fields)
+    for width in HATS:
+        yield bump(hats((position - scene.centre) / scene.reach, 2.0 * width), **fields)
+
+
+def bump(columns: Array, **fields: Any) -> Family:
+    """One bump of the position, whose place is scanned over columns of shape (n, s): as many numbers as a wave has."""
+    seen = columns[:, columns.any(axis=0)]
+    blocks = [(list(range(seen.shape[1])), seen[:, :, None], 1.0)] if seen.size else []
+    return Family("", lambda _: iter(blocks), lambda *_: None, 3, signal="position", **fields)

@@ -292,6 +292,13 @@ class Plant(Protocol):
         """Whether effects improve the runs in a way that the closure hides: never."""
         return False
 
+    def sharpened(self, model: Any) -> bool:
+        """Whether the record shows more at higher frequencies, as it does from here on: never."""
+        return False
+
+    def blunted(self) -> None:
+        """Go back to what was seen before `sharpened`."""
+
     def to_simulate(self, model: Any) -> Any:
         """The model with the numbers that give the best free run: those that were fitted."""
         return model

@@ -118,7 +118,20 @@ class Search:
     on_round: Callable[[Step], None] | None = None  # called with each finished `Step`
 
     def run(self, base: Any) -> Found:
-        """Find what the base model lacks; an interruption ends it with the rounds that are finished."""
+        """Find what the base model lacks; an interruption ends it with the rounds that are finished.
+
+        If nothing is found, the record is searched once more up to higher frequencies, at half the level.
+        """
+        found = self._searched(base)
+        if found.taken or found.interrupted or not self.plant.sharpened(found.model):
+            return found
+        again = replace(self, alpha=0.5 * self.alpha)._searched(base)
+        if not again.taken:
+            self.plant.blunted()
+        return again if again.taken else found
+
+    def _searched(self, base: Any) -> Found:
+        """One search, at the plant's present resolution."""
         model = self.plant.settled(base)
         found = Found(model, model)
         try:
@@ -188,8 +201,8 @@ class Search:
         while worth and all(f.reason for f in out):
             here = [k for k in worth if meet(k, worth[0])]
             worth = [k for k in worth if not meet(k, here[0])]
-            nameless = (k.size for k in looks if not k.name and k.p_value <= self.alpha and meet(k, here[0]))
-            out += self._fitted(model, here, max(nameless, default=0.0))
+            nameless = [k for k in looks if not k.name and k.p_value <= self.alpha and meet(k, here[0])]
+            out += self._fitted(model, here, nameless)
         return sorted(out, key=lambda f: -f.score)
 
     def _shown(self, looks: list[Look]) -> list[Look]:
@@ -206,11 +219,15 @@ class Search:
             most = max(stands_for, key=lambda s: s.size, default=None)
             return most.p_value if most is not None and shares(k, most) else 1.0
 
-        return [replace(k, p_value=min(k.p_value, p_of(k))) if k.name else k for k in looks]
+        def seen(k: Look) -> bool:
+            return bool(k.name) and k.gain >= least_lead(self.alpha)  # below it, the whole catalogue would do as well
 
-    def _fitted(self, model: Any, looks: list[Look], nameless: float) -> list[Named]:
-        """The looks of one place, fitted; ``nameless`` is the rms that nameless functions explain there."""
+        return [replace(k, p_value=min(k.p_value, p_of(k))) if seen(k) else k for k in looks]
+
+    def _fitted(self, model: Any, looks: list[Look], nameless: list[Look]) -> list[Named]:
+        """The looks of one place, fitted; ``nameless`` are those at functions without a name there."""
         out: list[Named] = []
+        most = max((k.size for k in nameless), default=0.0)
         strongest = 0.0
         for look in looks:
             # only sound fits make others not worth fitting: one that physics forbids is no standard of comparison
@@ -222,8 +239,10 @@ class Search:
                 reason = "fitted, it explains no more than it does of the model's own records"
             elif f.size < self.plant.tolerance:
                 reason = "fitted, it explains less than the tolerance"
-            elif size**2 < LEAST_SHARE * nameless**2:
+            elif size**2 < LEAST_SHARE * most**2:
                 reason = "it explains too little of what follows the motion"
+            elif any(k.size > size for k in nameless if k.n_numbers <= look.n_numbers):
+                reason = "a bump at one place explains more with as few numbers"
             reason = self.plant.objection(model, f.model) or reason
             if not reason:
                 strongest = max(strongest, size)
@@ -324,7 +343,7 @@ class Search:
             index = found.model.n_base + i
             # the shapes are polished too: those of the others were found beside the effect under test
             without = self.plant.settled(found.model.without(index))
-            if len(found.taken) > 1 and not self._needed(without, found, i):
+            if len(found.taken) > 1 and self._sound(without) and not self._needed(without, found, i):
                 if self._contained(found, i):
                     continue
                 found.model, changed = without, True
@@ -361,6 +380,15 @@ class Search:
         one = found.taken[i]
         laws = (t for t in found.taken[i + 1 :] if t.effect.place == one.effect.place and meet(t.look, one.look))
         return bool(one.effect.elementary) and any(not t.effect.elementary for t in laws)
+
+    def _sound(self, model: Any) -> bool:
+        """Whether physics objects to no effect of a model: others may only replace one while they stay what they are.
+
+        A change of the friction with the time of the record's beginning took the place of a pendulum's gravity.
+        """
+        terms, n = model.terms, model.n_base
+        last = ((i, (*terms[:i], *terms[i + 1 :], terms[i])) for i in range(n, len(terms)))
+        return not any(self.plant.objection(model.without(i), model.with_terms(moved)) for i, moved in last)
 
     def _needed(self, without: Any, found: Found, i: int) -> bool:
         """Whether the effect ``i`` explains more than chance and the tolerance beside all others."""

@@ -79,6 +79,7 @@ class ServoPlant(Plant):
         self.scale = rms(record.drive) if len(record) else 0.0
         self._folded: tuple[ObserverView, ServoHypothesis] | None = None
         self.lead = 0.0
+        self.sharp = False
 
     def check(self) -> list[DataProblem]:
         """See `whsklearn.gap.data_check.check_servo`."""
@@ -226,7 +227,7 @@ class ServoPlant(Plant):
         self.inverse.own = self.own
         self.n_effective = self.own.n_effective
         return servo_families.looks(
-            self.inverse, self.inverse.fit(model), self.own, self.tolerance * self.scale, beside
+            self.inverse, self.inverse.fit(model), self.own, self.tolerance * self.scale, beside, waves=self.sharp
         )
 
     def explained(self, model: ServoHypothesis, grown: ServoHypothesis, look: Any) -> tuple[float, float]:
@@ -283,7 +284,7 @@ class ServoPlant(Plant):
             self.lead += late * self.record.dt
             self._open(with_earlier_drive(self.record, late))
         self.inverse.own = None
-        other = best_view(self.inverse, model, self.tolerance)
+        other = best_view(self.inverse, model, self.tolerance, sharp=self.sharp)
         if not 1.0 / rules.WIDER < other.cutoff / self.inverse.cutoff < rules.WIDER:
             self.inverse = other
         model = self.inverse.fit(model)
@@ -309,6 +310,20 @@ class ServoPlant(Plant):
             return other
         view.own = kept
         return model
+
+    def sharpened(self, model: ServoHypothesis) -> bool:
+        """Whether a higher cut-off still shows a wave worth naming, though not in single samples; it is used then."""
+        other = best_view(self.inverse, model, self.tolerance, sharp=True)
+        if other.cutoff < rules.WIDER * self.inverse.cutoff:
+            return False
+        self._blunt = self.inverse, self.own, self.corrected, self.n_effective
+        self.sharp = True
+        return True
+
+    def blunted(self) -> None:
+        """Go back to the cut-off at which noise is small in every sample."""
+        self.sharp = False
+        self.inverse, self.own, self.corrected, self.n_effective = self._blunt
 
     def errors(self, model: ServoHypothesis) -> Array:
         """Residual of the model at the judged samples."""

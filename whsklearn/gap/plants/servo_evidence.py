@@ -50,8 +50,6 @@ LINE, AROUND = 1.5, 12.0
 # which "explained" KR300 A with Coulomb friction hidden. Simulated changes keep 70 % and more.
 LEAST_GAIN_LEFT = 0.1
 MOST_ORDERS = 12  # of one family; each costs a scan
-# Multiple of the gain of the best whole order that a fractional one must have: teeth and poles are whole.
-WHOLE_ORDER = 1.1
 
 # --- when the ends of the travel are struck -------------------------------------------------------
 # The events are the large residuals of a robust fit (`python -m benchmarks.blind_mujoco --only

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -72,12 +73,14 @@ class Scene:
 
 
 def looks(
-    view: Any, model: ServoHypothesis, own: Own, least: float, beside: ServoHypothesis | None = None
-) -> list[Look]:
+    view: Any, model: ServoHypothesis, own: Own, least: float, beside: ServoHypothesis | None = None, *,
+    waves: bool = False,
+) -> list[Look]:  # fmt: skip
     """Look at every candidate, and at nameless functions of the motion, beside the model's own columns.
 
     Effects that multiply the torque are tried too if only ``beside``, which has one more effect, predicts it well
-    enough.  For ``least`` see `whsklearn.gap.tangent.with_p_values`.
+    enough.  For ``least`` see `whsklearn.gap.tangent.with_p_values`.  If ``waves``, only waves of position and time are
+    tried: behind a filter that passes noise, the controller's answer to the noise looks like any other effect.
     """
     scene = Scene(view, model, beside)
     _, x, target, sizes, free = view.solved(model)
@@ -90,16 +93,17 @@ def looks(
     other_way = acceleration_tangent(view, model, np.random.default_rng(0))
     asked = [
         (f, better(timed.look(f), other_way.look(f) if of_place else None, other_way.n, view.rms(left)))
-        for f, of_place in families(scene)
+        for f, of_place in families(scene, waves)
     ]
     out = [look for _, look in asked]
-    out += [timed.look(f) for f in nameless(view.scene, scene.angle, scene.speed, (x @ sizes)[view.at])]
-    if view.age(model) > rules.LATEST * view.scene.dt:  # then the age is not a nuisance but a candidate
+    unnamed = nameless(view.scene, scene.angle, scene.speed, (x @ sizes)[view.at])
+    out += [timed.look(f) for f in unnamed if f.signal == "position" or not waves]
+    if not waves and view.age(model) > rules.LATEST * view.scene.dt:  # then the age is not a nuisance but a candidate
         plain = Tangent(left, own.null, numbers, own.n_effective, away)
         late = (kind for kind in inverse_kinds(model) if kind.delays)
         out += [plain.look(family(scene, kind)) for kind in late]
-    struck = stop.regions(view, model)
-    for kind in stop.usable(model):
+    struck = [] if waves else stop.regions(view, model)
+    for kind in stop.usable(model) if struck else ():
         term = stop.start(kind, struck)
         if term is not None:
             g = min(stop.share_of(view, model, term), 1.0 - 1e-12)
@@ -142,10 +146,10 @@ def better(look: Look | None, other: Look | None, n: float, left: float) -> Look
     return dataclasses.replace(other, size=size, swapped=True) if look.size**2 < HALF * size**2 else look
 
 
-def families(scene: Scene) -> Iterator[tuple[Family, bool]]:
+def families(scene: Scene, waves: bool = False) -> Iterator[tuple[Family, bool]]:
     """Families that have columns or limit the drive, each with whether it is a force of the position alone."""
     for kind in inverse_kinds(scene.model):
-        if kind in stop.KINDS or kind.delays:
+        if kind in stop.KINDS or kind.delays or (waves and not kind.paired):
             continue
         if scene.torque is None and kind.driven and not kind.transforms:
             continue
@@ -187,10 +191,12 @@ def couplings(scene: Scene, kind: Candidate) -> Blocks:
         term = two_mass.start(scene.model, kind, scene.view.scene.reach / 50.0, hz, 0.15 if play else 0.05)
         yield [term], scene.columns(term), 1.0
         return
-    grid = [(g, f) for g in GAPS for f in CONTACTS] if play else [(0.0, f) for f in ANTIRESONANCES]
-    for g, f in grid:
-        if f < 0.2 / scene.view.scene.dt and g < scene.view.scene.reach:
-            term = two_mass.start(scene.model, kind, g, f, 0.15 if play else 0.05)
+    scales = scene.view.scene
+    gaps = 0.5 * scales.torque / scales.inertia * CROSSINGS**2
+    grid = product(gaps, CONTACTS, IMPACTS) if play else product((0.0,), ANTIRESONANCES, (0.05,))
+    for g, f, zeta in grid:
+        if f < 0.2 / scales.dt and g < scales.reach:
+            term = two_mass.start(scene.model, kind, g, f, zeta)
             yield [term], scene.columns(term), 1.0
 
 
@@ -215,8 +221,11 @@ def ages(scene: Scene, kind: Candidate) -> Blocks:
         yield [(float(age),)], columns - book, share
 
 
-def orders(scene: Scene, kind: Candidate) -> Blocks:
-    """Whole orders of what turns, then all orders; the Gaussian damps a wave by exp(-(k v s)^2 / 2)."""
+def orders(scene: Scene, kind: Candidate, pitch: float = 0.0) -> Blocks:
+    """Whole orders of what turns, then all orders; the Gaussian damps a wave by exp(-(k v s)^2 / 2).
+
+    If a ``pitch`` is given, only its multiples.
+    """
     view = scene.view
     low = kind.ranged(view.scene)[0][0]
     # the highest order that the filter passes in the share of the samples that a name must explain
@@ -226,7 +235,7 @@ def orders(scene: Scene, kind: Candidate) -> Blocks:
     values = np.arange(low, max(high, low + step), step)
     if view.record.units[1] == "rad":
         values = np.union1d(np.arange(np.ceil(low), high + 1), values)
-    values = values[values > 0.0]
+    values = np.arange(pitch, high + pitch, pitch) if pitch else values[values > 0.0]
     if not kind.paired:
         for order in values:
             yield [(float(order),)], scene.columns(ServoTerm(kind, (0.0, float(order)))), 1.0
@@ -260,7 +269,10 @@ def tones(scene: Scene, kind: Candidate, tangent: Tangent) -> Blocks:
 
 
 def next_order(view: Any, model: ServoHypothesis, kind: Candidate) -> ServoHypothesis | None:
-    """The model with the best further order of a family; only whole orders can join whole ones, and are preferred."""
+    """The model with the best further order of a family: a whole one beside whole ones, else a multiple of the first.
+
+    Waves of any order beside each other are the series of a function of the position, such as one bump on a rail.
+    """
     scene = Scene(view, model)
     _, x, target, sizes, free = view.solved(model)
     x = stop.without_pushes(model, x)
@@ -269,7 +281,7 @@ def next_order(view: Any, model: ServoHypothesis, kind: Candidate) -> ServoHypot
     present = [t.q[2] for t in model.terms if t.kind == kind]
     whole = all(float(o).is_integer() for o in present)
     powers: dict[float, float] = {}
-    for shapes, columns, _ in orders(scene, kind):
+    for shapes, columns, _ in orders(scene, kind, pitch=0.0 if whole else present[0]):
         power = tangent.taken(family(scene, kind), columns)[0][:, 0]
         powers |= {o: float(p) for (o,), p in zip(shapes, power, strict=True)}
     open_orders = [
@@ -277,7 +289,7 @@ def next_order(view: Any, model: ServoHypothesis, kind: Candidate) -> ServoHypot
     ]  # fmt: skip
     if not open_orders:
         return None
-    best = max(open_orders, key=lambda o: powers[o] * (rules.WHOLE_ORDER if o.is_integer() else 1.0))
+    best = max(open_orders, key=lambda o: powers[o])
     return polished(view, model, ServoTerm(kind, (0.0, 0.0, best)))
 
 
@@ -324,8 +336,10 @@ def explained_acceleration(view: Any, model: ServoHypothesis, grown: ServoHypoth
     return g, float(max(0.0, -np.expm1(-g / n)))
 
 
-GAPS = (0.002, 0.004, 0.009, 0.018, 0.037, 0.075, 0.15)  # rad
-CONTACTS = (6.0, 12.0, 25.0, 60.0)  # Hz, of the antiresonance in contact
+# s in which the rms drive carries the motor across a play: a factor of two in the gap, within which a fit ends in it
+CROSSINGS = 0.004 * np.sqrt(2.0) ** np.arange(11)
+CONTACTS = (6.0, 12.0, 25.0, 60.0, 100.0)  # Hz, of the antiresonance in contact
+IMPACTS = (0.15, 0.5)  # damping ratios of the contact: half of the speed is left after one impact, and hardly any
 ANTIRESONANCES = np.geomspace(0.8, 65.0, 20)  # Hz
 N_LIMITS = 40  # of the drive, and ages of it, over the plausible range: limits are an eighth apart
 # Rounds over the shape numbers.  The step shrinks by 0.55 in each, to a tenth of the spacing of the starts, and a

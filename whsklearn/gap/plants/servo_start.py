@@ -45,11 +45,12 @@ def base_model(law: tuple[str, ...], scene: Scales) -> ServoHypothesis:
     return ServoHypothesis(scene.inertia, 0.0, terms, scene, n_base=len(terms))
 
 
-def best_view(view: InverseView, model: ServoHypothesis, goal: float) -> InverseView:
+def best_view(view: InverseView, model: ServoHypothesis, goal: float, *, sharp: bool = False) -> InverseView:
     """The view with the highest cut-off at which noise is at most ``goal`` of the drive or a fifth of the gap.
 
     The gap is measured at the same cut-off: cogging of order 72 at one turn per second is at 72 Hz, and a gap seen
-    below 10 Hz would not call for a filter that passes it.
+    below 10 Hz would not call for a filter that passes it.  If ``sharp``, noise may be so large that a wave of the size
+    ``goal`` is only seen in all samples together: n of them see one of s in noise sigma with a gain of n (s / sigma)^2.
     """
     dt, scene = view.record.dt, model.scene
     noise = view.noise
@@ -64,7 +65,8 @@ def best_view(view: InverseView, model: ServoHypothesis, goal: float) -> Inverse
         if np.mean((speed < slowest) & (speed > rules.SLOW * scene.speed)) > rules.BLIND_SHARE:
             continue
         floor = rules.DRIVE_NOISE * noise * other.fit(model).inertia * float(np.linalg.norm(g2))
-        if floor <= max(goal * scene.torque, rules.OF_THE_GAP * other.rms(other.gap(model))):
+        together = max(1.0, float(np.sqrt(other.n_effective / rules.PAYS))) if sharp else 1.0
+        if floor <= max(together * goal * scene.torque, rules.OF_THE_GAP * other.rms(other.gap(model))):
             break
     return other
 
