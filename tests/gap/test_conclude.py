@@ -59,6 +59,14 @@ def test_a_name_explains_a_quarter_of_what_follows_the_motion_whatever_noise_is_
     assert verdict(0.9, 0.9, remainder=[other] if rest else []) == expected  # it explains 0.19
 
 
+@pytest.mark.parametrize(("rest", "expected"), [(0.0, "coloured_noise"), (0.1, "unknown")])
+def test_a_name_that_closes_next_to_nothing_is_not_given(rest, expected):
+    """A coupling was given for a play of which it closed 2 % of the run."""
+    other = SimpleNamespace(name="", p_value=1e-6, size=rest, signal="")
+    assert verdict(0.95, 0.02, remainder=[other] if rest else []) == expected
+    assert verdict(0.95, 0.3, remainder=[other] if rest else []) == "partial"  # the run shows it
+
+
 def test_an_effect_that_noise_nearly_hides_is_certain_where_all_of_it_is_closed():
     assert verdict(1.0, 0.99, gap=1.002, floor=1.0) == "named"
 

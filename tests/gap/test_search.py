@@ -222,6 +222,64 @@ def test_what_nameless_functions_show_together_shows_the_names_that_explain_a_sh
     assert [k.p_value for k in unsure] == [0.02, 0.2]
 
 
+def test_what_nameless_functions_show_is_lent_to_no_name_that_says_next_to_nothing_itself():
+    """Else the whole catalogue would be listed: a gain of seven is within reach of every name."""
+    look = Look("weak", 7.0, np.ones(15), size=0.1, p_value=0.6)
+    strong, nameless = replace(look, gain=20.0), Look("", 35.0, np.ones(15), size=0.1, p_value=1e-5)
+    search = Search(Columns({}), np.random.default_rng(0), 0.01, 3)
+    p_values = [search._shown([k, nameless])[0].p_value for k in (look, strong)]
+    assert p_values == [0.6, 1e-5]
+
+
+def test_a_bump_that_explains_more_with_as_few_numbers_leaves_a_wave_without_a_name():
+    plant = Columns({"a": 0.5})
+    look = next(k for k in plant.looks(Regression(), np.random.default_rng(0)) if k.name == "a")
+    search = Search(plant, np.random.default_rng(0), 0.01, 3)
+    for numbers, size, refused in ((1, 0.6, True), (9, 0.6, False), (1, 0.3, False)):
+        bump = Look("", 900.0, np.ones(15), size=size, n_numbers=numbers, p_value=1e-9)
+        (found,) = search._fitted(Regression(), [look], [bump])
+        assert ("bump" in found.reason) == refused
+
+
+def test_a_second_search_counts_if_it_finds_something_and_else_leaves_the_first():
+    class Sharp(Columns):
+        """A plant that shows more, or not, when it is looked at again."""
+
+        def __init__(self, truth):
+            super().__init__({})
+            self.better, self.calls = Columns(truth).y, []
+
+        def sharpened(self, model):
+            self.calls.append("sharp")
+            self.before, self.y = self.y, self.better
+            return True
+
+        def blunted(self):
+            self.calls.append("blunt")
+            self.y = self.before
+
+    found = {size: (plant := Sharp({"b": size}), run(plant)) for size in (0.5, 0.0)}
+    plant, result = found[0.5]
+    assert ([t.name for t in result.taken], plant.calls) == (["b"], ["sharp"])
+    plant, result = found[0.0]
+    assert (result.taken, plant.calls) == ([], ["sharp", "blunt"])
+    assert plant.y is plant.before
+
+
+def test_an_effect_is_needed_where_the_others_without_it_would_be_unphysical():
+    class Picky(Columns):
+        """A plant whose ``b`` is unphysical without ``a``."""
+
+        def objection(self, model, grown):
+            names = [t.name for t in grown.terms]
+            return "unphysical" if names[-1] == "b" and "a" not in names else ""
+
+    search = Search(Picky({"a": 0.5, "b": 0.5}), np.random.default_rng(0), 0.01, 3)
+    terms = tuple(SimpleNamespace(name=n) for n in "ab")
+    assert search._sound(Regression(terms))
+    assert not search._sound(Regression(terms[1:]))
+
+
 def test_a_name_that_explains_something_else_is_not_shown_by_nameless_functions():
     plant = Columns({"a": 0.5, "b": 0.5}, names="abc")
     tangent = Tangent(plant.y, np.empty((0, N)), np.zeros((N, 1)), N)

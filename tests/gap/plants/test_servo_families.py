@@ -6,7 +6,17 @@ import numpy as np
 import pytest
 
 from whsklearn.datasets import make_servo_log
-from whsklearn.effects import Cogging, DeadZone, GravityImbalance, InputDelay, InputOffset, Saturation
+from whsklearn.effects import (
+    Backlash,
+    Cogging,
+    DeadZone,
+    GravityImbalance,
+    HardeningSpring,
+    InputDelay,
+    InputOffset,
+    Saturation,
+)
+from whsklearn.gap import GapFinder
 from whsklearn.gap.plants import servo_families, servo_own
 from whsklearn.gap.plants.servo_candidates import catalogue
 from whsklearn.gap.plants.servo_model import ServoTerm
@@ -91,3 +101,34 @@ def test_a_wave_within_a_period_over_the_travel_of_another_is_the_same_wave():
     apart = np.pi / view.scene.reach
     assert not servo_families.resolved(view, model, ServoTerm(kind, (0.0, 0.0, 12.0 + 0.9 * apart)))
     assert servo_families.resolved(view, model, ServoTerm(kind, (0.0, 0.0, 12.0 + 1.1 * apart)))
+
+
+def test_a_family_of_waves_has_one_pitch():
+    """Waves of any order beside each other would be the series of a bump at one place."""
+    record = ServoRecord.from_frame(make_servo_log(duration=12.0, random_state=0))
+    view, model = start_of(record, ("viscous", "coulomb"), 0.004)
+    (kind,) = [c for c in catalogue() if c.name == "cogging"]
+    shapes = [o for part, _, _ in servo_families.orders(servo_families.Scene(view, model), kind, 7.3) for (o,) in part]
+    assert len(shapes) > 3
+    np.testing.assert_allclose(np.array(shapes) / 7.3, np.arange(1, len(shapes) + 1))
+
+
+def test_the_plays_that_are_tried_scale_with_the_axis():
+    """In millimetres of a rail as in radians: the same log with a thousandth of the position."""
+    log = make_servo_log(duration=12.0, random_state=0)
+    gaps = []
+    for scale, units in ((1.0, ("Nm", "rad")), (1e-3, ("N", "m"))):
+        record = ServoRecord(log["time_s"], log["torque_nm"], scale * log["position_rad"], units=units)
+        view, model = start_of(record, ("viscous", "coulomb"), 0.004)
+        scene = servo_families.Scene(view, model)
+        (kind,) = [c for c in catalogue() if c.name == "backlash" and not c.on_load]
+        gaps.append(sorted({term.q[0] for (term,), _, _ in servo_families.couplings(scene, kind)}))
+    np.testing.assert_allclose(np.array(gaps[0]) * 1e-3, gaps[1], rtol=0.02)
+
+
+@pytest.mark.parametrize(
+    "effect", [HardeningSpring(0.15, 0.6), Backlash(4e-4, 0.4, 120.0, 0.5)], ids=["off the centre", "0.4 mrad"]
+)
+def test_shapes_far_from_the_usual_are_found(effect):
+    log = make_servo_log([effect], duration=15.0, noise=5e-6, random_state=2)
+    assert GapFinder("servo").fit(log).effects_[0].name == effect.name

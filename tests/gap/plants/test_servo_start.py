@@ -72,6 +72,14 @@ def test_a_noisier_encoder_asks_for_a_lower_cut_off(views):
     assert cutoffs[-1] < 0.5 * cutoffs[0]
 
 
+def test_waves_are_looked_for_up_to_frequencies_at_which_single_samples_are_noise(views):
+    record = views[0].record
+    noise = np.random.default_rng(0).standard_normal(TIME.size)
+    inverse, _, base = opened(dataclasses.replace(record, position=record.position + 1e-3 * noise))
+    plain, sharp = (best_view(inverse, base, 0.004, sharp=sharp).cutoff for sharp in (False, True))
+    assert sharp > 1.5 * plain
+
+
 def test_a_base_model_has_the_terms_of_its_law_and_nothing_else(views):
     model = base_model(("viscous", "coulomb"), views[2].scene)
     assert ([t.name for t in model.terms], model.n_base) == (["viscous", "coulomb"], 2)
