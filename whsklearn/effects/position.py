@@ -115,7 +115,7 @@ class HardeningSpring(Effect):
     """
 
     stiffness: float = number(0.05, "Nm/rad3", 1e-6, 1e5, log=True)
-    centre: float = number(0.0, "rad", -10.0, 10.0, scale="extent", span=(-1.0, 1.0), starts=(-1.0, 0.0, 1.0))
+    centre: float = number(0.0, "rad", -10.0, 10.0, span=(-1.0, 1.0), starts=(0.0,))
 
     name = "hardening_spring"
     place = "position"
@@ -124,6 +124,7 @@ class HardeningSpring(Effect):
     needs = "large travel"
     reference = "Kovacic, Brennan 2011, The Duffing Equation: Nonlinear Oscillators and their Behaviour, Wiley"
     commoner = ("gravity_imbalance", "cable_spring")
+    later = ("centre",)  # about another centre than that of the travel a cubic adds a line and a parabola
     code = codes.HARDENING_SPRING
 
 

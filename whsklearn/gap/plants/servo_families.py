@@ -436,6 +436,8 @@ def jointly(view: Any, grown: ServoHypothesis, i: int) -> ServoHypothesis:
     first = grown.terms[i].kind.linear
     free = [(n, j, log) for n, (of, j, log) in enumerate(grown.free(), 2) if of == i and j >= first]
     at = [n for n, _, _ in free]
+    if not at:
+        return grown
     (low, high), steps = grown.bounds(), grown.steps()
 
     def moved(x: Array) -> ServoHypothesis:
