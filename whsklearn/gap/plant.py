@@ -297,7 +297,8 @@ class Plant(Protocol):
         return False
 
     def blunted(self) -> None:
-        """Go back to what was seen before `sharpened`."""
+        """Go back to what was seen before `sharpened`: here nothing has changed."""
+        return
 
     def to_simulate(self, model: Any) -> Any:
         """The model with the numbers that give the best free run: those that were fitted."""
