@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from whsklearn.cli.arm_log import read_arm, robot_of
 from whsklearn.cli.gap import as_record, read_log
 from whsklearn.cli.job import UNUSABLE, job, say_where, table, tracker_for, wrapped, writable_folder
 from whsklearn.cli.options import axis_options, given, reading_options, robot_options
@@ -86,6 +85,8 @@ def comparison_of(options: dict[str, Any], files: tuple[str, ...], labels: list[
             refuse_shared(first, second, TWICE)
         records = [as_record(options | AN_AXIS, log)[0] for log in logs]
         return lambda: compare_records(records, labels, alpha=options["alpha"], random_state=options["seed"])
+    from whsklearn.cli.arm_log import read_arm, robot_of  # it loads pandas, which the help does without
+
     arm = robot_of(options)
     logs = [longest(read_arm(file, options, arm)) for file in files]
     arms = [ArmLog(log.sample_rate, log.y, log.X) for log in logs]

@@ -422,17 +422,21 @@ class ServoPlant(Plant):
 
     def system(self, model: ServoHypothesis) -> Any:
         """The repaired `ServoAxis`."""
-        from whsklearn.systems.servo import ServoAxis, fine_steps
+        from whsklearn.models import AxisModel
+        from whsklearn.systems.servo import ServoAxis
         from whsklearn.systems.servo_parts import Drive
 
-        effects = tuple(t.effect for t in model.added)
-        return ServoAxis(
+        effects, dt = tuple(t.effect for t in model.added), model.scene.dt
+        axis = ServoAxis(
             inertia=model.inertia,
             law=[t.effect for t in model.terms[: model.n_base]],  # type: ignore[arg-type]
             effects=effects,
-            drive=Drive(delay=max(0.0, model.timing) * model.scene.dt),
-            sample_rate=1.0 / model.scene.dt,
-            substeps=fine_steps(effects, model.scene.dt),
+            drive=Drive(delay=max(0.0, model.timing) * dt),
+            sample_rate=1.0 / dt,
+        )
+        # in the steps of the model that is saved and exported, so that both give the same free run
+        return dataclasses.replace(
+            axis, substeps=AxisModel(axis.inertia, axis.law, effects, dt=dt, logged="position").steps
         )
 
 
