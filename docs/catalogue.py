@@ -13,7 +13,7 @@ import numpy as np
 
 import whsklearn.effects
 from whsklearn.datasets import default_axis, draw_effect, reference_signal
-from whsklearn.effects import PLACES, Effect, base
+from whsklearn.effects import PLACES, Effect, LoadSideCoulomb, LoadSideViscous, base
 from whsklearn.effects.chain import CHAIN_FORMS
 from whsklearn.gap.plants.arm_terms import ALONG_TWO, at_a_joint
 from whsklearn.plot import EffectDisplay
@@ -22,8 +22,8 @@ from whsklearn.plot import EffectDisplay
 def catalogued() -> list[type[Effect]]:
     """Every effect of the catalogue, the shapes of presliding hysteresis and the static terms of laws included."""
     classes = [c for c in vars(whsklearn.effects).values() if inspect.isclass(c) and issubclass(c, Effect)]
-    classes = [c for c in classes if not c.name.startswith("load_co") and c.name != "load_viscous"]  # need a coupling
-    return [c for c in classes if c.name and c.place in (*PLACES, "static")]
+    behind = (LoadSideViscous, LoadSideCoulomb)  # a coupling, without which they are no law of an axis
+    return [c for c in classes if c.name and c.place in (*PLACES, "static") and c not in behind]
 
 
 def drawn() -> list[type[Effect]]:

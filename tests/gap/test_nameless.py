@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from whsklearn.effects import Scales
-from whsklearn.gap.nameless import generic_basis
+from whsklearn.gap.nameless import generic_basis, nameless
+from whsklearn.gap.tangent import Family, Tangent
 
 N = 3000
 TIME = np.arange(N) / 60.0
@@ -42,3 +43,16 @@ def test_noise_does_not(seed, colour):
     for i in range(1, N):
         gap[i] = colour * gap[i - 1] + white[i]
     assert share(gap) < 0.04
+
+
+@pytest.mark.parametrize("angle", [-0.9, 0.35])
+def test_one_bump_explains_more_of_a_bump_than_any_wave_with_as_many_numbers(angle):
+    rng = np.random.default_rng(0)
+    gap = np.exp(-0.5 * ((ANGLE - angle) / 0.08) ** 2) + 0.02 * rng.normal(size=N)
+    tangent = Tangent(gap, rng.normal(size=(5, N)), np.ones((N, 1)), N)
+    families = nameless(Scales(reach=1.9, speed=1.5), ANGLE, SPEED, rng.normal(size=N))
+    most = max(look.size for f in families if f.n_numbers == 3 and (look := tangent.look(f)))
+    orders = np.arange(0.5, 60.0, 0.25)
+    waves = np.stack([np.cos(orders * ANGLE[:, None]), np.sin(orders * ANGLE[:, None])], axis=2)
+    wave = tangent.look(Family("wave", lambda _: [(list(orders), waves, 1.0)], lambda *_: None, 3))
+    assert most > 1.2 * wave.size

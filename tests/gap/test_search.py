@@ -238,10 +238,10 @@ def test_a_bump_that_explains_more_with_as_few_numbers_leaves_a_wave_without_a_n
     for numbers, size, refused in ((1, 0.6, True), (9, 0.6, False), (1, 0.3, False)):
         bump = Look("", 900.0, np.ones(15), size=size, n_numbers=numbers, p_value=1e-9)
         (found,) = search._fitted(Regression(), [look], [bump])
-        assert ("bump" in found.reason) == refused
+        assert ("without a name" in found.reason) == refused
 
 
-def test_a_second_search_counts_if_it_finds_something_and_else_leaves_the_first():
+def test_a_second_search_at_half_the_level_counts_if_it_finds_something_and_else_leaves_the_first():
     class Sharp(Columns):
         """A plant that shows more, or not, when it is looked at again."""
 
@@ -258,7 +258,20 @@ def test_a_second_search_counts_if_it_finds_something_and_else_leaves_the_first(
             self.calls.append("blunt")
             self.y = self.before
 
+    levels = []
+
+    class Noting(Search):
+        """A search that notes its level."""
+
+        def _searched(self, base):
+            levels.append(self.alpha)
+            return super()._searched(base)
+
+    def run(plant):
+        return Noting(plant, np.random.default_rng(0), 0.01, 3).run(Regression())
+
     found = {size: (plant := Sharp({"b": size}), run(plant)) for size in (0.5, 0.0)}
+    assert levels == [0.01, 0.005] * 2
     plant, result = found[0.5]
     assert ([t.name for t in result.taken], plant.calls) == (["b"], ["sharp"])
     plant, result = found[0.0]
@@ -356,6 +369,26 @@ def test_what_the_others_say_without_it_goes():
     found.model, found.taken = model, [*found.taken, Named(look, model, plant.errors(model), plant.errors(model))]
     search._review(found)
     assert {t.name for t in found.taken} == {t.name for t in found.model.terms} == {"b", "d"}
+
+
+def test_what_the_others_say_without_it_stays_if_one_of_them_would_be_unphysical():
+    class Picky(Columns):
+        """A plant whose ``b`` and ``d`` are unphysical without ``c``."""
+
+        def objection(self, model, grown):
+            names = [t.name for t in grown.terms]
+            return "unphysical" if "c" not in names and len(names) > 1 else ""
+
+    plant = Picky({"b": 0.3, "d": 0.4})
+    search = Search(plant, np.random.default_rng(0), alpha=0.01, max_effects=3)
+    (first, *_), model = plant.looks(Regression(), np.random.default_rng(0)), Regression()
+    taken = []
+    for name in "bdc":
+        before, model = model, plant.refine(model, replace(first, name=name))
+        taken.append(Named(replace(first, name=name), model, plant.errors(before), plant.errors(model)))
+    found = Found(Regression(), model, taken, [SimpleNamespace(looks=[first])])
+    search._review(found)
+    assert "c" in {t.name for t in found.taken}
 
 
 def test_what_explains_no_more_than_of_its_own_records_is_not_taken():

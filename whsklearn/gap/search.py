@@ -242,7 +242,7 @@ class Search:
             elif size**2 < LEAST_SHARE * most**2:
                 reason = "it explains too little of what follows the motion"
             elif any(k.size > size for k in nameless if k.n_numbers <= look.n_numbers):
-                reason = "a bump at one place explains more with as few numbers"
+                reason = "a function without a name explains more with as few numbers"
             reason = self.plant.objection(model, f.model) or reason
             if not reason:
                 strongest = max(strongest, size)

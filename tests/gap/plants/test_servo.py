@@ -201,3 +201,18 @@ def test_a_repair_is_judged_beside_its_own_artefacts():
     plant, base, model = plant_with("gravity_imbalance", frame=record(gravity=0.6, counts=2000))
     plant.looks(base, np.random.default_rng(0))
     assert rms(plant.alone(model)) < rms(plant.errors(model))
+
+
+def test_a_search_in_vain_at_higher_frequencies_leaves_the_plant_as_it_was():
+    log = ServoRecord.from_frame(record(seconds=16.0, rate=500.0, counts=4096))
+    plant = ServoPlant(log, ("viscous", "coulomb"), None, 0.004)
+    rng = np.random.default_rng(0)
+    model = plant.settled(plant.base(rng))
+    plant.looks(model, rng)
+    before = dict(vars(plant))
+    assert plant.sharpened(model)
+    plant.looks(plant.settled(model), rng)
+    assert plant.inverse.cutoff > before["inverse"].cutoff
+    plant.lead, plant.record = 0.01, None  # as if the drive had been found late, and moved
+    plant.blunted()
+    assert [k for k, v in vars(plant).items() if k != "_blunt" and v is not before[k]] == []

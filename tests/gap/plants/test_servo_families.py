@@ -103,6 +103,14 @@ def test_a_wave_within_a_period_over_the_travel_of_another_is_the_same_wave():
     assert servo_families.resolved(view, model, ServoTerm(kind, (0.0, 0.0, 12.0 + 1.1 * apart)))
 
 
+def test_where_single_samples_are_noise_only_waves_are_looked_for():
+    view, _ = looks_at([])
+    model = start_of(view.record, ("viscous", "coulomb"), 0.004)[1]
+    looks = servo_families.looks(view, view.fit(model), view.own, 0.0, waves=True)
+    assert {k.name for k in looks if k.name} == {c.name for c in servo_families.inverse_kinds(model) if c.paired}
+    assert {k.signal for k in looks if not k.name} == {"position"}
+
+
 def test_a_family_of_waves_has_one_pitch():
     """Waves of any order beside each other would be the series of a bump at one place."""
     record = ServoRecord.from_frame(make_servo_log(duration=12.0, random_state=0))
@@ -111,6 +119,14 @@ def test_a_family_of_waves_has_one_pitch():
     shapes = [o for part, _, _ in servo_families.orders(servo_families.Scene(view, model), kind, 7.3) for (o,) in part]
     assert len(shapes) > 3
     np.testing.assert_allclose(np.array(shapes) / 7.3, np.arange(1, len(shapes) + 1))
+
+
+def test_a_further_wave_is_a_multiple_of_the_first_even_if_another_explains_more():
+    log = make_servo_log([Cogging(0.2, 7.3), Cogging(0.15, 11.1)], duration=12.0, random_state=0)
+    view, model = start_of(ServoRecord.from_frame(log), ("viscous", "coulomb"), 0.004)
+    (kind,) = [c for c in catalogue() if c.name == "cogging"]
+    grown = servo_families.next_order(view, view.fit(model.with_term(ServoTerm(kind, (0.0, 0.0, 7.3)))), kind)
+    assert grown is None or grown.terms[-1].q[2] / 7.3 == pytest.approx(round(grown.terms[-1].q[2] / 7.3), abs=0.1)
 
 
 def test_the_plays_that_are_tried_scale_with_the_axis():

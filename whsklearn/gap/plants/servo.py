@@ -51,6 +51,8 @@ from whsklearn.logs.units import inertia_unit
 OVER_LITTLE_TRAVEL = {"input_offset": ("gravity_imbalance",), "asymmetric_coulomb": ("gravity_imbalance",),
                       "cable_spring": ("gravity_imbalance",), "gravity_imbalance": ("cable_spring",)}  # fmt: skip
 
+OF_A_VIEW = ("record", "observer", "lead", "inverse", "own", "corrected", "n_effective")  # what a search may replace
+
 
 class ServoPlant(Plant):
     """A rigid axis with logged drive and position.
@@ -79,7 +81,8 @@ class ServoPlant(Plant):
         self.scale = rms(record.drive) if len(record) else 0.0
         self._folded: tuple[ObserverView, ServoHypothesis] | None = None
         self.lead = 0.0
-        self.sharp = False
+        self.sharp = False  # whether waves are looked for where single samples are noise
+        self._blunt: dict[str, Any] = {}
 
     def check(self) -> list[DataProblem]:
         """See `whsklearn.gap.data_check.check_servo`."""
@@ -316,14 +319,15 @@ class ServoPlant(Plant):
         other = best_view(self.inverse, model, self.tolerance, sharp=True)
         if other.cutoff < rules.WIDER * self.inverse.cutoff:
             return False
-        self._blunt = self.inverse, self.own, self.corrected, self.n_effective
+        # the second search may also find that the drive was logged late, and move it
+        self._blunt = {k: getattr(self, k) for k in ("inverse", "own", "corrected", "n_effective")}
         self.sharp = True
         return True
 
     def blunted(self) -> None:
         """Go back to the cut-off at which noise is small in every sample."""
         self.sharp = False
-        self.inverse, self.own, self.corrected, self.n_effective = self._blunt
+        vars(self).update(self._blunt)
 
     def errors(self, model: ServoHypothesis) -> Array:
         """Residual of the model at the judged samples."""
