@@ -22,13 +22,13 @@ from whsklearn.plot import EffectDisplay
 def catalogued() -> list[type[Effect]]:
     """Every effect of the catalogue, the shapes of presliding hysteresis and the static terms of laws included."""
     classes = [c for c in vars(whsklearn.effects).values() if inspect.isclass(c) and issubclass(c, Effect)]
-    behind = (LoadSideViscous, LoadSideCoulomb)  # a coupling, without which they are no law of an axis
-    return [c for c in classes if c.name and c.place in (*PLACES, "static") and c not in behind]
+    return [c for c in classes if c.name and c.place in (*PLACES, "static")]
 
 
 def drawn() -> list[type[Effect]]:
-    """Those with a curve: what acts at a port of a chain has none, for an axis has no such port."""
-    return [c for c in catalogued() if c not in CHAIN_FORMS.values()]
+    """Those with a curve on an axis, which has no port of a chain, and no load to rub without a coupling."""
+    without = (*CHAIN_FORMS.values(), LoadSideViscous, LoadSideCoulomb)
+    return [c for c in catalogued() if c not in without]
 
 
 def static_curve(cls: type[Effect]) -> EffectDisplay:

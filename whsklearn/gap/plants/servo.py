@@ -320,7 +320,7 @@ class ServoPlant(Plant):
         if other.cutoff < rules.WIDER * self.inverse.cutoff:
             return False
         # the second search may also find that the drive was logged late, and move it
-        self._blunt = {k: getattr(self, k) for k in ("inverse", "own", "corrected", "n_effective")}
+        self._blunt = {k: getattr(self, k) for k in OF_A_VIEW}
         self.sharp = True
         return True
 
