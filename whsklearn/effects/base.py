@@ -130,6 +130,8 @@ class Effect(_Frozen):
         Whether it is so common that it is tried first when much is missing.
     repeats : bool
         Whether a model may contain several of it, such as cogging of two orders.
+    rotary : bool
+        Whether it needs an axis that turns: no weight swings about a slide.
     held : tuple of str
         Fields that a search keeps at their starting values.
     essential : tuple of str
@@ -185,6 +187,7 @@ class Effect(_Frozen):
     essential: ClassVar[tuple[str, ...]] = ()
     sought: ClassVar[bool] = False
     repeats: ClassVar[bool] = False
+    rotary: ClassVar[bool] = False
     finest: ClassVar[float] = math.inf
     evaluate: ClassVar[Callable[..., float] | None] = None
     code: ClassVar[int] = -1

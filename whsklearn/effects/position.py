@@ -67,6 +67,7 @@ class GravityImbalance(Effect):
     needs = "half a turn of travel"
     reference = "Swevers, Verdonck, De Schutter 2007, IEEE Control Systems Magazine 27(5), 58-71"
     phased = True
+    rotary = True
     code = codes.GRAVITY_IMBALANCE
 
 

@@ -49,6 +49,17 @@ def test_every_effect_that_a_torque_can_show_is_asked_for_or_needs_another_first
     assert never <= {"viscous", "coulomb", "input_delay", "actuator_lag"}
 
 
+def test_no_weight_swings_about_a_slide():
+    log = make_servo_log([GravityImbalance(0.2)], duration=12.0, random_state=0)
+    asked = []
+    for units in (("Nm", "rad"), ("N", "m")):
+        record = ServoRecord(log["time_s"], log["torque_nm"], log["position_rad"], units=units)
+        view, model = start_of(record, ("viscous", "coulomb"), 0.004)
+        scene = servo_families.Scene(view, view.fit(model))
+        asked.append({family.name for family, _ in servo_families.families(scene)})
+    assert asked[0] - asked[1] == {"gravity_imbalance"}
+
+
 def test_nothing_missing_is_significant_and_large():
     view, looks = looks_at([])
     assert not [k.name for k in looks if k.p_value <= 0.01 and k.size > 0.004 * view.scene.torque]

@@ -148,8 +148,9 @@ def better(look: Look | None, other: Look | None, n: float, left: float) -> Look
 
 def families(scene: Scene, waves: bool = False) -> Iterator[tuple[Family, bool]]:
     """Families that have columns or limit the drive, each with whether it is a force of the position alone."""
+    slides = scene.view.record.units[1] == "m"
     for kind in inverse_kinds(scene.model):
-        if kind in stop.KINDS or kind.delays or (waves and not kind.paired):
+        if kind in stop.KINDS or kind.delays or (waves and not kind.paired) or (slides and kind.cls.rotary):
             continue
         if scene.torque is None and kind.driven and not kind.transforms:
             continue

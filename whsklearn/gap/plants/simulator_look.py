@@ -130,8 +130,9 @@ def catalogue(record: Any, signals: Any, further: tuple[type[Effect], ...] = ())
     """Every effect of the catalogue with columns, at every shape worth trying, and ``further`` shapes."""
     torque, out = rms(record.drive) or 1.0, dict[str, list[Effect]]()
     scales = scales_of(record, signals)
-    names = (n for n in effect_names() if n not in (*UNSEEN, "viscous", "coulomb"))
-    named = [get_effect(n) for n in names if get_effect(n).column_kind != "none"]
+    effects = (get_effect(n) for n in effect_names() if n not in (*UNSEEN, "viscous", "coulomb"))
+    slides = record.units[1] == "m"
+    named = [cls for cls in effects if cls.column_kind != "none" and not (slides and cls.rotary)]
     for kind in (kind for cls in (*named, *further) for kind in EffectVariant.of(cls)):
         size = (0.1 * torque, 0.0)[: kind.linear]
         grid = kind.grid(scales, min(HIGHEST, 0.4 / record.dt)) or kind.cls.starts(scales)[:1]
