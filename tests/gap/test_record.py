@@ -29,7 +29,7 @@ def test_noise_is_seen_whatever_the_motion(noise):
      (("rad", "rad"), False, True), (("m", "m"), False, True), (("counts", "counts"), True, True)],
 )  # fmt: skip
 def test_equal_units_make_no_following_error_of_a_drive(units, made, told):
-    record = ServoRecord(T, PATH, PATH, units=units, error_for_drive=made)
+    record = ServoRecord(T, PATH, PATH, units=units, in_place_of_drive="command minus position" if made else "")
     assert record.is_following_error == told
 
 

@@ -302,10 +302,9 @@ def as_record(options: dict[str, Any], log: Bunch) -> tuple[Any, dict[str, Any]]
     """The log in the form that this kind of model takes (SI for an axis), and the names of its columns."""
     from whsklearn.gap.plants.from_log import taken_from
 
-    record, columns, text = taken_from(log, "arm" if options["robot"] else options["kind"])
-    if text:
-        note(text)
-        log.notes = (*log.notes, text)
+    record, columns = taken_from(log, "arm" if options["robot"] else options["kind"])
+    if said := getattr(record, "in_place_of_drive", ""):
+        note(said)
     return record, columns
 
 

@@ -92,8 +92,8 @@ class ServoRecord(Segmented):
         Units of drive and position as given; in the record they become the SI symbols.
     resolution : float
         Step of the encoder in the position's unit, if the log states it (a log in counts); otherwise 0.
-    error_for_drive : bool
-        Whether command minus position replaces a drive that was not logged.
+    in_place_of_drive : str
+        A remark on what stands for a drive that was not logged; empty if one was.
     starts : tuple of int
         Samples before which the log has a hole: filters, simulations and free runs restart there.
     logged : tuple of two str, optional
@@ -122,7 +122,7 @@ class ServoRecord(Segmented):
     reference: Array | None = None
     units: tuple[str, str] = ("Nm", "rad")
     resolution: float = 0.0
-    error_for_drive: bool = False
+    in_place_of_drive: str = ""
     logged: tuple[str, str] = ("", "")
     starts: tuple[int, ...] = ()
 
@@ -156,11 +156,11 @@ class ServoRecord(Segmented):
 
     @property
     def is_following_error(self) -> bool:
-        """Whether command minus position takes the place of the drive, or the drive is logged as an angle or a length.
+        """Whether command minus position stands for the drive, or the drive is logged as an angle or a length.
 
         Equal units alone prove nothing: the counts of a converter and of an encoder are both ``counts``.
         """
-        return self.error_for_drive or (self.units[0] == self.units[1] and self.units[1] in ("rad", "m"))
+        return bool(self.in_place_of_drive) or (self.units[0] == self.units[1] and self.units[1] in ("rad", "m"))
 
     @classmethod
     def from_frame(

@@ -48,6 +48,14 @@ def test_the_holes_of_a_log_are_kept(tmp_path, frame):
     assert taken_from(log, "servo")[0].starts == (5000,)
 
 
+def test_what_stands_for_a_drive_that_was_not_logged_is_in_the_notes(tmp_path, frame):
+    frame = frame.iloc[:6000].assign(command_rad=frame["position_rad"] + 0.2 * frame["torque_nm"])
+    frame.to_csv(tmp_path / "servo.csv", index=False)
+    log = load_log(tmp_path / "servo.csv", time="time_s", command="command_rad", position="position_rad")
+    notes = GapFinder("servo", max_effects=0).fit(log).diagnosis_.notes
+    assert any("No drive is logged: command minus position" in text for text in notes)
+
+
 def test_a_chain_takes_the_units_of_the_log(tmp_path, frame):
     plant = make_plant(
         "wiener-hammerstein", loaded(tmp_path, frame, "mnm", "deg"), None, Base(), tolerance=0.01, columns={}

@@ -37,7 +37,7 @@ def make_plant(model: Any, log: Any, y: Any, base: Base, *, tolerance: float, co
         from whsklearn.gap.plants.from_log import taken_from
 
         chain = isinstance(model, WienerHammersteinSystem) or model == "wiener-hammerstein"
-        log, columns, _ = taken_from(log, "wiener-hammerstein" if chain else "servo")
+        log, columns = taken_from(log, "wiener-hammerstein" if chain else "servo")
     if isinstance(model, ServoAxis) or model == "servo":
         from whsklearn.gap.plants.servo import servo_plant
 

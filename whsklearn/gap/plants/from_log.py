@@ -15,8 +15,8 @@ from whsklearn.logs.load import Log
 from whsklearn.logs.units import UNKNOWN, factor_between
 
 
-def taken_from(log: Log, kind: str) -> tuple[Any, dict[str, Any], str]:
-    """(record, names of its columns, remark on what stands for a drive that was not logged; empty if one was).
+def taken_from(log: Log, kind: str) -> tuple[Any, dict[str, Any]]:
+    """(record, names of its columns).
 
     ``kind``: ``servo`` for an axis or a simulator of one, ``wiener-hammerstein``, or ``arm``, whose log is in SI.
 
@@ -25,17 +25,17 @@ def taken_from(log: Log, kind: str) -> tuple[Any, dict[str, Any], str]:
     >>> t = np.arange(400) / 100
     >>> log = Log(time=t, X=np.cos(t)[:, None], y=np.rad2deg(np.sin(t)), reference=None, command=None)
     >>> log |= Log(groups=np.zeros(400, dtype=int), units={"drive": "mNm", "position": "deg"})
-    >>> record, _, _ = taken_from(log, "servo")
+    >>> record, _ = taken_from(log, "servo")
     >>> float(record.drive[0]), record.units, record.logged
     (0.001, ('Nm', 'rad'), ('mNm', 'deg'))
     """
     starts = tuple(int(k) + 1 for k in np.flatnonzero(np.diff(log.groups)))
     if kind == "arm":
-        return ArmRecord(log.time, log.y, log.X, starts), {}, ""
+        return ArmRecord(log.time, log.y, log.X, starts), {}
     if kind != "servo":
         u, y = (f"{name} [{log.units.get(role, '')}]" for name, role in (("u", "drive"), ("y", "position")))
         frame = pd.DataFrame({"time": log.time, u: log.X[:, 0], y: log.y})
-        return frame, {"input": u, "output": y, "time": "time"}, ""
+        return frame, {"input": u, "output": y, "time": "time"}
     drive_unit, unit = log.units.get("drive", UNKNOWN), log.units["position"]
     drive, reference = log.X[:, 0], log.reference
     if reference is not None:
@@ -46,9 +46,10 @@ def taken_from(log: Log, kind: str) -> tuple[Any, dict[str, Any], str]:
     units = "drive" if drive_unit == UNKNOWN else drive_unit, "rad" if unit == UNKNOWN else unit
     record = ServoRecord(
         log.time, drive, log.y, reference, units, resolution=1.0 if unit.startswith("counts") else 0.0,
-        error_for_drive=log.command is not None, logged=(drive_unit, unit), starts=starts,
+        in_place_of_drive="" if log.command is None else "command minus position", logged=(drive_unit, unit),
+        starts=starts,
     )  # fmt: skip
-    return (record, {}, "") if log.command is None else _with_error_for_drive(record)
+    return record if log.command is None else _with_error_for_drive(record), {}
 
 
 def servo_record(log: Any, columns: dict[str, Any]) -> ServoRecord:
@@ -61,7 +62,8 @@ def servo_record(log: Any, columns: dict[str, Any]) -> ServoRecord:
     return ServoRecord.from_frame(pd.DataFrame(log), **columns)
 
 
-def _with_error_for_drive(record: ServoRecord) -> tuple[ServoRecord, dict[str, Any], str]:
+def _with_error_for_drive(record: ServoRecord) -> ServoRecord:
+    """The record with its drive, and the remark on it, for the loop that the record shows."""
     drive, loop = following_error(record)
     of_error = [
         f"{size:.3g} {unit} times its {name}"
@@ -75,4 +77,4 @@ def _with_error_for_drive(record: ServoRecord) -> tuple[ServoRecord, dict[str, A
         "position. The gain itself, and what the loop does besides (filters, feedforward, limits), cannot be known "
         "from this log."
     )
-    return replace(record, drive=drive), {}, text
+    return replace(record, drive=drive, in_place_of_drive=text)

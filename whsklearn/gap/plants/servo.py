@@ -409,7 +409,7 @@ class ServoPlant(Plant):
 
     def _notes(self) -> list[str]:
         """Remarks on how the record was used."""
-        view, notes = self.observer, []
+        view, notes = self.observer, [self.record.in_place_of_drive] if self.record.in_place_of_drive else []
         if self.lead:
             notes.append(
                 f"The drive was logged about {1e3 * self.lead:.0f} ms after it had acted, and is used that much "
