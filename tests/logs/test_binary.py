@@ -97,3 +97,12 @@ def test_mdf4_with_two_groups_of_their_own_clock(tmp_path):
     slow = load_log(path, drive="slow", position="angle")
     assert np.corrcoef(slow.X[:, 0], TABLE["torque_nm"][: len(slow.y)])[0, 1] > 0.99
     assert any("interpolated linearly at the stamps" in n for n in slow.notes)
+
+
+@pytest.mark.parametrize("name", ["Unit", "UNITS", "units"])
+def test_units_of_hdf5_are_found_in_any_case(tmp_path, name):
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["q"] = np.arange(5.0)
+        file["q"].attrs[name] = b"deg"
+    assert open_source(tmp_path / "a.h5").units == {"q": "deg"}

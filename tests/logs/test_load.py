@@ -9,7 +9,7 @@ from tests.logs.rig import NAMES, RATE
 from tests.logs.rig import columns as table
 from whsklearn import InverseDynamicsLags, RLSRegressor
 from whsklearn.datasets import load_turntable, make_servo_log
-from whsklearn.logs import LogWarning, check_log, load_log, slips_in
+from whsklearn.logs import ColumnError, LogWarning, check_log, load_log, slips_in
 
 
 def test_a_clean_log_comes_back_as_it_is(write):
@@ -201,3 +201,16 @@ def test_a_velocity_in_rpm_is_integrated_to_turns(write):
 def test_a_role_that_is_none_is_named(write):
     with pytest.raises(TypeError, match="unexpected argument 'torque'; columns are time, drive, position"):
         load_log(write(table(300)), torque="torque_nm", position="position_rad")
+
+
+def test_columns_that_are_not_named_are_found_by_their_names_and_none_is_taken_for_another(write):
+    log = load_log(write(table(200)))
+    assert log.columns == {"time": "time_s", "drive": "torque_nm", "position": "position_rad"}
+    assert log.sample_rate == pytest.approx(RATE)
+    axis = table(200)
+    axis["speed_rpm"] = axis.pop("position_rad")
+    with pytest.warns(LogWarning, match="Only the velocity"):
+        assert load_log(write(axis)).columns["velocity"] == "speed_rpm"
+    axis["temperature"] = axis.pop("torque_nm")
+    with pytest.raises(ColumnError, match=r"clearly the drive; it has: time_s, speed_rpm, temperature"):
+        load_log(write(axis))

@@ -7,7 +7,7 @@ import pytest
 
 from tests.logs.rig import columns
 from whsklearn.logs import LogError, LogWarning
-from whsklearn.logs.mend import jumps_in, turn_in
+from whsklearn.logs.mend import frozen, jumps_in, turn_in
 
 
 def turning(n=2000):
@@ -115,3 +115,28 @@ def test_an_output_of_unknown_unit_that_jumps_with_its_input_is_no_encoder(load)
     assert np.flatnonzero(jumps_in(t, y, np.zeros(2000, dtype=np.int64))).tolist() == [501, 1500]
     log = load({"time_s": t, "torque_nm": np.cos(2 * t) + jump, "y": y}, position="y")
     assert np.allclose(log.y, y)
+
+
+@pytest.mark.parametrize(("reading", "rows"), [("the last", 3), ("the last", 100), ("zero", 100)])
+def test_a_log_that_repeats_an_old_reading_loses_those_rows(load, rows, reading):
+    table = columns()
+    true = table["position_rad"].copy()
+    a = 560  # the axis moves at half its speed and more
+    table["position_rad"][a : a + rows] = true[a - 1] if reading == "the last" else 0.0
+    with pytest.warns(LogWarning, match=f"At row {a} a moving axis is logged at one place"):
+        log = load(table)
+    assert log.groups.max() == (rows == 100)
+    left = np.delete(true, np.arange(a, a + rows)) if rows == 100 else true
+    np.testing.assert_allclose(log.y, left, atol=1e-4)  # no offset behind, as after a reset of the encoder
+
+
+def test_stops_starts_and_coarse_steps_are_not_frozen():
+    t = np.arange(2000) / 1000
+    one = np.zeros(2000, dtype=np.int64)
+    stop = np.minimum(t, 1.0) * 3.0  # against a stop, at full speed
+    start = 3.0 * np.maximum(t - 1.0, 0.0)  # hit by something
+    slow = np.round(40 * np.sin(3 * t))
+    held = np.repeat(np.sin(3 * t)[::5], 5)  # read at 200 Hz, logged at 1 kHz
+    brake = np.where(t < 1, t, np.where(t < 1.5, 1.0, 1.0 + 2 * (t - 1.5) ** 2))
+    for motion in (stop, start, slow, held, brake):
+        assert frozen(motion, one)[1] is None

@@ -9,7 +9,7 @@ import pytest
 
 from whsklearn.logs import LogWarning, load_log, open_source
 from whsklearn.logs.errors import ColumnError, LogError
-from whsklearn.logs.parts import by_motor, by_signal, open_folder, with_nanoseconds
+from whsklearn.logs.parts import by_motor, by_signal, open_folder, with_milliseconds, with_nanoseconds
 from whsklearn.logs.source import Column, Source
 from whsklearn.logs.text import open_text
 
@@ -147,3 +147,19 @@ def test_seconds_and_nanoseconds_are_one_time(tmp_path):
     with pytest.warns(LogWarning, match="Column 'sec' has no value at row 200"):
         log = load_log(tmp_path / "hole.csv", time="sec", drive="effort", position="position")
     assert (log.y.size, log.sample_rate) == (400, pytest.approx(200.0))
+
+
+def test_times_of_the_day_are_completed_by_the_milliseconds_beside_them(tmp_path):
+    rows = [0, 1, 2, 5, 6, 7, 8, 9]  # two samples were lost, so spreading the rows evenly would be wrong
+    lines = [f"10:00:0{(990 + 10 * k) // 1000};{(990 + 10 * k) % 1000};{k % 3};{k * k}" for k in rows]
+    (tmp_path / "plc.csv").write_text("\n".join(["Time;ms;Torque [Nm];Angle [deg]", *lines, ""]))
+    with pytest.warns(LogWarning, match="about 2 samples"):
+        log = load_log(tmp_path / "plc.csv")
+    np.testing.assert_allclose(log.time, np.arange(10) / 100, atol=1e-9)
+    np.testing.assert_allclose(log.y, np.arange(10.0) ** 2, atol=1e-6)
+
+
+@pytest.mark.parametrize("time", [["0.1", "0.2"], ["10:00:00.1", "10:00:00.2"], ["10:00:00", "10:00:01"]])
+def test_milliseconds_beside_a_full_clock_are_a_signal_of_their_own(time):
+    source = table(time=time, ms=[5.0, 1005.0], q=[0.0, 1.0])
+    assert with_milliseconds(source) is source

@@ -7,6 +7,7 @@ import pytest
 from whsklearn.logs.errors import ColumnError
 from whsklearn.logs.roles import by_number, guess
 from whsklearn.logs.source import Source
+from whsklearn.logs.units import unit_of
 
 
 def source(*names):
@@ -73,3 +74,25 @@ def test_accents_are_letters_and_other_languages_are_known():
     assert [guess(french, r) for r in ("time", "drive", "position")] == french.names
     italian = Source("a.csv", ["tempo", "coppia", "velocità"], lambda columns: {})
     assert [guess(italian, r) for r in ("time", "drive", "velocity")] == italian.names
+
+
+@pytest.mark.parametrize(
+    ("names", "units"),
+    [
+        (["时间(秒)", "电机转矩(牛·米)", "关节角度(度)"], ["s", "Nm", "deg"]),
+        (["时间（毫秒）", "电机电流（安）", "位置（弧度）"], ["ms", "A", "rad"]),
+        (["時間", "トルク", "角度"], ["as logged"] * 3),
+        (["시간", "토크", "위치"], ["as logged"] * 3),
+        (["Время, с", "Момент, Н·м", "Угол, град"], ["s", "Nm", "deg"]),
+        (["timeMs", "motorTorqueMNm", "jointPosDeg"], ["ms", "mNm", "deg"]),
+    ],
+)
+def test_names_of_other_alphabets(names, units):
+    source = Source("a.csv", names, lambda columns: {})
+    assert [guess(source, role) for role in ("time", "drive", "position")] == names
+    assert [unit_of(n) for n in names] == units
+
+
+@pytest.mark.parametrize("name", ["位置指令", "目标角度", "角速度", "заданный угол"])
+def test_what_is_set_is_not_measured_in_other_alphabets(name):
+    assert guess(Source("a.csv", [name, "角度"], lambda columns: {}), "position") == "角度"

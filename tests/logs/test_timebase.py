@@ -157,3 +157,24 @@ def test_jitter_within_one_percent_passes_and_is_reported(write):
     columns["time_s"] = columns["time_s"] + 0.004 / RATE * np.sin(np.arange(2000.0))
     log = load_log(write(columns), **NAMES)
     assert 0.003 < log.report.jitter < 0.01
+
+
+@pytest.mark.parametrize("form", ["10:00:0{}:{:03d}", "2026-03-01 10:00:0{}:{:03d}"])
+def test_a_colon_before_the_milliseconds(load, form):
+    table = columns(1000)
+    ticks = np.round(1000 * table["time_s"]).astype(int)
+    table["time_s"] = [form.format(t // 1000, t % 1000) for t in ticks]
+    log = load(table)
+    assert log.sample_rate == pytest.approx(RATE, rel=1e-6)
+    assert np.allclose(log.y, table["position_rad"])
+
+
+def test_rows_that_were_shuffled_are_one_run_and_two_runs_are_two(load):
+    table = columns(1000)
+    order = np.random.default_rng(0).permutation(1000)
+    with pytest.warns(LogWarning, match="all are of one even run"):
+        log = load({k: v[order] for k, v in table.items()})
+    assert log.groups.max() == 0
+    np.testing.assert_allclose(log.y, table["position_rad"], atol=1e-9)
+    with pytest.warns(LogWarning, match="time jumps back"):
+        assert load({k: np.r_[v, v] for k, v in table.items()}).groups.max() == 1

@@ -177,7 +177,8 @@ def open_hdf5(path: Path) -> Source:
             elif len(shape) == 2 and min(shape) <= 256 and len(item.shape) == 2:
                 tall = shape[0] >= shape[1]
                 places.update({f"{name}.{i}": (name, np.s_[:, i] if tall else i) for i in range(min(shape))})
-        unit = item.attrs.get("unit", item.attrs.get("units", ""))
+        named = {str(k).lower(): v for k, v in item.attrs.items()}
+        unit = named.get("unit", named.get("units", ""))
         if name in places and unit:
             units[name] = unit.decode() if isinstance(unit, bytes) else str(unit)
 

@@ -39,6 +39,7 @@ TITLES = {
     "LOG022": "The drive is a current",
     "LOG021": "Signed numbers were logged as unsigned ones",
     "LOG023": "The encoder jumped",
+    "LOG024": "The position was not updated",
 }
 SEVERITIES = ("info", "warning", "error")
 

@@ -109,7 +109,8 @@ def _of_text(path: Path) -> Source:
         return objects.open_json(path)
     if labelled.is_labelled(head):
         return labelled.open_labelled(path)
-    return parts.by_motor(parts.by_signal(parts.with_nanoseconds(text.open_text(path))))
+    whole = parts.with_milliseconds(parts.with_nanoseconds(text.open_text(path)))
+    return parts.by_motor(parts.by_signal(whole))
 
 
 def _unpacked(path: Path, head: bytes) -> Source:

@@ -18,8 +18,9 @@ from whsklearn.logs.errors import ColumnError, LogError, LogWarning
 from whsklearn.logs.findings import SEVERITIES, Array, Finding, LogReport
 from whsklearn.logs.formats import open_source
 from whsklearn.logs.heads import drive_unit
+from whsklearn.logs.roles import guess
 from whsklearn.logs.source import Column, Source
-from whsklearn.logs.timebase import even, in_order, to_seconds
+from whsklearn.logs.timebase import LONG_GAP, even, in_order, to_seconds
 from whsklearn.logs.units import (
     OTHER_NAMES,
     ROLES,
@@ -35,7 +36,7 @@ from whsklearn.logs.units import (
     written_unit,
 )
 
-_MENDED = {"LOG001", "LOG002", "LOG003", "LOG004", "LOG010", "LOG011", "LOG013", "LOG014", "LOG018", "LOG023"}
+_MENDED = {"LOG001", "LOG002", "LOG003", "LOG004", "LOG010", "LOG011", "LOG013", "LOG014", "LOG018", "LOG023", "LOG024"}
 FEWEST = 3  # rows
 _STAMPS = {"LOG001", "LOG002", "LOG003", "LOG004", "LOG010"}
 
@@ -103,10 +104,10 @@ def load_log(
     return_X_y : bool, default=False
         Return only the drive as X (n, 1) and the position as y (n,); refused if the log has several segments.
     **columns : str or int
-        Columns, named or counted from 0: ``time`` (numbers, ticks since 1970, or dates; without it rows are samples at
-        `sample_rate`), ``drive`` or ``input`` (torque, force, current, voltage, u), ``position`` or ``output`` (the
-        response, y), ``reference``, ``command`` (of a position servo, if no drive is logged) and ``velocity`` (if no
-        position is logged; it is integrated).
+        Columns, named or counted from 0; if none is given, recognised by their names, as the commands do. ``time``
+        (numbers, ticks since 1970, or dates; without it rows are samples at `sample_rate`), ``drive`` or ``input``
+        (torque, force, current, voltage, u), ``position`` or ``output`` (the response, y), ``reference``, ``command``
+        (of a position servo, if no drive is logged) and ``velocity`` (if no position is logged; it is integrated).
 
     Returns
     -------
@@ -145,9 +146,9 @@ def load_log(
     ((500, 1), 100.0, 'Nm', ('LOG007',))
     >>> folder.cleanup()
     """
-    asked = _by_role(columns)
-    given = stated(dict(units or {}))
     source = open_source(path)
+    asked = _by_role(columns) if any(c is not None for c in columns.values()) else _guessed(source, sample_rate)
+    given = stated(dict(units or {}))
     names = {r: source.resolve(c, r) for r, c in asked.items()}
     if "drive" in names and names["drive"] == names.get("position"):
         raise ColumnError(
@@ -167,6 +168,25 @@ def load_log(
         )
     _warn(source.name, log.report)
     return (log.X, log.y) if return_X_y else log
+
+
+def _guessed(source: Source, sample_rate: float | None) -> dict[str, str | int]:
+    """Time, drive and position (or velocity) by the names of the columns.
+
+    Raises ColumnError, with the columns there are, if one is not there or several are.
+    """
+    roles: dict[str, str | int | None] = {"drive": guess(source, "drive"), "position": guess(source, "position")}
+    if roles["position"] is None:
+        roles["velocity"] = guess(source, "velocity")
+    if not source.clocked and sample_rate is None:
+        roles["time"] = guess(source, "time")
+    missing = [r for r in ("drive", "position") if roles[r] is None and not (r == "position" and roles["velocity"])]
+    if missing:
+        raise ColumnError(
+            f"{source.name} has no column that is clearly the {missing[0]}; it has: {', '.join(source.names[:30])}. "
+            f"Name it: {missing[0]}=."
+        )
+    return {r: roles[r] for r in ROLES if roles.get(r) is not None}  # type: ignore[misc]
 
 
 def _by_role(columns: Mapping[str, str | int | None]) -> dict[str, str | int]:
@@ -384,11 +404,12 @@ def _mended(name: str, table: _Table) -> Bunch:
         out, cut = mend.held(clock, signals["drive"], signals["position"])
         if cut is not None:
             found.append(cut)
-            segment = segment + np.cumsum(np.diff(np.r_[0, out.astype(np.int64)]) == 1)
-            clock, segment = clock[~out], segment[~out]
-            signals = {k: v[~out] for k, v in signals.items()}
-            segment = np.unique(segment, return_inverse=True)[1].astype(np.int64)
+            clock, signals, segment = _without(out, clock, signals, segment)
     if "position" in signals and factor_of(table.units["position"])[1] in (*UNSTATED, "rad", "m", "counts"):
+        out, cut = mend.frozen(signals["position"], segment)
+        if cut is not None:
+            found.append(cut)
+            clock, signals, segment = _without(out, clock, signals, segment)
         jump = mend.jumps_in(clock, signals["position"], segment)
         if jump is not None and table.units["position"] in UNSTATED and "drive" in signals:  # perhaps no motion
             driven = mend.jumps_in(clock, signals["drive"], segment)
@@ -407,6 +428,16 @@ def _mended(name: str, table: _Table) -> Bunch:
         if done.segment[-1] > 0:
             found.append(Finding("LOG020", "info", f"There are {done.segment[-1] + 1} segments."))
     return _bunch(name, table, done, _report(raw, found, [f for f in raw.findings if f.code not in _STAMPS]))
+
+
+def _without(
+    out: NDArray[np.bool_], clock: Array, signals: dict[str, Array], segment: NDArray[np.int64]
+) -> tuple[Array, dict[str, Array], NDArray[np.int64]]:
+    """The log without some rows; a new segment begins after each long run of them."""
+    rows = np.flatnonzero(~out)
+    segment = segment[rows] + np.cumsum(np.diff(rows, prepend=rows[0]) >= LONG_GAP)
+    kept = {k: v[rows] for k, v in signals.items()}
+    return clock[rows], kept, np.unique(segment, return_inverse=True)[1].astype(np.int64)
 
 
 def _motions(signals: dict[str, Array], units: Mapping[str, str]) -> tuple[dict[str, Array], list[Finding]]:

@@ -21,6 +21,9 @@ FEW_COUNTS = 50.0  # a range of fewer whole numbers is that of a mode or a switc
 MOST_JUMPS = 10  # of an encoder in one log, and one in 500 rows; more are no faults of it but its way of reading
 OUTSIDE = 10.0  # a jump leaves the steps around it by this multiple of any change between two others
 RESOLVED = 20.0  # steps across the range; a motion in fewer of them may jump by itself
+FROZEN_STEPS = 3  # steps of zero in a row, and steps on either side that tell that the axis was moving
+EVEN_SPEED = 0.5  # change among those, as a share of the smallest; from rest they are 1, 3, 5 or 3, 5, 7
+CAUGHT_UP = 2.5  # the step after the freeze is that of all its samples, 4 at constant speed
 BRAKED = 0.5  # s; an axis that stops sooner after its drive fell was braked, one that stops later coasted
 
 
@@ -163,6 +166,49 @@ def jumps_in(time: Array, position: Array, segment: NDArray[np.int64]) -> Array 
     out = np.zeros(position.size)
     out[found + 1] = steps[found] - made[found]
     return out
+
+
+def frozen(position: Array, segment: NDArray[np.int64]) -> tuple[NDArray[np.bool_], Finding | None]:
+    """Rows in which a moving axis is logged at one place and then catches up.
+
+    A bus that loses telegrams or a task that overruns repeats the last reading, or gives none (0). Inertia lets no axis
+    stop from full speed in one sample and go on at full speed in another. The first reading is sound unless the
+    position jumped to it.
+
+    >>> angle = 0.1 * np.arange(40.0)
+    >>> angle[20:26] = angle[20]
+    >>> np.flatnonzero(frozen(angle, np.zeros(40, dtype=np.int64))[0])
+    array([21, 22, 23, 24, 25])
+    """
+    step = np.diff(position)
+    still = np.diff(np.r_[0, ((step == 0) & (np.diff(segment) == 0)).astype(np.int8), 0])
+    first, last = np.flatnonzero(still == 1), np.flatnonzero(still == -1)  # steps first..last - 1 are zero
+    k = FROZEN_STEPS
+    inside = (last - first >= k) & (first > k) & (last + k < step.size)
+    out = np.zeros(position.size, dtype=bool)
+    begins = []
+    for a, b in zip(first[inside].tolist(), last[inside].tolist(), strict=True):
+        if np.ptp(segment[a - k - 1 : b + k + 2]):
+            continue
+        jumped = not _moving(step[a - k : a])
+        before, after = step[a - k - jumped : a - jumped], step[b + 1 : b + 1 + k]
+        most = CAUGHT_UP * max(np.abs(before).max(), np.abs(after).max())
+        leap = min(abs(step[b]), abs(step[a - 1]) if jumped else np.inf)
+        if _moving(before) and _moving(after) and leap > most:
+            out[(a if jumped else a + 1) : b + 1] = True
+            begins.append(a if jumped else a + 1)
+    if not begins:
+        return out, None
+    text = (
+        f"At row {begins[0]} a moving axis is logged at one place for several rows and then catches up ({len(begins)} "
+        f"time(s)): the log repeats an old reading. These {out.sum()} rows were left out and count as lost samples."
+    )
+    return out, finding("LOG024", "warning", np.array(begins), text, float(out.sum()))
+
+
+def _moving(step: Array) -> bool:
+    """Whether steps are those of a motion whose speed hardly changes."""
+    return bool(np.ptp(step) <= EVEN_SPEED * np.abs(step).min() and np.abs(step).min() > 0)
 
 
 def without_jumps(position: Array, jump: Array) -> tuple[Array, Finding]:

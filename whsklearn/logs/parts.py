@@ -26,6 +26,7 @@ _PARTS = {  # of a second, per second: ROS, and the timeval of C
     1_000_000_000: re.compile(r"(|.*[._/ ])(?:nsecs?|nanosecs?|nanoseconds?)"),
     1_000_000: re.compile(r"(|.*[._/ ])(?:usecs?|microsecs?|microseconds?)"),
 }
+_MILLISECONDS = re.compile(r"(?:ms|msecs?|millis(?:econds?)?|millisekunden|毫秒)")
 _VALUE = {"value", "val", "values", "varvalue", "wert", "reading"}
 _UNIT = {"unit", "units", "einheit"}
 _MOST_MOTORS = 64
@@ -64,6 +65,45 @@ def with_nanoseconds(source: Source) -> Source:
         units=source.units | dict.fromkeys(pairs, "ns"),
         notes=[*source.notes, *called],
     )
+
+
+def with_milliseconds(source: Source) -> Source:
+    """Times of the day in whole seconds completed by the column of milliseconds beside them, as controllers log them;
+    otherwise the source itself.
+
+    >>> table = {"Time": ["10:00:00", "10:00:00", "10:00:01"], "ms": [5, 505, 5], "q": [0.0, 0.1, 0.2]}
+    >>> rows = Source("a.csv", list(table), lambda wanted: {w: Column(np.array(table[w])) for w in wanted})
+    >>> whole = with_milliseconds(rows)
+    >>> whole.names, whole.fetch(["Time"])["Time"].values.tolist()
+    (['Time', 'q'], ['10:00:00.005', '10:00:00.505', '10:00:01.005'])
+    """
+    part = next((n for n in source.names if _MILLISECONDS.fullmatch(n.strip().lower())), None)
+    if part is None or not source.header:
+        return source
+    rest = [n for n in source.names if n != part]
+    try:
+        time = guess(Source(source.name, rest, source.fetch, units=source.units), "time")
+    except ColumnError:
+        return source
+    if time is None:
+        return source
+    read = source.fetch([time, part])
+    clock, after = read[time].values, read[part].values
+    text = clock.dtype.kind in "OUST" and len(clock) > 0 and re.fullmatch(r".*\d:\d\d", str(clock[0]).strip())
+    if not text or after.dtype.kind not in "fiu" or not np.all((after >= 0) & (after <= 999) & (after == after // 1)):
+        return source  # also where a row has none
+
+    def fetch(wanted: Sequence[str]) -> dict[str, Column]:
+        read = source.fetch([*wanted, *([part] if time in wanted else [])])
+        if time in wanted:
+            ms = read.pop(part).values
+            read[time] = read[time]._replace(
+                values=np.array([f"{t}.{m:03.0f}" for t, m in zip(read[time].values, ms, strict=True)])
+            )
+        return read
+
+    called = f"Column {time!r} is completed by {part!r}, parts of a second."
+    return replace(source, names=rest, fetch=fetch, notes=[*source.notes, called])
 
 
 def _nanoseconds(whole: NDArray[Any], part: NDArray[Any], each: int) -> NDArray[Any]:

@@ -29,6 +29,18 @@ WORDS: dict[str, tuple[str, ...]] = {
         "velocity", "vel", "speed", "omega", "geschwindigkeit", "drehzahl", "vitesse", "velocidad", "velocità", "qvel",
     ),
 }  # fmt: skip
+# Stems of languages that are written without blanks or inflect their nouns, and the word above that each stands for.
+_STEMS = {
+    "time": ("时间", "時間", "时刻", "時刻", "시간", "время"),
+    "torque": ("转矩", "轉矩", "扭矩", "力矩", "トルク", "토크", "момент"),
+    "current": ("电流", "電流", "전류"),
+    "voltage": ("电压", "電圧", "전압", "напряжени"),
+    "force": ("推力", "усили"),
+    "position": ("位置", "位移", "変位", "위치", "положени"),
+    "angle": ("角度", "转角", "각도", "угол"),
+    "velocity": ("速度", "转速", "轉速", "속도", "скорост"),
+    "reference": ("目标", "目標", "指令", "设定", "给定", "목표", "지령", "задан"),
+}  # fmt: skip
 _NOT_MEASURED = {
     *WORDS["reference"], *WORDS["velocity"], "command", "commanded", "cmd", "error", "acceleration", "acc", "limit",
     "lim",
@@ -72,7 +84,8 @@ def words_of(column: str) -> list[str]:
     spelled = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", column).lower()
     spelled = re.sub(r"(?<![a-z0-9])(i_?q|x_value)(?![a-z0-9])", lambda m: m[1].replace("_", ""), spelled)
     words = re.split(r"[^a-z0-9à-öø-ÿ]+", spelled)
-    return [re.sub(r"(?<=[a-z]{4})\d+$", "", w) for w in words if w]  # position0 is a position
+    foreign = [word for word, stems in _STEMS.items() if any(s in spelled for s in stems)]
+    return [re.sub(r"(?<=[a-z]{4})\d+$", "", w) for w in words if w] + foreign  # position0 is a position
 
 
 def _role_of_unit(source: Source, column: str) -> str | None:

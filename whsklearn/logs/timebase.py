@@ -134,6 +134,7 @@ def _dates(values: NDArray[Any], column: str) -> tuple[Array, tuple[Finding, ...
     if len(values) and hasattr(values[0], "isoformat"):
         return _from_first(pd.to_datetime(pd.Series(values), utc=True).dt.tz_localize(None).to_numpy()), ()
     text = pd.Series(values, dtype="string").str.strip().str.replace(",", ".", regex=False)
+    text = text.str.replace(r"(:\d\d):(\d{3}|\d{6})$", r"\1.\2", regex=True)  # 10:00:00:005, as LabVIEW and PLCs write
     attempts: tuple[dict[str, Any], ...] = ({"format": "ISO8601"}, {"format": "mixed", "dayfirst": True})
     sample = text.dropna().iloc[0] if text.notna().any() else ""
     if sample.count(":") >= 1 and "-" not in sample and "/" not in sample and sample.count(".") <= 1:
@@ -183,6 +184,14 @@ def in_order(time: Array, same_rows: NDArray[np.bool_], rows: NDArray[np.intp]) 
     step = np.diff(time)
     rising = step[step > 0]
     period = float(np.median(rising)) if rising.size else 0.0
+    if np.any(step < 0) and _one_run(time):
+        order = np.argsort(time)
+        text = (
+            f"{int(np.sum(step < 0))} rows have an earlier stamp than the row before; sorted, all are of one even run."
+        )
+        found.append(finding("LOG004", "warning", rows[np.flatnonzero(step < 0) + 1], text, float(np.sum(step < 0))))
+        time, rows, same_rows = time[order], rows[order], np.zeros_like(same_rows)
+        period = _period(time)
     time, found_coarse = _spread(time, same_rows, period)
     found += found_coarse
     time, rows, found_stray = _without_strays(time, rows, period)
@@ -214,6 +223,16 @@ def in_order(time: Array, same_rows: NDArray[np.bool_], rows: NDArray[np.intp]) 
     breaks = np.diff(time) >= LONG_GAP * _period(time)
     segment = np.r_[0, np.cumsum(breaks | starts[1:])].astype(np.int64)
     return Stamps(rows, time, segment, tuple(found))
+
+
+def _one_run(time: Array) -> bool:
+    """Whether the stamps, in any order, are those of one even run: rows that a database or parallel writers shuffled.
+
+    >>> _one_run(np.array([0.2, 0.0, 0.3, 0.1])), _one_run(np.array([0.0, 0.1, 0.2, 0.0, 0.1, 0.2]))
+    (True, False)
+    """
+    step = np.diff(np.sort(time))
+    return bool(np.all(np.abs(step - np.median(step)) <= ALLOWED_JITTER * np.median(step)) and step.min() > 0)
 
 
 def _period(time: Array) -> float:

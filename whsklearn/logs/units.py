@@ -18,31 +18,35 @@ OTHER_NAMES = {"input": "drive", "output": "position"}
 # Symbol -> factor to SI, SI symbol, other spellings. Radians count as SI. Separators and case do not matter:
 # N·m, N m and nm are one spelling. The pound's, ounce's and kilogram's forces are those of ISO 80000-4.
 _KNOWN: dict[str, tuple[float, str, tuple[str, ...]]] = {
-    "s": (1.0, "s", ("sec", "secs", "second", "seconds")),
-    "ms": (1e-3, "s", ("msec", "millis", "millisecond", "milliseconds")),
-    "us": (1e-6, "s", ("usec", "micros", "microsecond", "microseconds")),
+    "s": (1.0, "s", ("sec", "secs", "second", "seconds", "秒", "с", "сек", "초")),
+    "ms": (1e-3, "s", ("msec", "millis", "millisecond", "milliseconds", "毫秒", "ミリ秒", "мс")),
+    "us": (1e-6, "s", ("usec", "micros", "microsecond", "microseconds", "微秒", "мкс")),
     "ns": (1e-9, "s", ("nsec", "nanos", "nanosecond", "nanoseconds")),
     "min": (60.0, "s", ("mins", "minute", "minutes")), "h": (3600.0, "s", ("hr", "hrs", "hour", "hours")),
-    "rad": (1.0, "rad", ("radian", "radians")), "mrad": (1e-3, "rad", ()), "urad": (1e-6, "rad", ()),
-    "deg": (math.pi / 180, "rad", ("degree", "degrees", "°", "grad", "degré", "degrés", "grado", "grados", "gradi")),
+    "rad": (1.0, "rad", ("radian", "radians", "弧度", "ラジアン", "рад")), "mrad": (1e-3, "rad", ()),
+    "urad": (1e-6, "rad", ()),
+    "deg": (math.pi / 180, "rad", (
+        "degree", "degrees", "°", "grad", "degré", "degrés", "grado", "grados", "gradi", "度", "град", "도",
+    )),
+    "mdeg": (math.pi / 180e3, "rad", ()),
     "arcmin": (math.pi / 10800, "rad", ()), "arcsec": (math.pi / 648000, "rad", ()),
     "turns": (2 * math.pi, "rad", ("turn", "rev", "revs", "revolution", "revolutions")),
-    "m": (1.0, "m", ()), "cm": (1e-2, "m", ()), "mm": (1e-3, "m", ()), "um": (1e-6, "m", ()),
+    "m": (1.0, "m", ("米", "м")), "cm": (1e-2, "m", ()), "mm": (1e-3, "m", ("毫米", "мм")), "um": (1e-6, "m", ()),
     "inch": (0.0254, "m", ("inches",)),
     "counts": (1.0, "counts", (
         "count", "cnt", "cts", "tick", "ticks", "inc", "incs", "incr", "increment", "increments", "inkr", "inkrement",
         "inkremente", "pulse", "pulses", "qc",  # qc: quadrature counts of EPOS drives
     )),
-    "Nm": (1.0, "Nm", ()), "mNm": (1e-3, "Nm", ("nmm",)), "uNm": (1e-6, "Nm", ()), "kNm": (1e3, "Nm", ()),
+    "Nm": (1.0, "Nm", ("牛米", "нм")), "mNm": (1e-3, "Nm", ("nmm",)), "uNm": (1e-6, "Nm", ()), "kNm": (1e3, "Nm", ()),
     "Ncm": (1e-2, "Nm", ()), "kgf cm": (0.0980665, "Nm", ("kgcm",)), "gf cm": (9.80665e-5, "Nm", ("gcm",)),
     "lbf in": (0.1129848290276167, "Nm", ("lbin", "inlb", "inlbf")),
     "lbf ft": (1.3558179483314004, "Nm", ("lbft", "ftlb", "ftlbf")),
     "ozf in": (0.00706155181422604, "Nm", ("ozin", "inoz")),
-    "N": (1.0, "N", ()), "mN": (1e-3, "N", ()), "kN": (1e3, "N", ()),
+    "N": (1.0, "N", ("牛", "н")), "mN": (1e-3, "N", ()), "kN": (1e3, "N", ()),
     "kgf": (9.80665, "N", ()), "lbf": (4.4482216152605, "N", ()),
     "V": (1.0, "V", ("volt", "volts")), "mV": (1e-3, "V", ()),
-    "A": (1.0, "A", ("amp", "amps", "ampere", "amperes")), "mA": (1e-3, "A", ()),
-    "rpm": (math.pi / 30, "rad/s", ("turns/min", "1/min", "u/min", "min1")),
+    "A": (1.0, "A", ("amp", "amps", "ampere", "amperes", "安", "а")), "mA": (1e-3, "A", ()),
+    "rpm": (math.pi / 30, "rad/s", ("turns/min", "1/min", "u/min", "min1", "转/分", "об/мин")),
     "%": (1.0, "%", ("percent",)),
 }  # fmt: skip
 # Motion per second. A ratio of other units is another quantity: its unit is not known.
@@ -52,6 +56,7 @@ _KNOWN["turns/s"] = (*_KNOWN["turns/s"][:2], ("rps",))
 _PER_TURN = re.compile(r"(?:counts|ticks)/(\d+\.?\d*(?:e\+?\d+)?)")
 _MULTIPLE = re.compile(r"(\d*\.?\d+(?:e[+-]?\d+)?)\s*[·*]?\s*([^\d\s./].*)", re.IGNORECASE)
 _NANOMETRE = (1e-9, "m")  # "nm" for a position; for a drive, "nm" in column names means Nm
+_WIDE = str.maketrans("\uff08\uff09\uff3b\uff3d", "()[]")  # the brackets of Chinese and Japanese keyboards
 _TIMES = {"s", "ms", "us", "ns", "min", "h"}
 # At the end of a name, units only after one of _MARKS: torque_min is a minimum.
 _ONLY_MARKED = {"min", "h", "grad", "amp"}
@@ -83,12 +88,21 @@ def unit_of(column: str, default: str = UNKNOWN) -> str:
     ('Nm', 'counts', 'counts/s', 'as logged')
     >>> unit_of("Actual Current (0.01 A)"), unit_of("Position [0.001 deg]"), unit_of("angle (degrés)")
     ('0.01 A', '0.001 deg', 'deg')
+    >>> unit_of("motorTorqueNm"), unit_of("torque_mNm"), unit_of("speedRadPerS"), unit_of("电机转矩（牛·米）")
+    ('Nm', 'mNm', 'rad/s', 'Nm')
     """
+    joined = re.fullmatch(r"[a-z]{2,}(?:[A-Z][A-Za-z0-9]*)+", str(column))  # capitals divide its words
+    return _unit_of(re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", column) if joined else column, default)
+
+
+def _unit_of(column: str, default: str) -> str:
+    """`unit_of`, of a name in which capitals divide no words."""
     written = written_unit(column)
     if (symbol := symbol_of(written) or multiple_of(written)) is not None:
         return symbol
     text = str(column)
     if written:
+        text = text.translate(_WIDE)
         inside = _words(written)
         if symbol := _at_end(["", *inside]):
             return symbol
@@ -103,7 +117,7 @@ def unit_of(column: str, default: str = UNKNOWN) -> str:
 
 def _words(text: str) -> list[str]:
     """Words in lower case, with ``/`` as a word."""
-    return re.findall(r"[a-z0-9%°²³à-öø-ÿ]+|/", re.sub("[µμ]", "u", text.lower()))
+    return re.findall(r"[a-z0-9%°²³à-öø-ÿа-я]+|/", re.sub("[µμ]", "u", text.lower()))
 
 
 def _at_end(words: list[str]) -> str | None:
@@ -140,7 +154,7 @@ def written_unit(column: str) -> str:
     >>> written_unit("Torque [N·m]"), written_unit("torque_nm")
     ('N·m', '')
     """
-    bracket = re.search(r"[\[(<]\s*([^\])>]+?)\s*[\])>]\s*$", str(column).strip())
+    bracket = re.search(r"[\[(<]\s*([^\])>]+?)\s*[\])>]\s*$", str(column).translate(_WIDE).strip())
     return bracket[1] if bracket else ""
 
 
