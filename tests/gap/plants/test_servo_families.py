@@ -60,6 +60,17 @@ def test_no_weight_swings_about_a_slide():
     assert asked[0] - asked[1] == {"gravity_imbalance"}
 
 
+def test_a_dead_zone_behind_a_limit_leaves_some_of_the_drive():
+    record = ServoRecord.from_frame(make_servo_log(duration=12.0, random_state=0))
+    view, model = start_of(record, ("viscous", "coulomb"), 0.004)
+    limit, dead = (next(c for c in catalogue() if c.name == name) for name in ("saturation", "dead_zone"))
+    model = view.fit(model.with_term(ServoTerm(limit, (0.1 * view.scene.torque,))))
+    widths = [shapes[0][0] for shapes, _, _ in servo_families.limits(servo_families.Scene(view, model), dead)]
+    assert len(widths) > 3
+    for width in widths:
+        assert view.target(model.with_term(ServoTerm(dead, (width,))))[1] < 1e6
+
+
 def test_nothing_missing_is_significant_and_large():
     view, looks = looks_at([])
     assert not [k.name for k in looks if k.p_value <= 0.01 and k.size > 0.004 * view.scene.torque]

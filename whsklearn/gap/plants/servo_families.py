@@ -56,7 +56,7 @@ class Scene:
         if self.torque is None and beside is not None:
             self.torque = view.torque(beside)
         s = view.motion if self.torque is None else view.motion._replace(drive=self.torque)
-        self.signals, self.at = s, view.at
+        self.signals, self.at, self.drive = s, view.at, view.reaching(model)
         self.angle, self.speed = (x[:: view.every][view.at] for x in (s.position, s.velocity))
         self.time = view.time[:: view.every][view.at]
         self.sigma = CUTOFF_SIGMA / (2 * np.pi * view.cutoff)
@@ -66,9 +66,9 @@ class Scene:
         return self.view.term_columns(self.model, term, self.torque)[self.at][:, None, :]
 
     def transformed(self, changed: Array) -> tuple[Array, float]:
-        """The residual if ``changed`` reaches the axis, shape (n, 1, 1), and its share of the rms drive."""
-        lost = self.view.blur(self.view.record.drive - changed)[self.at]
-        before = self.view.drive[self.at]
+        """The residual if ``changed`` reaches the axis, shape (n, 1, 1), and its share of what does under the model."""
+        lost = self.view.blur(self.drive - changed)[self.at]
+        before = self.view.blur(self.drive)[self.at]
         return lost[:, None, None], self.view.rms(before - lost) / max(self.view.rms(before), 1e-300)
 
 
@@ -203,7 +203,7 @@ def couplings(scene: Scene, kind: Candidate) -> Blocks:
 
 def limits(scene: Scene, kind: Candidate) -> Blocks:
     """What a limit or a dead zone removes from the drive; enough must remain to fit the axis."""
-    u, signals = scene.view.record.drive, scene.view.motion
+    u, signals = scene.drive, scene.view.motion
     for width in np.geomspace(*kind.ranged(scene.view.scene)[0], N_LIMITS):
         changed = reaching(ServoTerm(kind, (float(width),)), u, signals, scene.view.scene.dt)
         flat = np.abs(np.diff(changed)) <= 1e-9 * np.abs(np.diff(u))
@@ -215,7 +215,7 @@ def limits(scene: Scene, kind: Candidate) -> Blocks:
 
 def ages(scene: Scene, kind: Candidate) -> Blocks:
     """The drive delayed by every age beyond bookkeeping."""
-    dt, u = scene.view.scene.dt, scene.view.record.drive
+    dt, u = scene.view.scene.dt, scene.drive
     book, _ = scene.transformed(later(k.INPUT_DELAY, u, rules.LATEST * dt, dt))
     for age in np.geomspace(rules.LATEST * dt, max(rules.OLDEST, 10 * rules.LATEST * dt), N_LIMITS):
         columns, share = scene.transformed(later(kind.code, u, age, dt))

@@ -222,14 +222,19 @@ class InverseView:
         A limit has no column: it removes the peaks of the drive and with them the residual of the model at the peaks.
         Residuals are therefore compared as shares of the drive that reaches the axis.
         """
-        u = self.record.drive
-        for t in model.terms:
-            if t.kind.transforms:
-                u = reaching(t, u, self.motion, self.scene.dt)
+        u = self.reaching(model)
         if u is self.record.drive:
             return self.drive.copy(), 1.0
         reaches = self.blur(u)
         return reaches, self.rms(self.drive[self.at]) / max(self.rms(reaches[self.at]), 1e-300)
+
+    def reaching(self, model: ServoHypothesis) -> Array:
+        """The logged drive behind the model's limits, dead zones and delays, at full rate."""
+        u = self.record.drive
+        for t in model.terms:
+            if t.kind.transforms:
+                u = reaching(t, u, self.motion, self.scene.dt)
+        return u
 
     def _sizes(
         self, x: Array, target: Array, positive: NDArray[np.bool_], away: Array | None
