@@ -133,14 +133,16 @@ def test_where_single_samples_are_noise_only_waves_are_looked_for():
     assert {k.signal for k in looks if not k.name} == {"position"}
 
 
-def test_a_family_of_waves_has_one_pitch():
+@pytest.mark.parametrize(("first", "pitch"), [(7.3, 7.3), (12.0, 1.0)])
+def test_a_family_of_waves_has_one_pitch(first, pitch):
     """Waves of any order beside each other would be the series of a bump at one place."""
     record = ServoRecord.from_frame(make_servo_log(duration=12.0, random_state=0))
     view, model = start_of(record, ("viscous", "coulomb"), 0.004)
     (kind,) = [c for c in catalogue() if c.name == "cogging"]
-    shapes = [o for part, _, _ in servo_families.orders(servo_families.Scene(view, model), kind, 7.3) for (o,) in part]
-    assert len(shapes) > 3
-    np.testing.assert_allclose(np.array(shapes) / 7.3, np.arange(1, len(shapes) + 1))
+    scene = servo_families.Scene(view, view.fit(model.with_term(ServoTerm(kind, (0.0, 0.0, first)))))
+    shapes = np.array([o for part, _, _ in servo_families.orders(scene, kind) for (o,) in part])
+    assert shapes.size > 3
+    np.testing.assert_allclose(shapes / pitch, np.round(shapes[0] / pitch) + np.arange(shapes.size))
 
 
 def test_a_further_wave_is_a_multiple_of_the_first_even_if_another_explains_more():

@@ -222,12 +222,15 @@ def ages(scene: Scene, kind: Candidate) -> Blocks:
         yield [(float(age),)], columns - book, share
 
 
-def orders(scene: Scene, kind: Candidate, pitch: float = 0.0) -> Blocks:
+def orders(scene: Scene, kind: Candidate) -> Blocks:
     """Whole orders of what turns, then all orders; the Gaussian damps a wave by exp(-(k v s)^2 / 2).
 
-    If a ``pitch`` is given, only its multiples.
+    Beside waves of this kind only further ones of the same pitch: whole ones beside whole ones, else multiples of the
+    first.  Waves of any order beside each other are the series of a function of the position, such as one bump on a
+    rail.
     """
     view = scene.view
+    present = [t.q[kind.linear] for t in scene.model.terms if t.kind == kind]
     low = kind.ranged(view.scene)[0][0]
     # the highest order that the filter passes in the share of the samples that a name must explain
     speed = max(float(np.quantile(np.abs(scene.speed), LEAST_SHARE)), 1e-9)
@@ -236,7 +239,11 @@ def orders(scene: Scene, kind: Candidate, pitch: float = 0.0) -> Blocks:
     values = np.arange(low, max(high, low + step), step)
     if view.record.units[1] == "rad":
         values = np.union1d(np.arange(np.ceil(low), high + 1), values)
-    values = np.arange(pitch, high + pitch, pitch) if pitch else values[values > 0.0]
+    if present and all(float(o).is_integer() for o in present):
+        values = values[values % 1.0 == 0.0]
+    elif present:
+        values = np.arange(present[0], high + present[0], present[0])
+    values = values[values > 0.0]
     if not kind.paired:
         for order in values:
             yield [(float(order),)], scene.columns(ServoTerm(kind, (0.0, float(order)))), 1.0
@@ -270,24 +277,17 @@ def tones(scene: Scene, kind: Candidate, tangent: Tangent) -> Blocks:
 
 
 def next_order(view: Any, model: ServoHypothesis, kind: Candidate) -> ServoHypothesis | None:
-    """The model with the best further order of a family: a whole one beside whole ones, else a multiple of the first.
-
-    Waves of any order beside each other are the series of a function of the position, such as one bump on a rail.
-    """
+    """The model with the best further order of a family."""
     scene = Scene(view, model)
     _, x, target, sizes, free = view.solved(model)
     x = stop.without_pushes(model, x)
     left = (target - x @ sizes)[view.at]
     tangent = Tangent(left, np.empty((0, left.size)), x[view.at][:, free], view.n_effective, stop.away(view, model))
-    present = [t.q[2] for t in model.terms if t.kind == kind]
-    whole = all(float(o).is_integer() for o in present)
     powers: dict[float, float] = {}
-    for shapes, columns, _ in orders(scene, kind, pitch=0.0 if whole else present[0]):
+    for shapes, columns, _ in orders(scene, kind):
         power = tangent.taken(family(scene, kind), columns)[0][:, 0]
         powers |= {o: float(p) for (o,), p in zip(shapes, power, strict=True)}
-    open_orders = [
-        o for o in powers if (o.is_integer() or not whole) and resolved(view, model, ServoTerm(kind, (0.0, 0.0, o)))
-    ]  # fmt: skip
+    open_orders = [o for o in powers if resolved(view, model, ServoTerm(kind, (0.0, 0.0, o)))]
     if not open_orders:
         return None
     best = max(open_orders, key=lambda o: powers[o])
