@@ -68,3 +68,15 @@ def test_records_that_find_no_room_are_an_error_with_the_files_name(tmp_path):
     with pytest.raises(OutputLost, match="out cannot be written"):
         out.settle()
     out.close()
+
+
+def test_a_reader_of_the_records_that_ended_is_no_full_disk(tmp_path):
+    out = Out(tmp_path / "out", None)
+    out.file.close()
+    read, write_end = os.pipe()
+    os.close(read)
+    out.file = os.fdopen(write_end, "wb", buffering=0)
+    out({"kind": "estimate"})
+    with pytest.raises(OutputLost, match="the program that reads the records has ended"):
+        out.settle()
+    out.close()

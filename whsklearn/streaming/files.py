@@ -141,7 +141,9 @@ class Out:
                 at += self.file.write(block[at:]) or 0
         except OSError as error:
             said = f"{self.path or 'stdout'} cannot be written ({error.strerror})"
-            raise OutputLost(f"{said}; free some space and start again, nothing is lost.") from None
+            gone = isinstance(error, BrokenPipeError)
+            remedy = "the program that reads the records has ended; start both" if gone else "free some space and start"
+            raise OutputLost(f"{said}; {remedy} again, nothing is lost.") from None
         self.written += len(block)
 
 
