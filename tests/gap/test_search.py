@@ -107,6 +107,18 @@ def test_all_that_is_missing_is_found_and_no_more(truth):
     assert sizes == pytest.approx(truth, rel=0.15)
 
 
+def test_a_look_is_compared_with_looks_and_not_with_what_a_polished_shape_explains():
+    """A play that was polished to no width kept a flexible coupling, which it then was, from being fitted."""
+    plant, rng = Columns({"a": 0.5}, names="ab"), np.random.default_rng(0)
+    plant.columns["b"] = plant.columns["a"] + 1e-3 * rng.standard_normal(N)
+    polished = dict(plant.columns)
+    plant.columns = {n: polished["a"] + far * rng.standard_normal(N) for n, far in (("a", 1.8), ("b", 2.6))}
+    looks = plant.looks(Regression(), rng)
+    plant.columns = polished
+    search = Search(plant, rng, alpha=0.01, max_effects=3)
+    assert {f.name for f in search.fitted(Regression(), looks)} == {"a", "b"}
+
+
 def test_what_two_columns_say_alike_is_ambiguous():
     found = run(Columns({"a": 0.5}))
     assert {found.taken[0].name, *found.taken[0].rivals} == {"a", "twin"}

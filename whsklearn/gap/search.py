@@ -245,7 +245,7 @@ class Search:
                 reason = "a function without a name explains more with as few numbers"
             reason = self.plant.objection(model, f.model) or reason
             if not reason:
-                strongest = max(strongest, size)
+                strongest = max(strongest, look.size)
             out.append(replace(f, reason=reason))
         return out
 
