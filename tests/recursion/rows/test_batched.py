@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from whsklearn import RLSRegressor
-from whsklearn.recursion.rows.batched import ABREAST, least_squares_of_many
+from whsklearn.recursion.rows.batched import least_squares_of_many
 from whsklearn.recursion.rows.covariance import covariance
+from whsklearn.recursion.rows.lanes import LANES
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +50,7 @@ def test_bad_input_is_refused(fleet, change, said):
         least_squares_of_many(**({"X": fleet[0], "y": fleet[1]} | change))
 
 
-@pytest.mark.parametrize("n_axes", [1, ABREAST - 1, ABREAST + 2])
+@pytest.mark.parametrize("n_axes", [1, LANES - 1, LANES + 2])
 def test_axes_abreast_are_those_by_themselves_to_the_bit(n_axes):
     rng = np.random.default_rng(1)
     X, y = rng.standard_normal((n_axes, 30, 4)), rng.standard_normal((n_axes, 30))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import os
 from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,9 +13,7 @@ from whsklearn._inputs import real_array
 from whsklearn._numba import njit, part
 from whsklearn.effects.base import Array
 from whsklearn.recursion.rows.covariance import WIND_UP
-
-ABREAST = 48  # axes processed together; their factors just fit into the fastest cache
-TOGETHER = 4  # samples that are rearranged at a time
+from whsklearn.recursion.rows.lanes import LANES, gather, put, take
 
 
 def least_squares_of_many(
@@ -64,61 +61,57 @@ def least_squares_of_many(
         raise ValueError(f"P0 is {P0!r} and forgetting {forgetting!r}; expected P0 > 0 and 0 < forgetting <= 1.")
     n_axes, _, n = X.shape
     theta, P = np.empty((n_axes, n)), np.empty((n_axes, n, n))
-    bunches = -(-n_axes // ABREAST)
+    bunches = -(-n_axes // LANES)
     threads = min(n_jobs or os.cpu_count() or 1, bunches)
-    bounds = np.minimum(ABREAST * np.linspace(0, bunches, threads + 1).astype(int), n_axes)
-    pieces = [slice(a, b) for a, b in itertools.pairwise(bounds)]  # numba releases the GIL in each
+    bounds = np.minimum(LANES * np.linspace(0, bunches, threads + 1).astype(int), n_axes).tolist()
+    missing = max(LANES - n_axes, 0)
+    rows, targets = (np.concatenate([z, np.zeros((missing, *z.shape[1:]))]) if missing else z for z in (X, y))
+
+    def run(piece: tuple[int, int]) -> None:  # numba releases the GIL in it
+        _run_axes(rows, targets, *piece, theta, P, float(P0), float(forgetting))
+
     with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(lambda s: _run_axes(X[s], y[s], theta[s], P[s], float(P0), float(forgetting)), pieces))
+        list(pool.map(run, itertools.pairwise(bounds)))
     # a NaN in any sample makes the estimate NaN, so the samples need not be checked beforehand
     if not np.isfinite(theta).all() and not (np.isfinite(X).all() and np.isfinite(y).all()):
         raise ValueError("X or y holds NaN or infinite values; remove such samples.")
     return theta, P
 
 
-class Abreast(NamedTuple):
-    """Axes that are processed together.  The axis is the last index, so that inner loops run over axes."""
-
-    theta: Array  # theta, gain (n, L): estimates and scratch space
-    x: Array  # x, e (TOGETHER, n, L), (TOGETHER, L): rows of regressors and targets, which become innovations
-    gain: Array
-    ud: Array  # (n (n + 1) / 2, L): the rows of `covariance` up to the diagonal, one after the other
-    e: Array
-    f: Array  # f, g, alpha, shift (L,): scratch
-    g: Array
-    alpha: Array
-    shift: Array
-
-
 @njit(cache=True, nogil=True, error_model="numpy")
-def _run_axes(X, y, theta, P, p0, forgetting):
-    """Process the axes in groups, each group through all of its samples; theta and P receive the result."""
+def _run_axes(X, y, begin, end, theta, P, p0, forgetting):
+    """Process axes ``begin`` to ``end`` in groups, each through all of its samples; theta and P receive the result.
+
+    X and y are contiguous and have at least LANES axes: a last group that is smaller starts earlier.
+    """
     n_axes, n_samples, n = X.shape
-    for first in range(0, n_axes, ABREAST):
-        lanes = min(ABREAST, n_axes - first)
-        size = n, lanes
-        a = Abreast(
-            np.zeros(size), np.empty((TOGETHER, n, lanes)), np.empty(size), np.zeros((n * (n + 1) // 2, lanes)),
-            np.empty((TOGETHER, lanes)), np.empty(lanes), np.empty(lanes), np.empty(lanes), np.empty(lanes),
-        )  # fmt: skip
+    rows, targets, one = X.reshape(X.size), y.reshape(y.size), np.ones(1)
+    estimate, gain, x = np.empty(n * LANES), np.empty(n * LANES), np.empty(n * LANES)
+    ud = np.empty((n * (n + 1) // 2, LANES))  # the rows of `covariance` up to the diagonal, one after the other
+    flat = ud.reshape(ud.size)
+    for first in range(begin, end, LANES):
+        group = min(first, n_axes - LANES)
+        estimate[:] = 0.0
+        ud[:] = 0.0
         for j in range(n):
-            a.ud[j * (j + 3) // 2] = p0
-        for begin in range(0, n_samples, TOGETHER):
-            count = min(TOGETHER, n_samples - begin)
-            for i in range(lanes):
-                rows, targets = X[first + i, begin : begin + count], y[first + i, begin : begin + count]
-                for t in range(count):
-                    a.e[t, i] = targets[t]
-                    for k in range(n):
-                        a.x[t, k, i] = rows[t, k]
-            for t in range(count):
-                if forgetting != 1.0:
-                    _inflate(a.ud, n, 1.0 / forgetting, WIND_UP * p0)
-                _update(a.theta, a.x[t], a.gain, a.ud, a.e[t], a.f, a.g, a.alpha, a.shift)
-        for i in range(lanes):
+            ud[j * (j + 3) // 2] = p0
+        for t in range(n_samples):
+            if forgetting != 1.0:
+                _inflate(ud, n, 1.0 / forgetting, WIND_UP * p0)
+            at = group * n_samples + t
+            alpha, e = gather(one, 0, 0), gather(targets, at, n_samples)
             for k in range(n):
-                theta[first + i, k] = a.theta[k, i]
-            _covariance(a.ud, i, P[first + i])
+                now = gather(rows, at * n + k, n_samples * n)
+                put(x, k, now)
+                e = e - now * take(estimate, k)
+            alpha = _update(flat, x, gain, alpha, n)
+            for k in range(n):
+                put(estimate, k, take(estimate, k) + take(gain, k) / alpha * e)
+        for axis in range(first, min(first + LANES, end)):
+            lane = axis - group
+            for k in range(n):
+                theta[axis, k] = estimate[k * LANES + lane]
+            _covariance(ud, lane, P[axis])
 
 
 @part
@@ -131,48 +124,32 @@ def _inflate(ud, n, factor, ceiling):
 
 
 @part
-def _update(theta, x, gain, ud, e, f, g, alpha, shift):
-    """Update every axis by one row: `covariance.measurement_update`, and theta += gain e.
+def _update(ud, x, gain, alpha, n):
+    """`covariance.measurement_update` of every axis by its row ``x`` with noise variance ``alpha``; returns the last.
 
-    These are the same operations in the same order, so the numbers are the same.  The fields of `Abreast` are passed
-    one by one: if they were read from the tuple in here, the compiler could not see that they do not move.
+    The operations and their order are the same, so the numbers are the same, but the division of the gain by the
+    variance that is returned is left to the caller.
     """
-    n, lanes = theta.shape
-    for k in range(n):
-        for i in range(lanes):
-            e[i] -= x[k, i] * theta[k, i]
-    for i in range(lanes):
-        alpha[i] = 1.0
     row = 0
     for j in range(n):
-        for i in range(lanes):
-            f[i] = x[j, i]
-        for k in range(0, j - 1, 2):  # two at a time, because starting a short inner loop costs as much as running it
-            for i in range(lanes):
-                f[i] = f[i] + ud[row + k, i] * x[k, i] + ud[row + k + 1, i] * x[k + 1, i]
+        f = take(x, j)
+        for k in range(0, j - 1, 2):  # two at a time: a turn of a loop costs as much as what is in it
+            f = f + take(ud, row + k) * take(x, k) + take(ud, row + k + 1) * take(x, k + 1)
         if j % 2:
-            for i in range(lanes):
-                f[i] += ud[row + j - 1, i] * x[j - 1, i]
-        for i in range(lanes):
-            d = ud[row + j, i]
-            now = d * f[i]
-            before = alpha[i]
-            after = before + f[i] * now
-            alpha[i] = after
-            ud[row + j, i] = d * (before / after)
-            gain[j, i] = now
-            g[i] = now
-            shift[i] = -f[i] / before
+            f = f + take(ud, row + j - 1) * take(x, j - 1)
+        d = take(ud, row + j)
+        g = d * f
+        before = alpha
+        alpha = before + f * g
+        put(ud, row + j, d * (before / alpha))
+        put(gain, j, g)
+        shift = -f / before
         for k in range(j):
-            for i in range(lanes):
-                u = ud[row + k, i]
-                old = gain[k, i]
-                ud[row + k, i] = u + shift[i] * old
-                gain[k, i] = old + g[i] * u
+            u, s = take(ud, row + k), take(gain, k)
+            put(ud, row + k, u + shift * s)
+            put(gain, k, s + g * u)
         row += j + 1
-    for k in range(n):
-        for i in range(lanes):
-            theta[k, i] += gain[k, i] / alpha[i] * e[i]
+    return alpha
 
 
 @part
