@@ -10,7 +10,8 @@ name and the joint that was hidden, the verdict's first name (its verdict beside
 where the verdict is "named", any second name.  Sizes are drawn where they matter, and nothing of what is drawn is told
 to the finder.  A limit is a rubber stop: its constraint in MuJoCo is made so soft that the force is a spring's and not
 the drive's.  With ``--numbers`` both records have nothing hidden and are identified: by how many standard errors do
-their numbers differ?
+their numbers differ?  With ``--evidence`` the same delays and lags are told apart by whoever knows MuJoCo's model:
+its inverse dynamics along the filtered positions, with its own friction, delayed or lagged by the best age.
 """
 
 from __future__ import annotations
@@ -23,9 +24,14 @@ from xml.etree import ElementTree as ET
 import click
 import mujoco
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from whsklearn import Arm
+from whsklearn.effects import codes
 from whsklearn.gap import GapFinder
+from whsklearn.gap.calibration import gain, n_effective, vuong
+from whsklearn.gap.plants.arm import arm_plant
+from whsklearn.gap.plants.arm_view import advance
 from whsklearn.identification import identify_arm
 
 RATE, FINE, DURATION, BAND = 500, 4, 20.0, 5.0  # Hz, steps of MuJoCo a sample, s, Hz of the controllers
@@ -194,8 +200,37 @@ def made(root: ET.Element) -> tuple[Arm, np.ndarray, np.ndarray, Any]:
     return Arm.from_file(text), np.diag(mass) * np.array([[w**2], [w**3 / 10], [2 * w]]), mass, model
 
 
-def two_records(kind: str, n: int, seed: int) -> tuple[Arm, Any, Any, int]:
-    """(a drawn arm, positions and drives of it, the same with one thing hidden along other sines, the joint)."""
+def evidence(kind: str, n: int, seed: int) -> None:
+    """What delay and lag leave of the drive beside the true model, and by how much and how surely one is better."""
+    arm, _, (q, u), joint, root = two_records(kind, n, seed)
+    plant = arm_plant(arm, (np.arange(len(q)) / RATE, q, u), law=None, tolerance=0.004)
+    plant.check()
+    view, model = plant.view, mujoco.MjModel.from_xml_string(ET.tostring(root, encoding="unicode"))
+    data, needed = mujoco.MjData(model), np.empty(len(q))
+    for t, (data.qpos[:], data.qvel[:], data.qacc[:]) in enumerate(zip(*view.moved, strict=True)):
+        mujoco.mj_inverse(model, data)
+        needed[t] = data.qfrc_inverse[joint]
+
+    def left(age: float, code: int) -> np.ndarray:
+        drive = needed + advance(code, needed, age, 1 / RATE)
+        return np.where(view.keep[:, joint], view.target[:, joint] - view.blur(drive[:, None])[:, 0], 0.0)
+
+    errors = []
+    for code in (codes.INPUT_DELAY, codes.ACTUATOR_LAG):
+        best = minimize_scalar(
+            lambda age, c=code: float(np.sum(left(age, c) ** 2)), bounds=(0.0, 0.03), method="bounded"
+        )
+        errors.append(left(best.x, code))
+    right, wrong = errors if kind == "delay" else errors[::-1]
+    powers = float(wrong @ wrong), float(right @ right)
+    shares = [100 * view.by_joint(np.outer(e, np.ones(n)))[joint] / view.drive_rms[joint] for e in errors]
+    lead, z = gain(*powers, n_effective(right)), vuong(wrong, right)
+    print(f"{seed} {n} {kind} at j{joint + 1}: a delay leaves {shares[0]:.3f} %, a lag {shares[1]:.3f} %; "
+          f"the right one leads by {lead:.0f}, {z:.1f} standard errors over blocks", flush=True)  # fmt: skip
+
+
+def two_records(kind: str, n: int, seed: int) -> tuple[Arm, Any, Any, int, ET.Element]:
+    """(a drawn arm, positions and drives of it, the same with one thing hidden along other sines, the joint, MJCF)."""
     rng = np.random.default_rng(seed)
     root = drawn(rng, n)
     arm, gains, mass, model = made(root)
@@ -217,12 +252,12 @@ def two_records(kind: str, n: int, seed: int) -> tuple[Arm, Any, Any, int]:
     q, u = record(root, path, gains, **changed)
     if not follows(q, path, kind):
         return two_records(kind, n, seed + REDRAWN)
-    return arm, before, (q, u), joint
+    return arm, before, (q, u), joint, root
 
 
 def case(kind: str, n: int, seed: int) -> dict[str, Any]:
     """One arm with one thing hidden: what the finder says."""
-    arm, before, (q, u), joint = two_records(kind, n, seed)
+    arm, before, (q, u), joint, _ = two_records(kind, n, seed)
     known = identify_arm(*before, dt=1 / RATE, robot=arm).model
     began = time.process_time()
     finder = GapFinder(known).fit((np.arange(len(q)) / RATE, q, u))
@@ -251,8 +286,9 @@ def case(kind: str, n: int, seed: int) -> dict[str, Any]:
 @click.option("--seed", default=7000, help="Of the first case.")
 @click.option("--joints", type=click.Choice(["3", "6"]), help="Only arms of so many.")
 @click.option("--kinds", default="", help="Only these, joined by commas.")
+@click.option("--evidence", "truth", is_flag=True, help="Of delays and lags: what the true model says.")
 @click.option("--numbers", "pairs", is_flag=True, help="Of the empties: how far the numbers of two records differ.")
-def main(cases: int, empties: int, seed: int, joints: str | None, kinds: str, pairs: bool) -> None:
+def main(cases: int, empties: int, seed: int, joints: str | None, kinds: str, truth: bool, pairs: bool) -> None:
     if pairs:
         z = np.concatenate([numbers(int(joints or 6), seed + i) for i in range(empties)])
         far = ", ".join(f"{100 * np.mean(np.abs(z) > k):.1f} % beyond {k}" for k in (2, 3, 5))
@@ -263,6 +299,10 @@ def main(cases: int, empties: int, seed: int, joints: str | None, kinds: str, pa
     outcomes: dict[str, Counter[str]] = {}
     for i, kind in enumerate(asked):
         n = int(joints) if joints else (3, 6)[(i // len(every)) % 2]
+        if truth:
+            if kind in ("delay", "lag"):
+                evidence(kind, n, seed + i)
+            continue
         row = case(kind, n, seed + i)
         outcomes.setdefault(kind or "nothing", Counter())[row["outcome"]] += 1
         share = ", ".join(f"{100 * x:.2f}" for x in row["figures"])

@@ -239,7 +239,7 @@ def of_arms(count: int, seeds: int, every: bool) -> None:
     for i in range(count):
         kind = list(ARM_CHANGES)[i % len(ARM_CHANGES)]
         n = (3, 6)[(i // len(ARM_CHANGES)) % 2]
-        arm, before, after, joint = two_records(kind, n, seeds + i)
+        arm, before, after, joint, _ = two_records(kind, n, seeds + i)
         began = time.process_time()
         found = compare_arms([ArmLog(RATE, *before), ArmLog(RATE, *after)], arm)
         first = found.changes[0].name if found.changes else ""

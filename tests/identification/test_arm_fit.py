@@ -11,6 +11,7 @@ from tests.lags.test_rigid_body import RATE, smooth_log
 from tests.systems.drawn_arms import drawn_arm
 from whsklearn.datasets import default_arm, make_arm_log
 from whsklearn.effects import CableSpring, Cogging, Coulomb, Viscous
+from whsklearn.filtering import motion
 from whsklearn.identification import identify_arm
 from whsklearn.identification.arm_fit import block_covariance, suspicions, swapped
 from whsklearn.lags import RigidBodyLags
@@ -64,6 +65,20 @@ def test_an_effect_that_is_not_in_the_model_is_missing_at_its_joint_alone():
     assert missing["pitch"] > 0.02 > 0.01 > missing["yaw"]
     with_it = identify_arm(q, torque, dt=DT, robot=ARM, effects={"pitch": [Cogging(0.1, 6.0)]})
     assert with_it.missing["pitch"] < 0.005
+
+
+def test_how_dry_friction_reverses_is_found_where_it_does_not_jump():
+    arm = dataclasses.replace(drawn_arm(3, 7, slides=0.0, branch=0.0, gravity=(0, 0, -9.81)), effects=())
+    q, torque = smooth_log(arm)
+    q += 1e-5 * np.random.default_rng(0).standard_normal(q.shape)
+    v, a = (np.column_stack([getattr(motion(x, RATE, 100.0), k) for x in q.T]) for k in ("velocity", "acceleration"))
+    dry = 5.0 * np.where([False, True, False], np.tanh((v + 0.01 * a) / 0.15), np.sign(v))
+    at_once, found = (identify_arm(q, torque + dry, dt=1.0 / RATE, robot=arm, **k) for k in ({"reversals": None}, {}))
+    speed, lead = found.model.reversals["j1"]
+    assert (speed, lead) == (pytest.approx(0.15, rel=0.15), pytest.approx(0.01, abs=0.001))
+    assert found.missing["j1"] < 0.3 * at_once.missing["j1"]
+    assert at_once.model.reversals == {}
+    assert found.model.parameters["j1.coulomb"] == pytest.approx(5.0, rel=0.01)
 
 
 def test_intervals_hold_the_spread_of_numbers_whose_errors_last():

@@ -154,6 +154,22 @@ def test_load_dependent_friction_is_a_column_of_its_joint():
     assert found == pytest.approx(0.1, rel=0.1)
 
 
+def test_dry_friction_reverses_over_a_speed_and_ahead_of_it():
+    q, torque = smooth_log(ARM)
+    v, a = (np.column_stack([getattr(motion(x, RATE, 100.0), k) for x in q.T]) for k in ("velocity", "acceleration"))
+    torque[:, 1] += 0.7 * np.tanh((v[:, 1] + 0.01 * a[:, 1]) / 0.2)
+    told = {}
+    for reversals in (None, {"j1": (0.2, 0.01)}):
+        lags = RigidBodyLags(ARM, sample_rate=RATE, cutoff=20.0, slow=0.0, reversals=reversals)
+        lags.set_params(effects={"j1": "load_friction"})  # as dry as Coulomb friction
+        phi, _, keep = lags.joint_rows(np.hstack([q, 0.0 * q]), torque)
+        told[reversals is None] = np.where(keep, phi[:, :, lags.base_.names.index("j1.coulomb")], 0.0)
+    np.testing.assert_allclose(told[True][:, [0, 2]], told[False][:, [0, 2]])
+    seen = lags._filtered(np.tanh((v[:, 1] + 0.01 * a[:, 1]) / 0.2))[lags._rows_of(len(q))]
+    np.testing.assert_allclose(told[False][:, 1], np.where(keep[:, 1], seen, 0.0), atol=1e-9)
+    assert np.abs(told[True] - told[False])[:, 1].max() > 0.1
+
+
 def test_weights_become_an_arm_again():
     q, torque = smooth_log(ARM)
     model = RLSRegressor(RigidBodyLags(ARM, sample_rate=RATE, cutoff=20.0)).fit(q, torque)

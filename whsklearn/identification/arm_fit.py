@@ -9,19 +9,21 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from scipy.optimize import minimize
 from sklearn.base import clone
 from threadpoolctl import threadpool_limits
 
 from whsklearn.effects import Coulomb, InputOffset, LoadFriction, Viscous
 from whsklearn.effects.base import Array
 from whsklearn.estimators.least_squares import RLSRegressor
-from whsklearn.lags.axis_rows import experiments
+from whsklearn.filtering import Motion, zero_phase
+from whsklearn.lags.axis_rows import DRY, experiments, stack_columns
 from whsklearn.lags.rigid_body import RigidBodyLags
 from whsklearn.models.arm import ArmModel
 from whsklearn.systems.arm import Arm
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
@@ -38,6 +40,10 @@ GROWS = 5.0
 SAME = 1e-9  # of the largest singular value: below it, columns are combinations of each other
 DIGITS = 4  # of the numbers of a model without standard errors
 ROUNDING = 1e-12  # of the largest eigenvalue of a correlation matrix
+# Range of the logarithm of the speed over which dry friction reverses, in a joint's rms speed, and largest lead (s):
+# MuJoCo's leads by 10 ms, and the memory of lubricated contacts reaches as far.
+REVERSES, LEADS = (np.log(0.003), np.log(0.5)), 0.03
+WIDTHS, N_LEADS, EVALUATIONS = (0.01, 0.05, 0.2), 11, 40  # where the search begins, and its steps
 BLOCKS = 10  # blocks of a record; every second one is held out, and then the others
 
 
@@ -100,10 +106,11 @@ def identify_arm(
     groups : array-like of shape (n,), optional
         Marks experiments, each filtered on its own.
     **settings
-        Of `RigidBodyLags`: ``law``, ``effects``, ``cutoff``, ``slow``.  If neither ``law`` nor ``effects`` is given,
-        friction that grows with the torque is added at the joints that show it, and friction along the sum or
-        difference of two neighbours that one gear turns: a payload found beside numbers without them would be charged
-        with them.
+        Of `RigidBodyLags`: ``law``, ``effects``, ``cutoff``, ``slow``, ``reversals``.  If neither ``law`` nor
+        ``effects`` is given, friction that grows with the torque is added at the joints that show it, and friction
+        along the sum or difference of two neighbours that one gear turns: a payload found beside numbers without them
+        would be charged with them.  Unless ``reversals`` are given, they are found where they predict the drive better
+        (`reversals_of`).
 
     Raises
     ------
@@ -122,6 +129,9 @@ def identify_arm(
     phi, target, keep = rows
     for text in (*suspicions(lags.arm_, q, torque), *swapped(lags, q, torque, rows, groups)):
         warnings.warn(text, UserWarning, stacklevel=3)
+    if "reversals" not in settings and (reversals := reversals_of(lags, q, torque, groups, rows)):
+        lags.set_params(reversals=reversals)
+        phi, target, keep = lags.joint_rows(q, torque, groups)
     weights = lags.weights_ = lags._weights(phi, target, keep)
     names = lags.base_.names
     predicted = lags._predicted(q, torque, fitted(phi, target, keep, weights)[0], groups)
@@ -136,13 +146,98 @@ def identify_arm(
         lags.interpret(theta, covariance), dict(zip(names, theta.tolist(), strict=True)), dt=dt,
         logged="position", standard_errors=errors, units={"input": "Nm", "output": "rad"}, covariance=covariance,
         unexplained={j: float(x) for j, x in zip(joints, missing * size, strict=True) if np.isfinite(x)},
-        varied=dict(zip(joints, target.std(axis=0).tolist(), strict=True)),
+        varied=dict(zip(joints, target.std(axis=0).tolist(), strict=True)), reversals=lags.reversals or {},
     )  # fmt: skip
     return ArmFit(
         model, lags, dict(zip(joints, missing.tolist(), strict=True)),
         {j: one_axis(lags, k, q, torque, groups) for k, j in enumerate(joints)}, nominal_numbers(lags),
         covariance, ages,
     )  # fmt: skip
+
+
+def reversals_of(
+    lags: RigidBodyLags, q: Array, torque: Array, groups: ArrayLike | None,
+    rows: tuple[Array, Array, NDArray[np.bool_]],
+) -> dict[str, tuple[float, float]]:  # fmt: skip
+    """How dry friction reverses at each joint where that predicts held-out blocks better: see `RigidBodyLags`.
+
+    The two numbers of a joint minimise its error on blocks that were not fitted.  They are kept if that lowers
+    Schwarz's criterion, n ln(error squared) + 2 ln n.  In MuJoCo, friction that reverses at once leaves two to ten
+    times the error at a wrist, and a delay is then not told from a lag, which the records do tell
+    (`python -m benchmarks.blind_arms --evidence`).
+    """
+    phi, target, keep = rows
+    weights, names, pieces = lags._weights(*rows), lags.base_.names, list(experiments(groups, len(q)))
+    predicted = lags._predicted(q, torque, fitted(phi, target, keep, weights)[0], groups)
+    phi = with_ages(phi, keep, lags._rate(predicted, groups))[0]
+    moved = Motion(*(np.concatenate(x) for x in zip(*(lags._moved(q[s]) for s in pieces), strict=True)))
+    drive = np.concatenate([zero_phase(torque[s], lags.sample_rate, lags._fine) for s in pieces])
+    clock, out, others = np.zeros(len(q)), {}, Others(phi, target, keep, weights)
+    for k, joint in enumerate(lags.arm_.joints):
+        terms = tuple(t for t in lags._axes[joint][1] if isinstance(t, DRY) and f"{joint}.{t.name}" in names)
+        n = int(keep[:, k].sum())
+        if not terms or n < 2 * phi.shape[2]:
+            continue
+        at, along = [names.index(f"{joint}.{t.name}") for t in terms], Motion(*(x[:, k] for x in moved))
+        speed, error = float(np.sqrt(np.mean(along.velocity**2))), others.at(k, at)
+
+        def seen(x: Array, along: Motion = along, terms: Any = terms, speed: float = speed, k: int = k) -> Array:
+            turning = (along.velocity + x[1] * along.acceleration) / (np.exp(x[0]) * speed)
+            columns = stack_columns(terms, along, drive[:, k], clock, turning)[:, 1:]
+            return np.concatenate([lags._filtered(columns[s])[lags._rows_of(s.stop - s.start)] for s in pieces])
+
+        def left(x: Array, error: Any = error, seen: Any = seen) -> float:
+            inside = REVERSES[0] <= x[0] <= REVERSES[1] and abs(x[1]) <= LEADS
+            return error(seen(x)) if inside else np.inf
+
+        leads = np.linspace(-0.5 * LEADS, 0.5 * LEADS, N_LEADS)
+        best = min((np.array([np.log(w), lead]) for w in WIDTHS for lead in leads), key=left)
+        simplex = best + np.array([[0.0, 0.0], [0.5, 0.0], [0.0, 0.1 * LEADS]])
+        found = minimize(left, best, method="Nelder-Mead", options={"maxfev": EVALUATIONS, "initial_simplex": simplex})
+        if n * np.log(error(phi[:, k, at]) / found.fun) > 2.0 * np.log(n):
+            out[joint] = float(np.exp(found.x[0]) * speed), float(found.x[1])
+    return out
+
+
+class Others:
+    """The columns of an arm beside which those of one joint are tried: the error there on blocks that were not fitted.
+
+    All columns are projected out by the square root of their normal equations, which are summed only once.
+    """
+
+    def __init__(self, phi: Array, target: Array, keep: NDArray[np.bool_], weights: Array):
+        block = np.arange(len(phi)) * BLOCKS // len(phi)
+        self.rows, self.y, self.keep, self.weights = phi * weights[:, None], target * weights, keep, weights
+        self.tests = [block % 2 == fold for fold in range(2)]
+        self.sums = []
+        for test in self.tests:
+            rows, y = (x[keep & ~test[:, None]] for x in (self.rows, self.y))
+            self.sums.append((rows.T @ rows, rows.T @ y))
+
+    def at(self, joint: int, columns: list[int]) -> Callable[[Array], float]:
+        """The squared error of a joint as a function of its columns (m, k) in place of these."""
+        others, use = np.delete(np.arange(self.rows.shape[2]), columns), self.keep[:, joint]
+        weight, folds = self.weights[joint], []
+        for test, (gram, cross) in zip(self.tests, self.sums, strict=True):
+            inner = gram[np.ix_(others, others)]
+            size = np.sqrt(np.maximum(np.diag(inner), 1e-300))
+            power, turned = np.linalg.eigh(inner / np.outer(size, size))
+            root = (turned / np.sqrt(np.where(power > ROUNDING * power[-1], power, np.inf))) / size[:, None]
+            fit, held = use & ~test, use & test
+            u, seen = (self.rows[x, joint][:, others] @ root for x in (fit, held))
+            known = root.T @ cross[others]
+            folds.append((fit, held, u, seen, self.y[fit, joint] - u @ known, self.y[held, joint] - seen @ known))
+
+        def error(columns: Array) -> float:
+            total, columns = 0.0, columns * weight
+            for fit, held, u, seen, left, rest in folds:
+                own = columns[fit]
+                inside = u.T @ own
+                sizes = np.linalg.lstsq(own.T @ own - inside.T @ inside, own.T @ left, rcond=SAME)[0]
+                total += float(np.sum((rest - (columns[held] - seen @ inside) @ sizes) ** 2))
+            return total
+
+        return error
 
 
 def enough_rows(lags: RigidBodyLags, keep: NDArray[np.bool_], n: int) -> None:
@@ -434,7 +529,9 @@ def one_axis(lags: RigidBodyLags, joint: int, q: Array, torque: Array, groups: A
     """`held_out` of one joint as a single axis, behind the same filter; NaN if it does not move."""
     arm = lags.arm_
     alone = Arm([arm.joints[joint]], [-1], [False], [np.eye(3)], [[0, 0, 0]], [[0, 0, 1]], gravity=(0, 0, 0))
-    own = RigidBodyLags(alone, lags.sample_rate, law=lags.law, cutoff=lags.cutoff_, slow=lags.slow)
+    own = RigidBodyLags(
+        alone, lags.sample_rate, law=lags.law, cutoff=lags.cutoff_, slow=lags.slow, reversals=lags.reversals
+    )
     try:
         rows = own.joint_rows(q[:, [joint]], torque[:, [joint]], groups)
     except ValueError:

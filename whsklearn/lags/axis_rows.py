@@ -10,12 +10,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from whsklearn.effects import Effect, FrictionLaw, as_law, get_effect
+from whsklearn.effects import Coulomb, Effect, FrictionLaw, LoadFriction, as_law, get_effect
 from whsklearn.effects.base import Array
 from whsklearn.filtering.records import Motion
 
 # Effects whose columns depend on the drive.
 DRIVEN = ("load_friction", "dead_zone", "saturation", "input_delay", "actuator_lag", "torque_ripple")
+# Friction whose columns jump with the sign of the velocity.
+DRY = (Coulomb, LoadFriction)
 
 
 def effect_terms(law: Any, effects: str | Iterable[str | Effect]) -> tuple[Effect, ...]:
@@ -52,10 +54,17 @@ def sized_effects(terms: tuple[Effect, ...], weights: Array) -> tuple[Effect, ..
     return tuple(found)
 
 
-def stack_columns(terms: tuple[Effect, ...], moved: Motion, drive: Array, time: Array) -> Array:
-    """Acceleration and every term's columns side by side."""
-    signals = SimpleNamespace(time=time, drive=drive, **moved._asdict())
-    return np.column_stack([moved.acceleration, *(t.columns(signals) for t in terms)])
+def stack_columns(
+    terms: tuple[Effect, ...], moved: Motion, drive: Array, time: Array, turning: Array | None = None
+) -> Array:
+    """Acceleration and every term's columns side by side.
+
+    ``turning`` (n,): the sign of dry friction is tanh of it; that of the velocity if not given.
+    """
+    signals = dry = SimpleNamespace(time=time, drive=drive, **moved._asdict())
+    if turning is not None:
+        dry = SimpleNamespace(**vars(signals) | {"velocity": turning, "kappa": 1.0})
+    return np.column_stack([moved.acceleration, *(t.columns(dry if isinstance(t, DRY) else signals) for t in terms)])
 
 
 class RowState(NamedTuple):

@@ -46,6 +46,7 @@ EDGE = 3
 # so that two laws of one robot keep the same parameters of its links.
 DRAWN = 200
 AT_ONCE = 128  # samples of links, or columns behind the filter: of all, each step would hold a copy (GB for 20 joints)
+ABRUPT = 1e-12, 0.0  # rad/s and s: a reversal at rest and at once
 NOISY = 5.0  # times the velocity's noise: a joint with a lower rms speed counts as not moving
 
 
@@ -96,6 +97,11 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         False is for whole records.  True is for streams; a row then holds the values from ``delay_`` samples earlier.
     degree : int, default=4
         Degree of the polynomial over the moving window of a stream.
+    reversals : mapping of str to (float, float), optional
+        For each axis, the speed s (rad/s) over which dry friction reverses, and the time T (s) by which it does so
+        ahead of the velocity v: its sign is tanh((v + T a) / s) with the acceleration a, or that of v for an axis that
+        is not listed.  Real friction lags (T < 0, the frictional memory of Armstrong-Helouvry et al. 1994); that of
+        MuJoCo leads by half of the time constant of its ``solreffriction``, 10 ms by default.
 
     Attributes
     ----------
@@ -152,6 +158,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         weights: ArrayLike | None = None,
         causal: bool = False,
         degree: int = 4,
+        reversals: Mapping[str, tuple[float, float]] | None = None,
     ):
         self.robot = robot
         self.sample_rate = sample_rate
@@ -162,6 +169,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         self.weights = weights
         self.causal = causal
         self.degree = degree
+        self.reversals = reversals
 
     @classmethod
     def of_arm(cls, arm: Arm, sample_rate: float, law: Any = None, **settings: Any) -> Self:
@@ -533,9 +541,18 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         for group in self._groups:
             d = np.array([self._axes[a][0] for a in group])
             along = Motion(*((x @ d.T).T.ravel() for x in moved))
-            stacked = stack_columns(self._axes[group[0]][1], along, (drive @ d.T).T.ravel(), np.tile(time, len(group)))
+            given = (drive @ d.T).T.ravel(), np.tile(time, len(group)), self._turning(group, along)
+            stacked = stack_columns(self._axes[group[0]][1], along, *given)
             each = stacked[:, 1:].reshape(len(group), length, -1)
             yield np.einsum("kj,ktw->tjkw", d, each).reshape(length, n, -1)
+
+    def _turning(self, axes: list[str], along: Motion) -> Array | None:
+        """Whose tanh is the sign of dry friction, for the motions along these axes one after the other."""
+        if not self.reversals:
+            return None
+        each = [self.reversals.get(axis, ABRUPT) for axis in axes]
+        speed, lead = np.repeat(each, along.velocity.size // len(axes), axis=0).T
+        return np.asarray((along.velocity + lead * along.acceleration) / speed)
 
     def _columns(self, moved: Motion, drive: Array, time: Array) -> Array:
         """The columns that are kept, (n, n_joints, n_columns); those of the links, without a memory, by parts."""

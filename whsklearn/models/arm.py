@@ -29,6 +29,8 @@ class ArmModel(IdentifiedModel):
         For each joint, the rms error of its drive on blocks of the record that were not fitted (Nm or N).
     varied : mapping of str to float, optional
         For each joint, the standard deviation of its drive in that record (Nm or N).
+    reversals : mapping of str to (float, float), optional
+        How dry friction reverses, as `RigidBodyLags` takes it.
 
     References
     ----------
@@ -50,6 +52,7 @@ class ArmModel(IdentifiedModel):
     covariance: Any = None
     unexplained: Mapping[str, float] = field(default_factory=dict)
     varied: Mapping[str, float] = field(default_factory=dict)
+    reversals: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def kind(self) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from sklearn.base import clone
 
 from whsklearn import RigidBodyLags
 from whsklearn.datasets import default_arm, make_arm_log
@@ -76,6 +77,21 @@ def test_inertia_along_two_joints_is_paid_for_by_both(plain):
     term = JointTerm(AtJoint(JointInertia, "yaw+pitch", (1.0, 1.0)), (0.5,))
     along = view.blur(0.5 * view.moved.acceleration.sum(axis=1))
     np.testing.assert_allclose(view.contribution(term), np.column_stack([along, along]))
+
+
+def test_dry_friction_reverses_in_columns_and_own_records_as_in_the_model(plain):
+    view, model = plain
+    how = (0.3, 0.02)
+    lags = clone(view.lags).set_params(reversals={"pitch": how}, cutoff=view.lags.cutoff_)
+    soft = ArmView(lags, view.record)
+    v, a = (x[:, 1] for x in (soft.moved.velocity, soft.moved.acceleration))
+    sign = np.tanh((v + how[1] * a) / how[0])
+    columns = soft.columns(kind_of("coulomb at pitch"), ()).ravel()
+    np.testing.assert_allclose(columns, soft.blur(sign[:, None])[:, 0], atol=1e-9)
+    size = model.numbers[view.lags.base_.names.index("pitch.coulomb")]
+    apart = soft.along(model, soft.moved) - view.along(model, view.moved)
+    np.testing.assert_allclose(apart[:, 1], size * (sign - np.sign(v)), atol=1e-6 * size)
+    np.testing.assert_allclose(apart[:, 0], 0.0, atol=1e-12)
 
 
 def test_own_records_of_a_complete_model_are_as_large_as_what_it_leaves(plain):

@@ -619,7 +619,7 @@ class ArmPlant(Plant):
             )
         arm, numbers = completed(self._physical(model), model.terms), self.numbers(model)
         return ArmModel(arm, {k: v for k, (v, _) in numbers.items()}, dt=self.view.dt, logged="position",
-                        units={"input": "Nm", "output": "rad"})  # fmt: skip
+                        units={"input": "Nm", "output": "rad"}, reversals=self.lags.reversals or {})  # fmt: skip
 
 
 def outermost(looks: list[Look], arm: Arm) -> list[Look]:
@@ -678,7 +678,7 @@ def arm_plant(model: Any, log: Any, *, law: str | None, tolerance: float) -> Arm
     """
     arm = model.arm if isinstance(model, ArmModel) else model
     record = record_of(log, arm)
-    lags = RigidBodyLags.of_arm(arm, 1.0 / record.dt, law)
+    lags = RigidBodyLags.of_arm(arm, 1.0 / record.dt, law, reversals=getattr(model, "reversals", None))
     if not isinstance(model, ArmModel):
         return ArmPlant(record, lags, model, tolerance)
     lags._settle()

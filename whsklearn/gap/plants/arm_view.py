@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.effects import Scales, codes
+from whsklearn.effects import Effect, Scales, codes
 from whsklearn.filtering import Motion, zero_phase
 from whsklearn.filtering.records import encoder_noise
 from whsklearn.gap.calibration import N_NULL, coloured, n_effective, null_rows, smoothed_power
@@ -27,6 +27,7 @@ from whsklearn.gap.record import MAD, Array, Segmented, rms
 from whsklearn.identification.arm_fit import SAME, Known, held_out
 from whsklearn.identification.drive_lead import OLDEST
 from whsklearn.identification.payload import MASS
+from whsklearn.lags.axis_rows import DRY
 from whsklearn.lags.rigid_body import RigidBodyLags
 from whsklearn.logs.lattice import lattice
 from whsklearn.systems._arm_kernels import N_BODY
@@ -143,7 +144,9 @@ class ArmView:
 
     def along_pieces(self, function: Callable[[ColumnSignals], Any], signals: ColumnSignals) -> Array:
         """A function of signals, such as an effect's columns; a memory in it begins anew at each segment."""
-        return np.asarray(self.record.by_piece(lambda *x: function(ColumnSignals(*x)), *signals[:5]))
+        kappa = signals.kappa
+        parts = self.record.by_piece(lambda *x: function(ColumnSignals(*x)._replace(kappa=kappa)), *signals[:5])
+        return np.asarray(parts)
 
     def flat_weight(self) -> Array:
         """Weight of every row, ordered by joint, then by instant; zero where the row does not count."""
@@ -174,6 +177,13 @@ class ArmView:
             self._signals[kind.direction] = found
         return found
 
+    def turned(self, effect: type[Effect], axis: str, signals: ColumnSignals) -> ColumnSignals:
+        """The signals with, for dry friction, the speed at which it reverses there: see `RigidBodyLags`."""
+        if not issubclass(effect, DRY):
+            return signals
+        turning = self.lags._turning([axis], Motion(signals.position, signals.velocity, signals.acceleration))
+        return signals if turning is None else signals._replace(velocity=turning, kappa=1.0)
+
     # -- columns ------------------------------------------------------------------------------
     def columns(self, kind: AtJoint, shape: tuple[float, ...]) -> Array:
         """Columns of an effect at its shape, on its rows: (rows, linear), or (rows, 1) if it transforms the drive."""
@@ -194,7 +204,8 @@ class ArmView:
             along = self.lost(kind, shape)[:, None]
         else:
             assert kind.catalogued is not None
-            along = self.along_pieces(partial(kind.catalogued.unit_columns, shape), self.signals(kind))
+            signals = self.turned(kind.cls, kind.joint, self.signals(kind))
+            along = self.along_pieces(partial(kind.catalogued.unit_columns, shape), signals)
         seen = self.blur(along)
         if kind.index is not None:
             return seen
@@ -365,7 +376,8 @@ class ArmView:
         for k, (name, effects) in enumerate({**dict(zip(arm.joints, arm.effects, strict=True)), **arm.sums}.items()):
             d = arm._every_direction()[k]
             s = self.signals(AtJoint(JointInertia, name, tuple(d)), moved, self.torque)
-            out += np.outer(sum((self.along_pieces(e.contribution, s) for e in effects), np.zeros(len(out))), d)
+            each = (self.along_pieces(e.contribution, self.turned(type(e), name, s)) for e in effects)
+            out += np.outer(sum(each, np.zeros(len(out))), d)
         for t in model.terms:
             d = np.array(t.kind.direction)
             if t.kind.cls is Load:
@@ -378,7 +390,8 @@ class ArmView:
             elif t.kind.cls is JointInertia:
                 out += t.q[0] * (moved.acceleration @ d)[:, None] * d
             elif t.kind.catalogued is not None and not t.kind.transforms:
-                out += self.along_pieces(t.effect.contribution, self.signals(t.kind, moved))[:, None] * d
+                s = self.turned(t.kind.cls, t.joint, self.signals(t.kind, moved))
+                out += self.along_pieces(t.effect.contribution, s)[:, None] * d
         return np.asarray(out)
 
     def read(self, path: Array, rng: np.random.Generator) -> Array:
