@@ -121,7 +121,7 @@ def test_columns_may_be_named_and_drives_be_currents(folder):
 def test_what_is_wrong_is_told_in_one_sentence(folder, log, more, said):
     out, _ = folder
     done = run(identify, out / log, "--robot", out / "arm.xml", "--out", out / "no", "--no-track", *more)
-    assert done.exit_code != 0
+    assert done.exit_code == 2
     assert said in " ".join(done.output.split())
     assert "Traceback" not in done.output
 
@@ -176,7 +176,7 @@ def test_a_robot_whose_joints_are_bound_is_refused_in_one_sentence(folder, tmp_p
     text = (out / "arm.xml").read_text().replace("</mujoco>", f"{inner}</mujoco>")
     (tmp_path / "bound.xml").write_text(text)
     done = run(identify, out / "arm.csv", "--robot", tmp_path / "bound.xml", "--out", tmp_path, "--no-track")
-    assert done.exit_code != 0
+    assert done.exit_code == 2
     assert " ".join(done.output.split()).count(said) == 1
     assert "Traceback" not in done.output
     assert not (tmp_path / "model.json").exists()
@@ -301,7 +301,7 @@ def test_gap_refuses_columns_in_another_order_and_tells_the_right_one(folder):
 def test_gap_refuses_half_a_load_in_a_sentence(folder):
     out, _ = folder
     done = run(gap, out / "arm.csv", "--robot", out / "arm.xml", "--load", "2.8", "--report", out / "g", "--no-track")
-    assert done.exit_code != 0
+    assert done.exit_code == 2
     assert "give the log with it as --loaded" in " ".join(done.output.split())
     done = run(
         gap, out / "arm.csv", "--robot", out / "arm.xml", "--gains", "hip:1", "--report", out / "g", "--no-track"

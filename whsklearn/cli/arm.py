@@ -16,7 +16,7 @@ from whsklearn.cli.arm_log import checked_gains, columns_of, gains_of, note_lock
 from whsklearn.cli.job import say_where, table, tracker_for, wrapped, writable_file, writable_folder
 from whsklearn.cli.options import given
 from whsklearn.cli.records import long_segments, note
-from whsklearn.logs.errors import LogError
+from whsklearn.logs.errors import ColumnError, LogError
 
 if TYPE_CHECKING:
     from sklearn.utils import Bunch
@@ -50,7 +50,7 @@ def gap_log(options: dict[str, Any]) -> Bunch:
     arm = robot_of(options)
     note_locked(options, arm)
     if options["load"] and not options["loaded"]:
-        raise ValueError("--load is the mass of a known load; give the log with it as --loaded.")
+        raise ColumnError("--load is the mass of a known load; give the log with it as --loaded.")
     if options["load"]:
         options["gains"] = gains_by_load(options, arm)
         note(f"Gains by the known load: {options['gains']}")
@@ -76,7 +76,7 @@ def gains_by_load(options: dict[str, Any], arm: Arm) -> str:
     try:
         numbers = body_numbers(float(mass), [float(x) for x in (place or "0,0,0").split(",")], np.zeros((3, 3)))
     except ValueError:
-        raise ValueError(
+        raise ColumnError(
             f"--load is {options['load']!r}; expected KG or KG:X,Y,Z, such as 2.8 or 2.8:0,0,0.1."
         ) from None
     raw = options | {"gains": ";".join(f"{j}:1" for j in arm.joints)}
@@ -171,7 +171,7 @@ def arm_stream(options: Mapping[str, Any]) -> ArmStream:
         raise ValueError(f"{path} is a model of kind {known.kind}, expected one of an arm, as `identify` writes it.")
     arm, dt = known.arm, known.dt
     if source == "-" and not options["joints"]:
-        raise ValueError('Lines on stdin have no column names; give them with --joints "NAME:POSITION,DRIVE;...".')
+        raise ColumnError('Lines on stdin have no column names; give them with --joints "NAME:POSITION,DRIVE;...".')
     clock = factor_between(unit_of(time), "s") if time else 1.0
     names: list[str] = []
     if source != "-":

@@ -247,10 +247,17 @@ def read_arm(path: str, options: Mapping[str, Any], arm: Arm) -> Bunch:
 
 
 def robot_of(options: Mapping[str, Any]) -> Arm:
-    """The robot, reduced to the joints that ``--joints`` names if it is given."""
+    """The robot, reduced to the joints that ``--joints`` names if it is given.
+
+    Raises ColumnError, as for any other wrong option, if the file cannot be read or has not these joints.
+    """
     from whsklearn.models import as_arm
 
-    return as_arm(options["robot"], list(joint_columns(options["joints"])) if options.get("joints") else None)
+    joints = list(joint_columns(options["joints"])) if options.get("joints") else None
+    try:
+        return as_arm(options["robot"], joints)
+    except ValueError as error:
+        raise ColumnError(str(error)) from error
 
 
 def note_locked(options: Mapping[str, Any], arm: Arm) -> None:
