@@ -90,7 +90,8 @@ class Backlash(TransmissionEffect):
     """Play between motor and load; the contact is stiff and damped, and can only push.
 
     T_c = k (d - clip(d, -b/2, b/2)) + c dd/dt (Nm) in contact, d = q_m - q_l; k and c follow from the frequency
-    and the damping ratio of the two inertias in contact.
+    and the damping ratio of the two inertias in contact.  Dry friction of the load, F_l sign(v_l), brakes it while the
+    play is crossed.
 
     See Also
     --------
@@ -101,16 +102,17 @@ class Backlash(TransmissionEffect):
     Examples
     --------
     >>> Backlash(0.002).labelled()
-    {'gap_rad': 0.002, 'load_share': 0.5, 'frequency_hz': 60.0, 'damping_ratio': 0.3}
+    {'gap_rad': 0.002, 'load_share': 0.5, 'frequency_hz': 60.0, 'damping_ratio': 0.3, 'load_coulomb_nm': 0.0}
     """
 
     gap: float = number(2e-3, "rad", 1e-5, 0.5, log=True, span=(1e-5, 0.5), starts=(1e-3, 3e-3, 1e-2, 3e-2))
     load_share: float = number(0.5, "1", 0.05, 0.95, starts=(0.45,))
     frequency: float = number(60.0, "Hz", 5.0, 1e3, log=True, scale="resonance", span=(0.1, 1.0), starts=(0.6,))
     damping_ratio: float = number(0.3, "1", 0.01, 1.5, starts=(0.15,))
+    load_coulomb: float = number(0.0, "Nm", 0.0, 1e3, starts=(0.0,))
 
     name = "backlash"
-    equation = "T_c = k (d - clip(d, -b/2, b/2)) + c dd/dt in contact, d = q_m - q_l"
+    equation = "T_c = k (d - clip(d, -b/2, b/2)) + c dd/dt in contact, d = q_m - q_l; J_l dv_l/dt = T_c - F_l sign(v_l)"
     signature = "after a reversal the drive moves the motor alone until an impact"
     needs = "reversals under load"
     reference = "Nordin, Gutman 2002, Automatica 38(10), 1633-1649"

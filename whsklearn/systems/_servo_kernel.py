@@ -317,6 +317,7 @@ def body_of(plant):
                 share = plant.p[i, 1]
             if code == codes.BACKLASH:
                 gap += plant.p[i, 0]
+                dry += plant.p[i, 4]
                 if frequency == 0.0:
                     frequency, contact_ratio = plant.p[i, 2], plant.p[i, 3]
             else:

@@ -171,6 +171,15 @@ def test_a_small_play_is_found():
     assert GapFinder("servo").fit(log).effects_[0].name == "backlash"
 
 
+def test_a_play_is_found_before_a_load_that_rubs():
+    hidden = Backlash(0.01, 0.5, 60.0, 0.3, load_coulomb=0.08)
+    log = make_servo_log([hidden], duration=20.0, random_state=2)
+    found = GapFinder("servo").fit(log).effects_[0]
+    assert found.name == "backlash"
+    assert found.effect.gap == pytest.approx(hidden.gap, rel=0.2)
+    assert found.effect.load_coulomb == pytest.approx(hidden.load_coulomb, rel=0.3)
+
+
 def test_a_hardening_spring_is_found_wherever_the_encoder_counts_from():
     log = make_servo_log([HardeningSpring(0.15, 0.6)], duration=12.0, random_state=2)
     for zero in (0.0, 5.0):

@@ -31,11 +31,27 @@ def test_a_stiff_spring_carries_its_load_along_however_it_is_damped(damping):
     assert np.sqrt(np.mean(a**2)) == pytest.approx(49 / np.sqrt(2), rel=0.5)
 
 
+def test_a_contact_pushes_a_load_against_its_friction_and_not_while_the_play_is_crossed():
+    motor = TIME, np.ones(TIME.size)
+    push = two_mass.contact_acceleration(*motor, 0.5, 300.0, 0.3, 2.0, DT, 16)
+    assert not push[: int(0.2 / DT)].any(), "the motor is a quarter of a radian away"
+    assert push[2000:].mean() == pytest.approx(2.0, rel=0.01)
+
+
+def test_the_friction_of_a_load_keeps_its_size_when_the_inertia_is_split_anew():
+    model = ServoHypothesis(0.05, 0.0, (), SCENE)
+    model = model.with_term(two_mass.start(model, candidate("backlash"), 0.004, 60.0, 0.2, 0.1))
+    slowed = two_mass.contact(model, model.terms[0])[3]
+    other = two_mass.with_sizes(view(), model, np.array([0.02, 0.06, 0.0]))
+    assert two_mass.contact(other, other.terms[0])[3] == pytest.approx(slowed)
+    assert other.terms[0].q[4] == pytest.approx(0.06 * slowed)
+
+
 def test_the_steps_of_a_coupling_go_by_the_fastest_that_a_record_shows():
     def steps(resonance):
         scene = Scales(dt=0.02, resonance=resonance)
         return ServoHypothesis(
-            0.05, 0.0, (ServoTerm(candidate("backlash"), (0.01, 0.5, 8.0, 0.1)),), scene
+            0.05, 0.0, (ServoTerm(candidate("backlash"), (0.01, 0.5, 8.0, 0.1, 0.0)),), scene
         ).longest_step
 
     assert steps(90.0) == pytest.approx(1.25e-4, rel=0.01)

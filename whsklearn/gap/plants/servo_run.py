@@ -230,7 +230,7 @@ def _variants(view: ObserverView, q: tuple[float, ...]) -> list[tuple[float, ...
     top = view.scene.resonance
     loads = ((0.3, 0.7 * top), (0.5, 0.9 * top))
     # within a factor of 1.4 of the gap the fit ends in it; from 1 and 2 alone, rounding decided
-    return [(q[0] * g, share, hz, q[3]) for g in (0.5, 0.7, 1.0, 1.4, 2.0) for share, hz in loads]
+    return [(q[0] * g, share, hz, *q[3:]) for g in (0.5, 0.7, 1.0, 1.4, 2.0) for share, hz in loads]
 
 
 WINDOWS = (0.08, 0.04, 0.02, 0.01, 0.005)  # s, of the smoother that gives the start of a run

@@ -31,8 +31,11 @@ TURNS = (
 
 
 @njit(cache=True, nogil=True)
-def load_acceleration(position, velocity, gap, w, zeta, dt, substeps):
-    """Acceleration of a load that is connected to a measured motor by a spring with play, shape (n,)."""
+def contact_acceleration(position, velocity, gap, w, zeta, slowed, dt, substeps):
+    """What the contact gives a load that a measured motor drives through a spring with play, shape (n,).
+
+    Dry friction takes ``slowed`` (rad/s2) from it.
+    """
     n = position.size
     out = np.empty(n)
     q, v = position[0], velocity[0]
@@ -53,21 +56,25 @@ def load_acceleration(position, velocity, gap, w, zeta, dt, substeps):
                 if a * twist < 0.0:
                     a = 0.0
             v += h * a
+            v = math.copysign(max(abs(v) - h * slowed, 0.0), v)
             q += h * v
             mean += a
         out[i] = mean / substeps
     return out
 
 
-def contact(model: ServoHypothesis, t: ServoTerm) -> tuple[float, float, float]:
-    """(play, antiresonance w in rad/s, its damping ratio) of a term: the load on its spring with the motor held."""
+def contact(model: ServoHypothesis, t: ServoTerm) -> tuple[float, float, float, float]:
+    """(play, antiresonance w in rad/s, its damping ratio) of a term: the load on its spring with the motor held.
+
+    The fourth number is what dry friction takes from the load's speed (rad/s2).
+    """
     if t.kind.code == k.BACKLASH:
-        gap, share, hz, zeta = t.q[:4]
+        gap, share, hz, zeta, dry = t.q
         w = 2 * np.pi * hz * np.sqrt(1 - share)
-        return gap, w, zeta * np.sqrt(1 - share)
+        return gap, w, zeta * np.sqrt(1 - share), dry / (model.inertia * share)
     compliance, share, zeta = t.q[:3]
     w = np.sqrt(1.0 / (compliance * model.inertia * share))
-    return 0.0, w, zeta * np.sqrt(1 - share)
+    return 0.0, w, zeta * np.sqrt(1 - share), 0.0
 
 
 def from_load(view: Any, t: ServoTerm, torque: Array | None) -> Array:
@@ -84,10 +91,10 @@ def columns(view: Any, model: ServoHypothesis, t: ServoTerm, torque: Array | Non
     """Acceleration of the load behind the view's Gaussian, shape (n, 1)."""
     if t.kind.on_load:
         return from_load(view, t, torque)
-    gap, w, zeta = contact(model, t)
+    gap, w, zeta, slowed = contact(model, t)
     dt = view.scene.dt
     substeps = max(1, math.ceil(w * dt * max(STEPS, 2 * STEPS * zeta) / (2 * np.pi)))
-    a = load_acceleration(view.motion.position, view.motion.velocity, gap, w, zeta, dt, substeps)
+    a = contact_acceleration(view.motion.position, view.motion.velocity, gap, w, zeta, slowed, dt, substeps)
     return view.blur(a)[:, None]
 
 
@@ -126,14 +133,14 @@ def with_sizes(view: Any, model: ServoHypothesis, solved: Array) -> ServoHypothe
         elif t.kind.code in BOTH:
             load = max(float(solved[i]), 1e-3 * motor)
             i += 1
-            gap, w, zeta = contact(model, t)
+            gap, w, zeta, slowed = contact(model, t)
             low, high = t.kind.ranged(view.scene)[t.kind.fields.index("load_share")]
             # just inside its range, because a fit along the run does not leave a limit
             share = float(np.clip(load / (motor + load), low + INSIDE, high - INSIDE))
             held = zeta / np.sqrt(1 - share)
             q: tuple[float, ...]
             if t.kind.code == k.BACKLASH:
-                q = (gap, share, float(w / (2 * np.pi) / np.sqrt(1 - share)), float(held))
+                q = (gap, share, float(w / (2 * np.pi) / np.sqrt(1 - share)), float(held), slowed * load)
             else:
                 q = (float(1.0 / ((motor + load) * share * w * w)), share, float(held))
             terms.append(dataclasses.replace(t, q=q))
@@ -144,10 +151,10 @@ def with_sizes(view: Any, model: ServoHypothesis, solved: Array) -> ServoHypothe
     return dataclasses.replace(model, inertia=motor + load, timing=timing, terms=tuple(terms))
 
 
-def start(model: ServoHypothesis, kind: Any, gap: float, hz: float, zeta: float) -> ServoTerm:
-    """A term of the kind with this antiresonance and half of the inertia behind it."""
+def start(model: ServoHypothesis, kind: Any, gap: float, hz: float, zeta: float, dry: float = 0.0) -> ServoTerm:
+    """A term of the kind with this antiresonance, half of the inertia and a dry friction behind it."""
     share, w = 0.5, 2 * np.pi * hz
     held = zeta / np.sqrt(1 - share)
     if kind.code == k.BACKLASH:
-        return ServoTerm(kind, (gap, share, hz / np.sqrt(1 - share), held))
+        return ServoTerm(kind, (gap, share, hz / np.sqrt(1 - share), held, dry))
     return ServoTerm(kind, (1.0 / (model.inertia * share * w * w), share, held))
