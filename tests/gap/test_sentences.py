@@ -43,6 +43,15 @@ def test_a_name_comes_with_size_and_with_what_cannot_be_told_from_it():
     assert "90 %" in text
 
 
+def test_an_open_name_does_not_put_a_certain_one_in_doubt():
+    text = summary(diagnosis("ambiguous", [effect("cogging"), effect("input_offset", ["cable_spring"])]), PLANT)
+    assert "Consistent with cogging (size 0.5 Nm). More is missing" in text
+    assert "cannot tell which: input offset or cable spring. " in text
+    text = summary(diagnosis("ambiguous", [effect("input_offset", ["cable_spring"])]), PLANT)
+    assert "Something is missing" in text
+    assert "Consistent" not in text
+
+
 def test_a_coarse_reading_is_not_said_to_close_a_gap():
     text = summary(diagnosis(effects=[effect("quantization")], figures=(0.02, 0.02, 0.019), closure=0.0), PLANT)
     assert "quantization" in text

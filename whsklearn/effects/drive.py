@@ -175,7 +175,7 @@ class TorqueRipple(DriveEffect):
     """
 
     amplitude: float = number(0.03, "1", 1e-4, 0.3, log=True)
-    order: float = number(6.0, "1", 0.8, 256.0, scan="position")
+    order: float = number(6.0, "1", 0.8, 256.0, scan="position", open_below=True)
     phase: float = number(0.0, "rad", -math.pi, math.pi)
 
     name = "torque_ripple"

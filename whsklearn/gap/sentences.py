@@ -85,14 +85,16 @@ def summary(d: Any, plant: Any) -> str:
     )
     if before == after:  # a coarse reading: it is in the record, not in the model's run
         left = "That is all the noise there is: nothing else is missing that this record could show."
-    if d.verdict == "named":
-        parts = [f"{spoken(e.label)} ({numbers(e)})" for e in d.effects]
+    if d.verdict in ("named", "ambiguous"):
+        open_ones = [e for e in d.effects if e.aliases and d.verdict == "ambiguous"]
+        parts = [f"{spoken(e.label)} ({numbers(e)})" for e in d.effects if e not in open_ones]
+        said = opening + (f"Consistent with {' and '.join(parts)}. " if parts else "")
+        if open_ones:
+            groups = "; ".join(article_list([e.label, *e.aliases]).replace(" and ", " or ") for e in open_ones)
+            what = "More" if parts else "Something"
+            return f"{said}{what} is missing, and this record cannot tell which: {groups}. {left}"
         alias = sorted({a for e in d.effects for a in e.aliases})
-        tail = f" No such record can distinguish it from {article_list(alias)}." if alias else ""
-        return opening + "Consistent with " + " and ".join(parts) + ". " + left + tail
-    if d.verdict == "ambiguous":
-        groups = [article_list([e.label, *e.aliases]).replace(" and ", " or ") for e in d.effects]
-        return opening + "Something is missing, and this record cannot tell which: " + "; ".join(groups) + ". " + left
+        return said + left + (f" No such record can distinguish it from {article_list(alias)}." if alias else "")
     if d.verdict == "partial":
         names, more = article_list([e.label for e in d.effects]), len(d.effects) > 1
         part = f"which explain{'' if more else 's'} {'most' if d.closure > HALF else 'only a part'} of it. "

@@ -15,6 +15,7 @@ from whsklearn.effects import (
     InputDelay,
     InputOffset,
     Saturation,
+    TorqueRipple,
 )
 from whsklearn.gap import GapFinder
 from whsklearn.gap.plants import servo_families, servo_own
@@ -178,6 +179,13 @@ def test_a_play_is_found_before_a_load_that_rubs():
     assert found.name == "backlash"
     assert found.effect.gap == pytest.approx(hidden.gap, rel=0.2)
     assert found.effect.load_coulomb == pytest.approx(hidden.load_coulomb, rel=0.3)
+
+
+def test_a_ripple_with_less_than_a_period_in_the_travel_is_one():
+    log = make_servo_log([TorqueRipple(0.2, 2.0, 0.5)], amplitude=0.8, duration=12.0, random_state=2)
+    found = GapFinder("servo").fit(log).effects_
+    assert [e.name for e in found] == ["torque_ripple"]
+    assert found[0].effect.order == pytest.approx(2.0, rel=0.05)
 
 
 def test_a_hardening_spring_is_found_wherever_the_encoder_counts_from():
