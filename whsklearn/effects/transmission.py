@@ -109,7 +109,7 @@ class Backlash(TransmissionEffect):
     load_share: float = number(0.5, "1", 0.05, 0.95, starts=(0.45,))
     frequency: float = number(60.0, "Hz", 5.0, 1e3, log=True, scale="resonance", span=(0.1, 1.0), starts=(0.6,))
     damping_ratio: float = number(0.3, "1", 0.01, 1.5, starts=(0.15,))
-    load_coulomb: float = number(0.0, "Nm", 0.0, 1e3, starts=(0.0,))
+    load_coulomb: float = number(0.0, "Nm", 0.0, 1e3, span=(0.0, 1.0), starts=(0.0,), open_below=True)
 
     name = "backlash"
     equation = "T_c = k (d - clip(d, -b/2, b/2)) + c dd/dt in contact, d = q_m - q_l; J_l dv_l/dt = T_c - F_l sign(v_l)"
@@ -117,6 +117,7 @@ class Backlash(TransmissionEffect):
     needs = "reversals under load"
     reference = "Nordin, Gutman 2002, Automatica 38(10), 1633-1649"
     finest = 1.25e-4  # an impact lasts a few steps
+    essential = ("load_share", "load_coulomb")  # a load that the drive does not move is a spring
     code = codes.BACKLASH
 
 

@@ -47,6 +47,13 @@ def test_the_friction_of_a_load_keeps_its_size_when_the_inertia_is_split_anew():
     assert other.terms[0].q[4] == pytest.approx(0.06 * slowed)
 
 
+def test_a_load_that_the_drive_does_not_move_is_no_load_behind_a_play():
+    model = ServoHypothesis(0.05, 0.0, (), SCENE)
+    for dry, said in ((0.0, False), (0.5 * SCENE.torque, False), (2.0 * SCENE.torque, True)):
+        term = two_mass.start(model, candidate("backlash"), 0.004, 30.0, 0.2, dry)
+        assert ("load_coulomb" in model.with_term(term).at_the_end(0)) is said
+
+
 def test_the_steps_of_a_coupling_go_by_the_fastest_that_a_record_shows():
     def steps(resonance):
         scene = Scales(dt=0.02, resonance=resonance)
