@@ -144,7 +144,7 @@ def inverse_starts(log: View, form: AxisForm) -> list[Start]:
 
 def _even_starts(log: View, form: AxisForm) -> list[Start]:
     """Starts of an axis that turns evenly against its drive, half of which is viscous and half Coulomb friction."""
-    if form != AxisForm():
+    if form.size > AxisForm().size:
         return []
     for width in WIDTHS[::-1]:
         columns, drive = balance(log, width, form)

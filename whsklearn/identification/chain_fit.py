@@ -115,7 +115,7 @@ def _from_signs(log: View, order: int, signs: Array) -> tuple[Ratio, float]:
     data = input_output(log)
     for _ in range(ITERATIONS):
         signs = np.where(signs < 0.0, -1.0, 1.0)
-        ratio = best_linear(data._replace(y=signs * log.target), order, order - 1)
+        ratio = best_linear(data._replace(y=signs * log.target, level=False), order, order - 1)
         x = ratio.run(data)
         left = float(np.mean((np.abs(x) - log.target)[data.counts] ** 2))
         if left < least:

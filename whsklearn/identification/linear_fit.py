@@ -1,11 +1,14 @@
-"""Linear candidates: ARX and output error, with a delay of at least one sample."""
+"""Linear candidates: ARX and output error, with a delay of at least one sample; of output error it is found."""
 
 from __future__ import annotations
 
+import functools
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from whsklearn.identification.drive_lead import EXPLAINED
 from whsklearn.identification.view import one_later, since_start
 from whsklearn.models import LinearModel
 from whsklearn.recursion.batch.best_linear import (
@@ -16,11 +19,9 @@ from whsklearn.recursion.batch.best_linear import (
     filter_rows,
     least_squares_arx,
     stabilised,
+    steiglitz_mcbride,
 )
 from whsklearn.recursion.batch.simulation_search import SKIP
-
-OFFSETS = 20  # maximum number of fits, each with the constant from the one before
-SETTLED = 1e-4  # share of the variance that the next one must remove
 
 if TYPE_CHECKING:
     from whsklearn.identification.view import View
@@ -30,32 +31,77 @@ def fit_arx(log: View, order: int) -> LinearModel:
     """Smallest one-step error; poles outside the unit circle are mirrored into it."""
     log = log.as_response
     data = input_output(log)
-    level = data.u.mean(axis=1, keepdims=True)  # both with their means removed: least squares with a constant
-    ratio = least_squares_arx(data._replace(u=data.u - level), order, order - 1)
+    ratio = least_squares_arx(data, order, order - 1)
     return _model(log, data, Ratio(ratio.b, stabilised(ratio.a)), "prediction")
 
 
 def fit_output_error(log: View, order: int) -> LinearModel:
-    """Smallest free-run error, with the constant of the output fitted."""
+    """Smallest free-run error, with the constant of the output fitted; with a dead time if that removes half of it."""
     log = log.as_response
+    plain = _output_error(log, order)
+    dead = dead_time(log, order)
+    later = _output_error(_later(log, dead), order) if dead else plain
+    share = _cost(later, _later(log, dead)) / max(_cost(plain, log), 1e-300)
+    return later.delayed(dead) if dead and share < EXPLAINED else plain
+
+
+def dead_time(log: View, order: int) -> int:
+    """Samples by which the output follows the input later than a pole can tell: a transport, a dead time.
+
+    Of the delays 0, 1, 2, 3, 5, 8, ... the one with the smallest free-run error after Steiglitz-McBride, then by halved
+    steps about it.
+    """
+
+    @functools.cache
+    def left(delay: int) -> float:
+        data = input_output(_later(log, delay))
+        arx = least_squares_arx(data, order, order - 1)
+        with np.errstate(all="ignore"):
+            ratio = steiglitz_mcbride(data, Ratio(arx.b, stabilised(arx.a)))
+            error = (data.y - Ratio(ratio.b, stabilised(ratio.a)).run(data))[data.counts]
+        return float(np.var(error)) if np.isfinite(error).all() else np.inf
+
+    most = int(np.diff(log.bounds).min()) // 20
+    tried = [0, 1]
+    while tried[-1] + tried[-2] <= most:
+        tried.append(tried[-1] + tried[-2])
+    best = min(tried, key=left)
+    step = max(best // 4, 1)
+    while step:
+        near = min((d for d in (best - step, best + step) if 0 <= d <= most), key=left, default=best)
+        if left(near) < left(best):
+            best = near
+        else:
+            step //= 2
+    return best
+
+
+def _later(log: View, samples: int) -> View:
+    """The record with its input later by a number of samples; zero before, as the model is at rest there."""
+    return replace(log, u=delayed_rows(log.u, samples + 1, log.bounds)[samples])
+
+
+def _cost(model: LinearModel, log: View) -> float:
+    """Variance of the free run's error."""
     data = input_output(log)
-    offset, best, least = float(log.target.mean()), None, np.inf
-    for _ in range(OFFSETS):
-        ratio = best_linear(data._replace(y=log.target - offset), order, order - 1)
-        left = (log.target - ratio.run(data))[data.counts]
-        if not np.var(left) < (1.0 - SETTLED) * least:
-            break
-        best, least, offset = ratio, float(np.var(left)), float(left.mean())
-    assert best is not None
-    return _model(log, data, best, "simulation")
+    ratio = Ratio(np.array(model.numerator[1:]), np.array(model.denominator))
+    return float(np.var((log.target - ratio.run(data))[data.counts]))
+
+
+def _output_error(log: View, order: int) -> LinearModel:
+    """`fit_output_error` with a delay of one sample."""
+    data = input_output(log)
+    return _model(log, data, best_linear(data, order, order - 1), "simulation")
 
 
 def input_output(log: View) -> IOData:
-    """The input delayed by one sample: with u(t) a linear model in closed loop would invert the controller."""
+    """The input delayed by one sample, as with u(t) a linear model in closed loop would invert the controller, and an
+    output with a constant of its own.
+    """
     bounds = log.bounds
     skip = np.repeat(np.minimum(SKIP, np.diff(bounds) // 10), np.diff(bounds))
     u = one_later(log.u, bounds)[None, :]
-    return IOData(u, log.target - log.target.mean(), bounds, since_start(bounds) >= skip)
+    return IOData(u, log.target - log.target.mean(), bounds, since_start(bounds) >= skip, level=True)
 
 
 def _model(log: View, data: IOData, ratio: Ratio, criterion: str) -> LinearModel:

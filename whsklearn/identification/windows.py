@@ -169,7 +169,9 @@ def _response_errors(
         since = s - before - log.bounds[np.searchsorted(log.bounds, s, "right") - 1]
         if isinstance(model, ChainModel) and since < _fades(model):
             piece = piece - _first_block_moved(model, log, s - before, before, span, basis)
-        left = np.linalg.lstsq(basis[:before], piece[:before], rcond=1e-6)[0]
+        # what went into a dead time before the record began is not known
+        blind = min(max(model.delay - since, 0), before // 2) if isinstance(model, LinearModel) else 0
+        left = np.linalg.lstsq(basis[blind:before], piece[blind:before], rcond=1e-6)[0]
         out[i] = piece[before:] - basis[before:] @ left
     return out
 

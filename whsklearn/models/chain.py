@@ -59,9 +59,36 @@ class LinearModel(IdentifiedModel):
 
     @property
     def parameters(self) -> dict[str, float]:
-        """b0 ..., f1 ..., offset."""
+        """b0 ..., f1 ..., offset; without the zeros of a `delay` beyond one sample."""
         b, f = np.array(self.numerator), np.array(self.denominator[1:])
-        return {**numbered("b", b), **numbered("f", f, 1), "offset": float(self.offset)}
+        first = max(self.delay, 1)
+        return {
+            **numbered("b", b[:1]),
+            **numbered("b", b[first:], first),
+            **numbered("f", f, 1),
+            "offset": float(self.offset),
+        }
+
+    @property
+    def delay(self) -> int:
+        """Samples before the output begins to answer: zeros at the beginning of the numerator.
+
+        >>> LinearModel([0.0, 0.0, 0.5], [1.0, -0.5]).delay
+        2
+        """
+        return int(next(iter(np.flatnonzero(self.numerator)), 0))
+
+    def delayed(self, samples: int) -> LinearModel:
+        """The same with a longer delay.
+
+        >>> LinearModel([0.0, 0.5], [1.0, -0.5], standard_errors={"b1": 0.1}).delayed(2).standard_errors
+        {'b3': 0.1}
+        """
+        errors = {
+            f"b{int(k[1:]) + samples}" if k[0] == "b" and k != "b0" else k: v for k, v in self.standard_errors.items()
+        }
+        numerator = (*self.numerator[:1], *[0.0] * samples, *self.numerator[1:])
+        return dataclasses.replace(self, numerator=numerator, standard_errors=errors)
 
     @property
     def parameter_units(self) -> dict[str, str]:
