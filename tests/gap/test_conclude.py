@@ -80,6 +80,36 @@ def test_rivals_make_it_ambiguous_and_what_follows_the_motion_partial():
     assert verdict(0.02, 0.99, remainder=[NAMELESS]) == "partial"
 
 
+def test_what_only_a_refused_name_explains_is_missing_too():
+    """A load friction of 0.59 of the drive, which no gear has: the two effects beside it were named as if complete."""
+    refused = SimpleNamespace(name="load_friction", p_value=1e-6, size=0.2, signal="")
+    assert verdict(0.02, 0.99, remainder=[refused]) == "partial"
+    refused.p_value = 0.5
+    assert verdict(0.02, 0.99, remainder=[refused]) == "named"
+
+
+def test_a_rival_goes_that_runs_farther_from_the_record_in_its_place():
+    """A flexible coupling beside a play that is seen from the load; a spring over little travel stays."""
+    noise = np.random.default_rng(0).standard_normal((3, 4000))
+
+    class Plant(Runs):
+        headline, horizons = 1.0, (1.0,)
+
+        def measured(self, *models):
+            return np.zeros(4000), np.ones(4000, dtype=bool)
+
+        def simulate(self, model, horizon):
+            return noise["abc".index(model)] * {"a": 1.0, "b": 1.0, "c": 1.3}[model]
+
+    fitted = [
+        Named(SimpleNamespace(name=x, place=frozenset()), Terms(x), np.zeros(1), np.zeros(1), rivals=["b", "c", "d"])
+        for x in "abc"
+    ]
+    steps = [SimpleNamespace(looks=[], fitted=fitted)]
+    found = SimpleNamespace(base=Terms(), model=Terms("a"), taken=fitted[:1], remainder=[], steps=steps)
+    assert conclude._standing_rivals(Plant(None), found, 0, 0.01) == ["b", "d"]
+
+
 def test_what_is_below_the_tolerance_counts_where_the_free_run_shows_it():
     """Friction that grows above a speed, called Stribeck's: of 0.36 of the tolerance, and 2.6 floors of the run."""
     small = SimpleNamespace(name="", p_value=1e-6, size=0.36 * 0.004, signal="")

@@ -7,14 +7,15 @@ import dataclasses
 import numpy as np
 import pytest
 
-from tests.gap.plants.example_servo import shaken
+from tests.gap.plants.example_servo import INERTIA, RATE, REFERENCE, opened, shaken
 from whsklearn.datasets import make_servo_log
-from whsklearn.effects import Cogging
+from whsklearn.effects import Cogging, Coulomb, Stribeck, Viscous
 from whsklearn.gap.plants import servo_own
 from whsklearn.gap.plants.servo_candidates import candidate
 from whsklearn.gap.plants.servo_model import ServoTerm
 from whsklearn.gap.plants.servo_start import start_of
 from whsklearn.gap.record import ServoRecord
+from whsklearn.systems import ServoAxis
 
 
 def view_of(effects, seed=0):
@@ -57,6 +58,21 @@ def test_a_fit_behind_filters_is_corrected_to_the_truth(empty):
     fitted, mended = (np.array([m.inertia, *(t.q[0] for t in m.terms)]) / truth - 1.0 for m in (model, corrected))
     assert np.abs(mended).max() < 0.02
     assert np.linalg.norm(mended) < np.linalg.norm(fitted)
+
+
+@pytest.mark.parametrize("factor", [0.8, 1.2])
+def test_the_correction_starts_anywhere_and_ends_at_the_record(factor):
+    """Numbers of the free run are not those of inverse dynamics, so they are no statistic of the record to be met."""
+    axis = ServoAxis(
+        inertia=INERTIA, law=[Viscous(0.1), Coulomb(0.34)], effects=[Stribeck(0.8, 0.3, 1.0)], sample_rate=RATE,
+        friction="stick",
+    )  # fmt: skip
+    run = axis.simulate(reference=REFERENCE, random_state=1)
+    inverse, _, base = opened(ServoRecord(run.time, run.drive, run.position), ("viscous", "coulomb"))
+    model = inverse.fit(base.with_term(ServoTerm(candidate("stribeck"), (0.8, 0.3, 1.0))))
+    off = ServoTerm(candidate("stribeck"), (factor * 0.8, 0.3, 1.0))
+    _, corrected = servo_own.own(inverse, model.with_terms((*model.terms[:-1], off)), np.random.default_rng(0))
+    assert corrected.terms[-1].q[0] == pytest.approx(0.8, rel=0.03)
 
 
 def test_a_shaken_axis_logged_late_makes_the_same_record():

@@ -99,7 +99,7 @@ def own(view: Any, model: ServoHypothesis, rng: np.random.Generator) -> tuple[Ow
     the log too.
     """
     bare = view.bare()
-    left, true = bare.gap(model), model.vector()
+    left, asked = bare.gap(model), bare.fit(model).vector()
     age, dt = bare.age(model), view.scene.dt
     latest = (rules.LATEST - HOLD) * dt  # beyond that it is a delay, which this model lacks
     # from the logged drive: the first residual contains the artefacts of the filters, which the first own record shows
@@ -107,7 +107,7 @@ def own(view: Any, model: ServoHypothesis, rng: np.random.Generator) -> tuple[Ow
     for _ in range(2):  # with more passes they diverge if the drive has a limit, above which more drive changes nothing
         made = bare.beside(own_record(view, corrected, rng, feed, delay))
         fitted = made.fit(model)
-        corrected = model.with_vector(np.clip(true + corrected.vector() - fitted.vector(), *model.bounds()))
+        corrected = model.with_vector(np.clip(corrected.vector() + asked - fitted.vector(), *model.bounds()))
         delay = float(np.clip(delay + age - made.age(fitted), -rules.OLDEST, latest))
         feed = view.record.drive - bare.spread(left - made.gap(fitted))
     gaps = []

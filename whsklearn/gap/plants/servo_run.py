@@ -131,14 +131,11 @@ class ObserverView:
         model = dataclasses.replace(model, scene=self.scene, step=self.step)
         if model.has_play:
             return settled_play(self, model)
-        for _ in range(2):
-            self.weigh(self.rms(self.gap(model)))
-            model, _ = self.fitted(model)
-        return model
+        return _settle(self, model, tolerance=5e-4)[0]
 
     # --- fitting ---------------------------------------------------------------------------
     def fitted(
-        self, model: ServoHypothesis, *, max_iterations: int = 12, tolerance: float = 5e-4
+        self, model: ServoHypothesis, *, max_iterations: int = 40, tolerance: float = 5e-4
     ) -> tuple[ServoHypothesis, Minimum]:
         """The model refitted to the training part, all free numbers together, under the current weights."""
         fit = least_squares(
@@ -196,12 +193,12 @@ def _hopeless(view: Any, model: ServoHypothesis, fit: Minimum) -> bool:
     return bool(r.size * np.log(float(r @ r) / max(fit.cost, 1e-300)) < rules.PAYS * numbers)
 
 
-def _settle(view: Any, model: ServoHypothesis) -> tuple[ServoHypothesis, Minimum]:
+def _settle(view: Any, model: ServoHypothesis, *, tolerance: float = 2e-3) -> tuple[ServoHypothesis, Minimum]:
     """Repeated fits, each weighted for the gap of the previous one: the weights of a large gap hide a small one."""
     gap = view.rms(view.gap(model), "all")
     for _ in range(3):
         view.weigh(gap)
-        model, fit = view.fitted(model, max_iterations=12, tolerance=2e-3)
+        model, fit = view.fitted(model, tolerance=tolerance)
         before, gap = gap, view.rms(view.gap(model), "all")
         if gap > 0.8 * before:
             break
