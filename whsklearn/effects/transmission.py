@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import ClassVar
 
 from whsklearn._numba import njit
 from whsklearn.effects import codes
@@ -76,7 +77,7 @@ class TransmissionEffect(Effect):
     port = "block"
     column_kind = "none"
     finest = 2.5e-4
-    essential = ("load_share",)  # a load without mass, or a motor without one, is one body
+    essential: ClassVar[tuple[str, ...]] = ("load_share",)  # a load without mass, or a motor without one, is one body
 
     def __post_init__(self) -> None:
         super().__post_init__()

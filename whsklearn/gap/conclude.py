@@ -262,14 +262,15 @@ def verdict_of(plant: Any, found: Found, alpha: float, run: dict[str, float]) ->
     """
     least = plant.tolerance * plant.scale
     nameless = max((k.size for k in found.remainder if not k.name and k.p_value <= alpha), default=0.0)
-    before, after, floor, still = plant.figures(found.base, found.model, nameless)
+    # Of what follows the motion or the drive, with or without a name: coloured noise, such as the torque of other
+    # joints, could be no part of any name.  A lag refused for its free run explained 87 % of a gap, and gravity 2 %.
+    follows = max((k.size for k in found.remainder if k.p_value <= alpha), default=0.0)
+    # what only a refused name explains has no name either; looks at exact records are not so sharp
+    before, after, floor, still = plant.figures(found.base, found.model, nameless if plant.exact else follows)
     # doubled after one empty record of a test; to be calibrated
     quiet = after**2 <= (QUIET * floor) ** 2 + 2.0 * least**2
     if plant.exact:  # own records that lack nothing but an effect need no margin
         quiet = quiet and nameless <= least
-    # Of what follows the motion or the drive, with or without a name: coloured noise, such as the torque of other
-    # joints, could be no part of any name.  A lag refused for its free run explained 87 % of a gap, and gravity 2 %.
-    follows = max((k.size for k in found.remainder if k.p_value <= alpha), default=0.0)
     if not found.taken:
         if quiet or not found.steps:
             asked = {k.name for k in found.remainder if k.name}
@@ -294,7 +295,6 @@ def verdict_of(plant: Any, found: Found, alpha: float, run: dict[str, float]) ->
     shape = max((k.size for k in found.remainder if k.signal in signals and k.p_value <= alpha), default=0.0)
     if plant.exact and still > least:  # own records that lack nothing but an effect need no margin
         return "partial"
-    still = max(still, follows)  # what only a refused name explains has no name either
     matters = still > least or run["after"] > QUIET * run["floor"]
     if still > STILL * before and (matters or shape > STILL * before):
         return "partial"
