@@ -81,6 +81,17 @@ class LinearModel(IdentifiedModel):
     def delayed(self, samples: int) -> LinearModel:
         """The same with a longer delay.
 
+        Parameters
+        ----------
+        samples : int
+            To add to `delay`.
+
+        Returns
+        -------
+        LinearModel
+
+        Examples
+        --------
         >>> LinearModel([0.0, 0.5], [1.0, -0.5], standard_errors={"b1": 0.1}).delayed(2).standard_errors
         {'b3': 0.1}
         """
