@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import itertools
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -22,6 +23,8 @@ from whsklearn.recursion.batch.best_linear import (
     steiglitz_mcbride,
 )
 from whsklearn.recursion.batch.simulation_search import SKIP
+
+ENOUGH = 20_000  # samples in which a dead time is sought; of the 300,000 of a long log the search would take minutes
 
 if TYPE_CHECKING:
     from whsklearn.identification.view import View
@@ -51,6 +54,7 @@ def dead_time(log: View, order: int) -> int:
     Of the delays 0, 1, 2, 3, 5, 8, ... the one with the smallest free-run error after Steiglitz-McBride, then by halved
     steps about it.
     """
+    log = log.part(0, min(log.u.size, ENOUGH))
 
     @functools.cache
     def left(delay: int) -> float:
@@ -61,7 +65,7 @@ def dead_time(log: View, order: int) -> int:
             error = (data.y - Ratio(ratio.b, stabilised(ratio.a)).run(data))[data.counts]
         return float(np.var(error)) if np.isfinite(error).all() else np.inf
 
-    most = int(np.diff(log.bounds).min()) // 20
+    most = int(np.diff(log.bounds).max()) // 20
     tried = [0, 1]
     while tried[-1] + tried[-2] <= most:
         tried.append(tried[-1] + tried[-2])
@@ -78,7 +82,8 @@ def dead_time(log: View, order: int) -> int:
 
 def _later(log: View, samples: int) -> View:
     """The record with its input later by a number of samples; zero before, as the model is at rest there."""
-    return replace(log, u=delayed_rows(log.u, samples + 1, log.bounds)[samples])
+    parts = [log.u[a:b] for a, b in itertools.pairwise(log.bounds.tolist())]
+    return replace(log, u=np.concatenate([np.r_[np.zeros(min(samples, p.size)), p][: p.size] for p in parts]))
 
 
 def _cost(model: LinearModel, log: View) -> float:
