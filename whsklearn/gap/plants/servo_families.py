@@ -226,9 +226,9 @@ def ages(scene: Scene, kind: Candidate) -> Blocks:
 def orders(scene: Scene, kind: Candidate) -> Blocks:
     """Whole orders of what turns, then all orders; the Gaussian damps a wave by exp(-(k v s)^2 / 2).
 
-    Beside waves of this kind only further ones of the same pitch: whole ones beside whole ones, else multiples of the
-    first.  Waves of any order beside each other are the series of a function of the position, such as one bump on a
-    rail.
+    Beside waves of this kind only further ones of the same pitch: whole ones beside those nearest to whole, else
+    multiples of the first.  Waves of any order beside each other are the series of a function of the position, such as
+    one bump on a rail, and waves less than a period over the travel apart are one with an envelope.
     """
     view = scene.view
     present = [t.q[kind.linear] for t in scene.model.terms if t.kind == kind]
@@ -240,11 +240,12 @@ def orders(scene: Scene, kind: Candidate) -> Blocks:
     values = np.arange(low, max(high, low + step), step)
     if view.record.units[1] == "rad":
         values = np.union1d(np.arange(np.ceil(low), high + 1), values)
-    if present and all(float(o).is_integer() for o in present):
+    if present and all(np.abs(values - o).min() == abs(round(o) - o) for o in present):
         values = values[values % 1.0 == 0.0]
     elif present:
         values = np.arange(present[0], high + present[0], present[0])
-    values = values[values > 0.0]
+    apart = np.array([np.abs(values - o) > ONE_PERIOD / view.scene.reach for o in present]).all(axis=0)
+    values = values[(values > 0.0) & apart]
     if not kind.paired:
         for order in values:
             yield [(float(order),)], scene.columns(ServoTerm(kind, (0.0, float(order)))), 1.0
@@ -288,17 +289,10 @@ def next_order(view: Any, model: ServoHypothesis, kind: Candidate) -> ServoHypot
     for shapes, columns, _ in orders(scene, kind):
         power = tangent.taken(family(scene, kind), columns)[0][:, 0]
         powers |= {o: float(p) for (o,), p in zip(shapes, power, strict=True)}
-    open_orders = [o for o in powers if resolved(view, model, ServoTerm(kind, (0.0, 0.0, o)))]
-    if not open_orders:
+    if not powers:
         return None
-    best = max(open_orders, key=lambda o: powers[o])
+    best = max(powers, key=lambda o: powers[o])
     return polished(view, model, ServoTerm(kind, (0.0, 0.0, best)))
-
-
-def resolved(view: Any, model: ServoHypothesis, term: ServoTerm) -> bool:
-    """Whether a wave is no neighbour of the model's waves of its kind: closer orders are one wave with an envelope."""
-    beside = [t.q[2] for t in model.terms if t.kind == term.kind and term.kind.scanned == "position"]
-    return all(abs(term.q[2] - order) > ONE_PERIOD / view.scene.reach for order in beside)
 
 
 def regression(view: Any, model: ServoHypothesis) -> tuple[Array, Array]:
