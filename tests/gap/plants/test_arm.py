@@ -379,6 +379,16 @@ def test_beside_known_numbers_a_fitted_effect_explains_what_its_look_did(empty):
     assert plant.size(plant.errors(model), plant.errors(grown)) < 0.97 * look.size
 
 
+def test_an_effect_of_one_number_is_not_refused_for_a_friction_of_one(empty):
+    r = record()
+    late = ArmRecord(r.time, r.position, np.vstack([r.drive[4:], np.repeat(r.drive[-1:], 4, axis=0)]))
+    plant = arm_plant(empty.model, late, law=None, tolerance=0.5)  # above what friction leaves of the delay
+    plant.check()
+    model = plant.base(np.random.default_rng(0))
+    look = next(k for k in plant.looks(model, np.random.default_rng(0)) if k.name == "input_delay at pitch")
+    assert plant.objection(model, plant.refine(model, look)) == ""
+
+
 def test_a_joint_counts_by_its_own_variance_and_an_error_of_the_model_may_favour_a_name():
     plant = arm_plant(ARM, record({"pitch": [CableSpring(1.0)]}), law=None, tolerance=0.004)
     plant.check()

@@ -333,7 +333,8 @@ class ArmPlant(Plant):
                 closed = not t.kind.catalogued.cls.quantities[field].open_below
                 if (low and closed and value <= low + 1e-3 * abs(low)) or value >= high - 1e-3 * abs(high):
                     return f"its {field} reaches the limit of the plausible range"
-        for c in at_a_joint() if t.kind.catalogued is not None and not t.effect.elementary else ():
+        shaped = t.kind.catalogued is not None and not t.effect.elementary and t.kind.n_numbers > 1
+        for c in at_a_joint() if shaped else ():
             if c.cls.elementary and c.n_slots == 1:
                 plain = view.fit(model.with_term(JointTerm(replace(t.kind, cls=c.cls, catalogued=c), (0.0,))))
                 beyond, most = (self.size(*map(self.errors, pair)) for pair in ((plain, grown), (model, plain)))
