@@ -244,8 +244,8 @@ def orders(scene: Scene, kind: Candidate) -> Blocks:
         values = values[values % 1.0 == 0.0]
     elif present:
         values = np.arange(present[0], high + present[0], present[0])
-    apart = np.array([np.abs(values - o) > ONE_PERIOD / view.scene.reach for o in present]).all(axis=0)
-    values = values[(values > 0.0) & apart]
+    zeros = (0.0,) * kind.linear
+    values = np.array([o for o in values if o > 0.0 and resolved(view, scene.model, ServoTerm(kind, (*zeros, o)))])
     if not kind.paired:
         for order in values:
             yield [(float(order),)], scene.columns(ServoTerm(kind, (0.0, float(order)))), 1.0
@@ -293,6 +293,13 @@ def next_order(view: Any, model: ServoHypothesis, kind: Candidate) -> ServoHypot
         return None
     best = max(powers, key=lambda o: powers[o])
     return polished(view, model, ServoTerm(kind, (0.0, 0.0, best)))
+
+
+def resolved(view: Any, model: ServoHypothesis, term: ServoTerm) -> bool:
+    """Whether a wave is no neighbour of the model's waves of its kind: closer orders are one wave with an envelope."""
+    at = term.kind.linear
+    beside = [t.q[at] for t in model.terms if t.kind == term.kind and term.kind.scanned == "position"]
+    return all(abs(term.q[at] - order) > ONE_PERIOD / view.scene.reach for order in beside)
 
 
 def regression(view: Any, model: ServoHypothesis) -> tuple[Array, Array]:
