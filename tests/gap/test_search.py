@@ -328,6 +328,8 @@ def test_a_name_that_explains_as_much_is_a_rival_though_chance_might_explain_it(
     taken = Named(look("a", 1e-6, 40.0), None, np.zeros(3), np.zeros(3))
     asked = [taken.look, look("as good", 0.1, 41.0), look("far behind", 0.1, 20.0), look("", 0.1, 45.0)]
     assert search._as_good(taken, asked) == ["as good"]
+    # a cubic spring about another centre than that of the travel, found by a weak look
+    assert search._as_good(replace(taken, gain=330.0), asked) == []
 
 
 def test_a_review_leaves_an_effect_that_a_better_one_is_not_told_from():

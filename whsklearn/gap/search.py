@@ -325,8 +325,11 @@ class Search:
         return other.look.n_numbers > taken.look.n_numbers and apart < self.plant.tolerance * self.plant.scale
 
     def _as_good(self, taken: Named, looks: list[Look]) -> list[str]:
-        """Names that are not significant, but to first order explain no less than the one taken."""
-        least = taken.look.gain - least_lead(self.alpha)
+        """Names that are not significant, but to first order explain no less than the one taken.
+
+        Where fitting its shape has multiplied what the one taken explains, theirs would have to gain as much.
+        """
+        least = max(taken.look.gain - least_lead(self.alpha), WORTH_FITTING * taken.gain)
         names = [k.name for k in looks if k.name and k.p_value > self.alpha and k.gain >= least and meet(k, taken.look)]
         return [n for n in dict.fromkeys(names) if n != taken.name and n not in self.plant.aliases(taken.name)]
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.gap.plants.example_simulator import RECORD, TIME, Damper, Told
-from whsklearn.effects import CableSpring, Cogging, EndStop, InputOffset, Saturation, Scales, Stribeck
+from whsklearn.effects import CableSpring, Cogging, EndStop, HardeningSpring, InputOffset, Saturation, Scales, Stribeck
 from whsklearn.gap import ServoRecord
 from whsklearn.gap.plants.simulator import SimulatorPlant
 from whsklearn.gap.plants.simulator_model import EffectTerm, SimulatorFit, SimulatorModel, refine, sized, sizes
@@ -115,5 +115,6 @@ def test_an_effect_that_the_simulator_cannot_hold_is_refused_and_leaves_the_mode
 
 def test_all_numbers_are_free_but_counts_and_fields_that_the_simulator_fixes():
     assert EffectTerm.of(Stribeck(1.0, 0.1, 2.0)).free == (0, 1, 2)
+    assert EffectTerm.of(HardeningSpring(1.0, 0.2)).free == (0, 1)
     assert EffectTerm.of(Cogging(1.0, 6.0), ("order",)).free == (0, 1)
     assert EffectTerm.of(Saturation(0.8)).free == (0,)

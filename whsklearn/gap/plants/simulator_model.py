@@ -50,7 +50,7 @@ class EffectTerm(FittedTerm):
     def of(cls, effect: Effect, still: tuple[str, ...] = ()) -> EffectTerm:
         """The term of an effect; besides ``still``, the numbers stay that do so by their nature."""
         kind = EffectVariant(type(effect), tuple((k, str(v)) for k, v in effect.options.items()))
-        return cls(kind, tuple(map(float, effect.row)), (*still, *effect.held, *effect.later, *STILL))
+        return cls(kind, tuple(map(float, effect.row)), (*still, *effect.held, *STILL))
 
     @property
     def free(self) -> tuple[int, ...]:
