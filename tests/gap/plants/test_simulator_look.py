@@ -126,3 +126,11 @@ def test_noise_is_taken_off_a_motion_and_a_slow_error_is_not():
     taken = noise_of(noise + slow, 1e-3)
     assert np.std(taken - noise) < 0.4 * np.std(noise)
     assert np.std(noise_of(noise, 1e-3) - noise) < 0.1 * np.std(noise)
+
+
+def test_a_hardening_spring_is_looked_for_about_other_centres_than_that_of_the_travel():
+    """A cubic about the middle of the travel explained nothing of one about its end, and an end stop was named."""
+    springs = catalogue(RECORD, followed_motion(RECORD).signals)["hardening_spring"]
+    centres = {e.centre for e in springs}
+    assert len(centres) > 2
+    assert np.ptp(list(centres)) > 0.5 * 0.5 * np.ptp(RECORD.position)

@@ -170,7 +170,7 @@ class SimulatorPlant(Plant):
             fitted += 1
             left = self.errors(grown)
             looks[i] = dataclasses.replace(k, start=grown, size=self.size(before, left))
-            if far and rms(left) < HALF * rms(before):
+            if rms(left) < HALF * rms(before):  # a shape that the look did not have may explain much more
                 g = gain(float(before @ before), float(left @ left), n_effective(before))
                 looks[i] = dataclasses.replace(looks[i], p_value=p_value(g, k.null, len(looks) + len(nameless)))
             if not self.objection(model, grown):

@@ -13,6 +13,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from itertools import product
 from types import SimpleNamespace
 from typing import Any
 
@@ -137,6 +138,15 @@ def catalogue(record: Any, signals: Any, further: tuple[type[Effect], ...] = ())
         size = (0.1 * torque, 0.0)[: kind.linear]
         grid = kind.grid(scales, min(HIGHEST, 0.4 / record.dt)) or kind.cls.starts(scales)[:1]
         shapes = [kind.effect((*size, *shape)) for shape in grid]
+        # numbers that other plants hold in a first look are fitted here, from anywhere in their range
+        held = [] if kind.cls in further else kind.cls.later
+        free = [dataclasses.replace(kind.cls.quantities[f], starts=()).grid(scales, n=3) for f in held]
+        shapes += [
+            dataclasses.replace(e, **dict(zip(held, row, strict=True)))
+            for e in shapes
+            if held
+            for row in product(*free)
+        ]
         out.setdefault(kind.name, []).extend([] if issubclass(kind.cls, ContactStop) else shapes)
     if any(issubclass(cls, ContactStop) for cls in further):
         out["end_stop"] += stops(record, signals)
