@@ -117,7 +117,7 @@ class Tangent:
         whole = np.sum(flat**2, axis=0).reshape(s, k).sum(axis=1)
         inside = (self.plane[family.rows].T @ flat).reshape(-1, s, k)
         cross = (flat.T @ self.rows[family.rows]).reshape(s, k, -1)
-        gram = np.einsum("nsi,nsj->sij", z, z) - np.einsum("psi,psj->sij", inside, inside)
+        gram = products(z) - products(inside)
         seen = np.maximum(np.trace(gram, axis1=1, axis2=2), 0.0)
         visible = np.sqrt(seen / np.maximum(whole, 1e-300))
         ok = visible > VISIBLE
@@ -165,6 +165,12 @@ class Tangent:
             degrees=degrees if n_shapes == 1 and not family.offset else 0.0,
             explained=explained - self.plane @ (self.plane.T @ explained),
         )  # fmt: skip
+
+
+def products(columns: Array) -> Array:
+    """Inner products of the columns of every shape: (n, s, k) to (s, k, k)."""
+    by_shape = columns.transpose(1, 2, 0)
+    return np.asarray(by_shape @ by_shape.transpose(0, 2, 1))
 
 
 def strongest_lines(rows: Array, kept: Array, step: float, low: float, high: float) -> list[float]:

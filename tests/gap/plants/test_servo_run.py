@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.gap.plants.example_servo import INERTIA, RATE, SECONDS, TIME, opened, record_of
-from whsklearn.effects import GravityImbalance
+from whsklearn.effects import Coulomb, GravityImbalance, Stribeck, Viscous
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants.servo_candidates import candidate
 from whsklearn.gap.plants.servo_model import ServoTerm
@@ -90,3 +90,14 @@ def test_held_out_and_fitted_samples_leave_the_edges_out(plain, fitted, share):
     assert not mask[: int(0.5 * RATE)].any()
     assert share - 0.1 < mask.mean() < share
     assert not (mask & held_out(plain[1], fitted=not fitted)).any()
+
+
+def test_a_fit_along_the_run_ends_at_the_minimum_from_far_away():
+    true = Stribeck(0.25, 0.15)
+    inverse, observer, base = opened(record_of((true,), law=[Viscous(0.12), Coulomb(0.2)]), ("viscous", "coulomb"))
+    kind = candidate("stribeck")
+    for wide in [s for s in kind.starts(base.scene) if s[0] > 4.0 * true.velocity]:
+        started = inverse.fit(base.with_term(ServoTerm(kind, (0.1, *wide))))
+        observer.weigh(observer.rms(observer.gap(started)))
+        fitted, _ = observer.fitted(started)
+        assert fitted.terms[-1].q == pytest.approx((true.torque, true.velocity, true.exponent), rel=0.01)

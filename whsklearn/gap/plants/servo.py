@@ -374,7 +374,7 @@ class ServoPlant(Plant):
         if view.own is None:  # the last effect was taken back, and no look has been taken at the residual
             self.own, _ = servo_own.own(view, model, np.random.default_rng(0))
             view.own = self.own
-        before, after = (view.rms(view.gap(view.fit(m))) for m in (base, model))
+        before, after = (view.rms(view.fit_with_gap(m)[1]) for m in (base, model))
         return Figures(before, after, self.own.floor, nameless)
 
     # --- report -------------------------------------------------------------------------------

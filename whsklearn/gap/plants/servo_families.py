@@ -406,8 +406,8 @@ def downhill(view: Any, grown: ServoHypothesis, i: int) -> ServoHypothesis:
     def at(j: int, log: bool, x: float) -> tuple[float, ServoHypothesis]:
         moved = float(np.clip(x, *limits[j]))
         t = grown.terms[i].with_slot(j, float(np.exp(moved)) if log else moved)
-        other = view.fit(grown.with_terms((*grown.terms[:i], t, *grown.terms[i + 1 :])))
-        return view.rms(view.gap(other)), other
+        other, left = view.fit_with_gap(grown.with_terms((*grown.terms[:i], t, *grown.terms[i + 1 :])))
+        return view.rms(left), other
 
     for _ in range(POLISH * (3 if term.kind.code == k.SATURATION else 1)):
         for j, log in free:
@@ -444,17 +444,17 @@ def jointly(view: Any, grown: ServoHypothesis, i: int) -> ServoHypothesis:
         return grown
     (low, high), steps = grown.bounds(), grown.steps()
 
-    def moved(x: Array) -> ServoHypothesis:
+    def moved(x: Array) -> tuple[ServoHypothesis, Array]:
         term = grown.terms[i]
         for (_, j, log), value in zip(free, x, strict=True):
             term = term.with_slot(j, float(np.exp(value)) if log else float(value))
-        return view.fit(grown.with_terms((*grown.terms[:i], term, *grown.terms[i + 1 :])))
+        return view.fit_with_gap(grown.with_terms((*grown.terms[:i], term, *grown.terms[i + 1 :])))
 
     fit = least_squares(
-        lambda x: view.gap(moved(x)), grown.vector()[at], 3.0 * steps[at], (low[at], high[at]), tolerance=1e-3
+        lambda x: moved(x)[1], grown.vector()[at], 3.0 * steps[at], (low[at], high[at]), tolerance=1e-3
     )
-    best = moved(fit.x)
-    return best if view.rms(view.gap(best)) < view.rms(view.gap(grown)) else grown
+    best, left = moved(fit.x)
+    return best if view.rms(left) < view.rms(view.gap(grown)) else grown
 
 
 def widened(view: Any, model: ServoHypothesis) -> ServoHypothesis | None:
@@ -463,5 +463,5 @@ def widened(view: Any, model: ServoHypothesis) -> ServoHypothesis | None:
     rows = last.kind.opened(last.q, view.scene)
     if not rows:
         return None
-    tried = [view.fit(model.with_terms((*model.terms[:-1], ServoTerm(*row)))) for row in rows]
-    return jointly(view, min(tried, key=lambda m: view.rms(view.gap(m))), len(model.terms) - 1)
+    tried = [view.fit_with_gap(model.with_terms((*model.terms[:-1], ServoTerm(*row)))) for row in rows]
+    return jointly(view, min(tried, key=lambda t: view.rms(t[1]))[0], len(model.terms) - 1)

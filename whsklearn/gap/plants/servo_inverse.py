@@ -305,9 +305,19 @@ class InverseView:
 
     def gap(self, model: ServoHypothesis) -> Array:
         """Drive that the model leaves unexplained at the judged samples."""
-        _, x, target, sizes, _ = self.solved(model)
+        return self._solved_gap(model)[1]
+
+    def fit_with_gap(self, model: ServoHypothesis) -> tuple[ServoHypothesis, Array]:
+        """`fit` and the `gap` that it leaves; one solution gives both unless columns depend on the model's numbers."""
+        if not self._driven(model):
+            return self._solved_gap(model)
+        model = self.fit(model)
+        return model, self.gap(model)
+
+    def _solved_gap(self, model: ServoHypothesis) -> tuple[ServoHypothesis, Array]:
+        solved, x, target, sizes, _ = self.solved(model)
         left = target - stop.without_pushes(model, x) @ sizes
-        return stop.outside(left[self.at], stop.away(self, model))
+        return solved, stop.outside(left[self.at], stop.away(self, model))
 
     def taken_off(self, model: ServoHypothesis) -> float:
         """Rms of the drive over that of what terms leave of it which multiply it (see `target`).

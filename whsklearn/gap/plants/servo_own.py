@@ -99,21 +99,22 @@ def own(view: Any, model: ServoHypothesis, rng: np.random.Generator) -> tuple[Ow
     the log too.
     """
     bare = view.bare()
-    left, asked = bare.gap(model), bare.fit(model).vector()
+    here, left = bare.fit_with_gap(model)
+    asked = here.vector()
     age, dt = bare.age(model), view.scene.dt
     latest = (rules.LATEST - HOLD) * dt  # beyond that it is a delay, which this model lacks
     # from the logged drive: the first residual contains the artefacts of the filters, which the first own record shows
     corrected, delay, feed = model, min(age - HOLD * dt, latest), view.record.drive
     for _ in range(2):  # with more passes they diverge if the drive has a limit, above which more drive changes nothing
         made = bare.beside(own_record(view, corrected, rng, feed, delay))
-        fitted = made.fit(model)
+        fitted, seen = made.fit_with_gap(model)
         corrected = model.with_vector(np.clip(corrected.vector() + asked - fitted.vector(), *model.bounds()))
         delay = float(np.clip(delay + age - made.age(fitted), -rules.OLDEST, latest))
-        feed = view.record.drive - bare.spread(left - made.gap(fitted))
+        feed = view.record.drive - bare.spread(left - seen)
     gaps = []
     for _ in range(N_RECORDS):
         made = bare.beside(own_record(view, corrected, rng, feed, delay))
-        gaps.append(made.gap(made.fit(model)))
+        gaps.append(made.fit_with_gap(model)[1])
     rows = np.array(gaps)
     mean = rows.mean(axis=0)
     apart = (rows - mean) * np.sqrt(N_RECORDS / (N_RECORDS - 1.0))

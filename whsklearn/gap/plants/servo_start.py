@@ -64,9 +64,10 @@ def best_view(view: InverseView, model: ServoHypothesis, goal: float, *, sharp: 
         other = InverseView(view.record, scene, float(cutoff), view.start, noise)
         if np.mean((speed < slowest) & (speed > rules.SLOW * scene.speed)) > rules.BLIND_SHARE:
             continue
-        floor = rules.DRIVE_NOISE * noise * other.fit(model).inertia * float(np.linalg.norm(g2))
+        fitted, left = other.fit_with_gap(model)
+        floor = rules.DRIVE_NOISE * noise * fitted.inertia * float(np.linalg.norm(g2))
         together = max(1.0, float(np.sqrt(other.n_effective / rules.PAYS))) if sharp else 1.0
-        if floor <= max(together * goal * scene.torque, rules.OF_THE_GAP * other.rms(other.gap(model))):
+        if floor <= max(together * goal * scene.torque, rules.OF_THE_GAP * other.rms(left)):
             break
     return other
 
@@ -133,8 +134,8 @@ def logged_late(view: InverseView, model: ServoHypothesis) -> int:
 
     def look(lead: int) -> tuple[float, float]:
         seen = bare.beside(with_earlier_drive(view.record, lead)) if lead else bare
-        fitted = seen.fit(model)
-        return seen.age(fitted), seen.rms(seen.gap(fitted))
+        fitted, left = seen.fit_with_gap(model)
+        return seen.age(fitted), seen.rms(left)
 
     return drive_lead(look, as_logged, view.scene.dt)
 
