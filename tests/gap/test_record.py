@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from whsklearn.gap.data_check import check_servo
-from whsklearn.gap.plants.servo_start import coarse_encoder
+from whsklearn.gap.plants.servo_sensors import coarse_encoder
 from whsklearn.gap.record import ServoRecord, held_out_blocks, noise_level
 
 T = np.arange(20_000) / 1000

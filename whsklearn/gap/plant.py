@@ -25,8 +25,8 @@ from typing import Any, NamedTuple, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.gap.calibration import gain, rival_leads
-from whsklearn.gap.diagnosis import Curve
+from whsklearn.gap.calibration import gain, least_lead, rival_leads
+from whsklearn.gap.diagnosis import ALPHA, Curve
 from whsklearn.gap.record import Array, rms
 
 # Share of the rms drive or output below which no effect is worth naming. In the inverse view, the residual of
@@ -38,6 +38,9 @@ QUIET = 1.35
 # Share of what is left that learned curves must explain: of the cross-validated power when they are fitted, of the gap
 # in simulation to be kept (`benchmarks.learned`).
 LEARNED_SHARE = 0.1
+# Gain per number above which numbers that a first look holds are freed, and a learned curve is better than a simpler
+# one: the lead that parts two explanations at the level alpha.
+PAYS = least_lead(ALPHA)
 
 
 @dataclass(frozen=True)

@@ -9,11 +9,12 @@ import pytest
 
 from tests.gap.plants.example_servo import INERTIA, RATE, SECONDS, TIME, opened, record_of
 from whsklearn.effects import Coulomb, GravityImbalance, Stribeck, Viscous
-from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants.servo_candidates import candidate
 from whsklearn.gap.plants.servo_model import ServoTerm
 from whsklearn.gap.plants.servo_own import own_record
 from whsklearn.gap.plants.servo_run import (
+    LONGEST_RUN,
+    OFF_PATH,
     WINDOWS,
     held_out,
     horizon_of,
@@ -51,16 +52,16 @@ def test_noise_asks_for_a_wide_window_and_fast_motion_for_a_narrow_one():
 def test_a_horizon_is_as_long_as_a_torque_that_is_worth_no_name_leaves_it(plain):
     *_, base = plain
     heavy, light = (horizon_of(replace(base, inertia=j, terms=()), base.scene, 0.004) for j in (10 * INERTIA, LIGHT))
-    assert heavy == rules.LONGEST_RUN
+    assert heavy == LONGEST_RUN
     pushed_off = 0.004 * base.scene.torque * light**2 / (2.0 * LIGHT)
-    assert pushed_off == pytest.approx(rules.OFF_PATH * base.scene.speed * light, rel=0.3)  # rounded to one digit
+    assert pushed_off == pytest.approx(OFF_PATH * base.scene.speed * light, rel=0.3)  # rounded to one digit
 
 
 def test_a_model_predicts_its_own_record_over_the_longest_horizon(plain):
     inverse, observer, base = plain
     model = observer.fit(base)
     own = replace(observer, record=own_record(inverse, model, np.random.default_rng(0), observer.record.drive, 0.0))
-    assert predictable(own, model, rules.LONGEST_RUN) == rules.LONGEST_RUN
+    assert predictable(own, model, LONGEST_RUN) == LONGEST_RUN
 
 
 def test_a_run_restarts_on_the_path_and_the_model_with_the_missing_effect_runs_better():

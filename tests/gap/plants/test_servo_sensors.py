@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from whsklearn.gap.plants.servo_start import unfold
+from whsklearn.gap.plants.servo_sensors import unfold
 
 
 def test_folded_reading_is_unfolded_and_a_straight_one_left_alone():

@@ -38,9 +38,9 @@ from whsklearn.gap.plants.arm_terms import (
 from whsklearn.gap.plants.arm_view import LATEST, ArmRecord, ArmState, ArmView, law_of
 from whsklearn.gap.plants.servo_candidates import aliases as of_axis
 from whsklearn.gap.plants.servo_candidates import candidate
-from whsklearn.gap.plants.servo_evidence import OWN_MOTION
 from whsklearn.gap.plants.servo_inverse import negative_damping, never_free, too_large
 from whsklearn.gap.plants.servo_model import ServoTerm
+from whsklearn.gap.plants.servo_run import OWN_MOTION
 from whsklearn.gap.record import SPLIT, Array, held_out_blocks, rms
 from whsklearn.gap.search import LEAST_SHARE, STILL
 from whsklearn.gap.tangent import Family, Look, Tangent

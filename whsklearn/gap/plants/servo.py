@@ -19,8 +19,7 @@ from whsklearn.gap.diagnosis import NamedEffect
 from whsklearn.gap.filters import whiteness
 from whsklearn.gap.localisation import since_reversal, spectra
 from whsklearn.gap.pictures import DRAWN
-from whsklearn.gap.plant import QUIET, Figures, Gap, Learned, Linearised, Plant, Reading, Told
-from whsklearn.gap.plants import servo_evidence as rules
+from whsklearn.gap.plant import PAYS, QUIET, Figures, Gap, Learned, Linearised, Plant, Reading, Told
 from whsklearn.gap.plants import (
     servo_families,
     servo_learned,
@@ -35,13 +34,12 @@ from whsklearn.gap.plants.servo_families import settled as looking_settled
 from whsklearn.gap.plants.servo_inverse import InverseView
 from whsklearn.gap.plants.servo_model import HOLD, ServoHypothesis
 from whsklearn.gap.plants.servo_run import ObserverView
+from whsklearn.gap.plants.servo_sensors import UNFOLDED, coarse_encoder, unfold
 from whsklearn.gap.plants.servo_start import (
     best_view,
-    coarse_encoder,
     logged_late,
     observer_view,
     start_of,
-    unfold,
     with_earlier_drive,
 )
 from whsklearn.gap.record import SPLIT, Array, ServoRecord, rms
@@ -52,6 +50,12 @@ OVER_LITTLE_TRAVEL = {"input_offset": ("gravity_imbalance",), "asymmetric_coulom
                       "cable_spring": ("gravity_imbalance",), "gravity_imbalance": ("cable_spring",)}  # fmt: skip
 
 OF_A_VIEW = ("record", "observer", "lead", "inverse", "own", "corrected", "n_effective")  # what a search may replace
+# Ratio to the previous cut-off that is worth a second pass of inverse dynamics; with every change of it, KR300 A gets a
+# limit of its drive that is not there (`benchmarks.real_axes`).
+WIDER = 1.25
+# rad of travel below which the cosine of gravity is a constant and a slope to within 3 %, so that names are shared.
+LITTLE_TRAVEL = 0.5
+MOST_ORDERS = 12  # of one family; each costs a scan
 
 
 class ServoPlant(Plant):
@@ -71,7 +75,7 @@ class ServoPlant(Plant):
     inverse: InverseView
     observer: ObserverView
     whole = "drive"
-    headline = rules.LONGEST_RUN
+    headline = servo_run.LONGEST_RUN
     horizons = servo_run.horizons_around(headline)
 
     def __init__(self, record: ServoRecord, law: tuple[str, ...], given_model: Any, tolerance: float):
@@ -96,7 +100,7 @@ class ServoPlant(Plant):
         if straight is not None:
             given = self.record, self.inverse, self.observer, base
             unfolded = self._open(dataclasses.replace(self.record, position=straight))
-            if servo_run.misfit(self.observer, unfolded) < rules.UNFOLDED * servo_run.misfit(given[2], base):
+            if servo_run.misfit(self.observer, unfolded) < UNFOLDED * servo_run.misfit(given[2], base):
                 self._folded = (given[2], base)
                 return unfolded
             self.record, self.inverse, self.observer, base = given
@@ -211,7 +215,7 @@ class ServoPlant(Plant):
 
     def aliases(self, name: str) -> tuple[str, ...]:
         """Names that no record of drive and position can distinguish from ``name``."""
-        also = OVER_LITTLE_TRAVEL.get(name, ()) if float(np.ptp(self.record.position)) < rules.LITTLE_TRAVEL else ()
+        also = OVER_LITTLE_TRAVEL.get(name, ()) if float(np.ptp(self.record.position)) < LITTLE_TRAVEL else ()
         return tuple(dict.fromkeys([*aliases(name), *(a for a in also if self.units[1] == "rad")]))
 
     def linearised(self, model: ServoHypothesis) -> Linearised:
@@ -247,7 +251,7 @@ class ServoPlant(Plant):
         grown = polished(self.inverse, model, look.start)
         for other, n_numbers in self._wider(model, grown, look.start):
             before, after = (rms(self.inverse.gap(m)) ** 2 for m in (grown, other))
-            if gain(before, after, self.n_effective) > rules.PAYS * n_numbers:
+            if gain(before, after, self.n_effective) > PAYS * n_numbers:
                 grown = other
         return grown
 
@@ -266,13 +270,13 @@ class ServoPlant(Plant):
         last = model.terms[-1]
         if not (last.kind.cls.repeats and last.kind.scanned == "position"):
             return
-        for _ in range(rules.MOST_ORDERS - 1):
+        for _ in range(MOST_ORDERS - 1):
             grown = next_order(self.inverse, model, last.kind)
             if grown is None:
                 return
             before, after = (rms(self.inverse.gap(m)) ** 2 for m in (model, grown))
             least = self.tolerance * self.scale
-            if gain(before, after, self.inverse.n_effective) < 3.0 * rules.PAYS or before - after < least**2:
+            if gain(before, after, self.inverse.n_effective) < 3.0 * PAYS or before - after < least**2:
                 return
             model = grown
             yield grown
@@ -288,7 +292,7 @@ class ServoPlant(Plant):
             self._open(with_earlier_drive(self.record, late))
         self.inverse.own = None
         other = best_view(self.inverse, model, self.tolerance, sharp=self.sharp)
-        if not 1.0 / rules.WIDER < other.cutoff / self.inverse.cutoff < rules.WIDER:
+        if not 1.0 / WIDER < other.cutoff / self.inverse.cutoff < WIDER:
             self.inverse = other
         model = self.inverse.fit(model)
         if model.added:  # with the artefacts of the previous model, the fit of a Stribeck curve is too wide
@@ -317,7 +321,7 @@ class ServoPlant(Plant):
     def sharpened(self, model: ServoHypothesis) -> bool:
         """Whether a higher cut-off still shows a wave worth naming, though not in single samples; it is used then."""
         other = best_view(self.inverse, model, self.tolerance, sharp=True)
-        if other.cutoff < rules.WIDER * self.inverse.cutoff:
+        if other.cutoff < WIDER * self.inverse.cutoff:
             return False
         # the second search may also find that the drive was logged late, and move it
         self._blunt = {k: getattr(self, k) for k in OF_A_VIEW}

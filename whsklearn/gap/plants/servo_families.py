@@ -30,7 +30,6 @@ from whsklearn.gap import least_squares as ols
 from whsklearn.gap.calibration import N_DRAWS, coloured, gain, n_effective, null_rows, smoothed_power
 from whsklearn.gap.least_squares import least_squares
 from whsklearn.gap.nameless import nameless
-from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants import servo_stop as stop
 from whsklearn.gap.plants import servo_two_mass as two_mass
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, Candidate, usable
@@ -40,6 +39,7 @@ from whsklearn.gap.plants.servo_own import Own
 from whsklearn.gap.record import Array
 from whsklearn.gap.search import HALF, LEAST_SHARE
 from whsklearn.gap.tangent import AT_ONCE, Family, Look, Tangent, chance, strongest_lines, with_p_values
+from whsklearn.identification.drive_lead import LATEST, OLDEST
 
 Blocks = Iterator[tuple[Any, Array, Array | float]]
 
@@ -98,7 +98,7 @@ def looks(
     out = [look for _, look in asked]
     unnamed = nameless(view.scene, scene.angle, scene.speed, (x @ sizes)[view.at])
     out += [timed.look(f) for f in unnamed if f.signal == "position" or not waves]
-    if not waves and view.age(model) > rules.LATEST * view.scene.dt:  # then the age is not a nuisance but a candidate
+    if not waves and view.age(model) > LATEST * view.scene.dt:  # then the age is not a nuisance but a candidate
         plain = Tangent(left, own.null, numbers, own.n_effective, away)
         late = (kind for kind in inverse_kinds(model) if kind.delays)
         out += [plain.look(family(scene, kind)) for kind in late]
@@ -217,8 +217,8 @@ def limits(scene: Scene, kind: Candidate) -> Blocks:
 def ages(scene: Scene, kind: Candidate) -> Blocks:
     """The drive delayed by every age beyond bookkeeping."""
     dt, u = scene.view.scene.dt, scene.drive
-    book, _ = scene.transformed(later(k.INPUT_DELAY, u, rules.LATEST * dt, dt))
-    for age in np.geomspace(rules.LATEST * dt, max(rules.OLDEST, 10 * rules.LATEST * dt), N_LIMITS):
+    book, _ = scene.transformed(later(k.INPUT_DELAY, u, LATEST * dt, dt))
+    for age in np.geomspace(LATEST * dt, max(OLDEST, 10 * LATEST * dt), N_LIMITS):
         columns, share = scene.transformed(later(kind.code, u, age, dt))
         yield [(float(age),)], columns - book, share
 
@@ -450,9 +450,7 @@ def jointly(view: Any, grown: ServoHypothesis, i: int) -> ServoHypothesis:
             term = term.with_slot(j, float(np.exp(value)) if log else float(value))
         return view.fit_with_gap(grown.with_terms((*grown.terms[:i], term, *grown.terms[i + 1 :])))
 
-    fit = least_squares(
-        lambda x: moved(x)[1], grown.vector()[at], 3.0 * steps[at], (low[at], high[at]), tolerance=1e-3
-    )
+    fit = least_squares(lambda x: moved(x)[1], grown.vector()[at], 3.0 * steps[at], (low[at], high[at]), tolerance=1e-3)
     best, left = moved(fit.x)
     return best if view.rms(left) < view.rms(view.gap(grown)) else grown
 

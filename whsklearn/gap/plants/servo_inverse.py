@@ -22,15 +22,28 @@ from whsklearn.filtering.records import CUTOFF_SIGMA, decimation, filtered, gaus
 from whsklearn.gap import least_squares as ols
 from whsklearn.gap.least_squares import jacobian
 from whsklearn.gap.plant import Linearised
-from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants import servo_stop as stop
 from whsklearn.gap.plants import servo_two_mass as two_mass
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, ColumnSignals
 from whsklearn.gap.plants.servo_model import ServoHypothesis, ServoTerm
 from whsklearn.gap.record import Array, ServoRecord, rms
+from whsklearn.identification.drive_lead import KNOWN, LATEST, OLDEST
 from whsklearn.logs.lattice import lattice
 
 KEPT = 40  # columns cached, because a polish moves one shape and not the others
+# The sign of a velocity is unknown below so many standard deviations of its noise; for records without noise, below
+# this share of the rms velocity.
+NOISY, SLOW = 3.0, 0.01
+# Judged samples; with fewer, rests are used too: a record at rest has no others. Ten numbers with ten samples each.
+FEWEST_JUDGED = 100
+# Multiple of the median power around it from which a peak is a line of the reference, where no tone is accepted; and
+# the widths, in bins (1 / duration), of the line and of its surroundings: a Hann window spreads a line over 1.5 bins
+# (`python -m benchmarks.real_axes --only so101`).
+STANDS_OUT = 10.0
+LINE, AROUND = 1.5, 12.0
+# Smallest gain after a change of gain, relative to before: with 0.4 %, inertia and missing torque also fall to 0.4 %,
+# which "explained" KR300 A with Coulomb friction hidden. Simulated changes keep 70 % and more.
+LEAST_GAIN_LEFT = 0.1
 
 
 def reaching(t: ServoTerm, u: Array, motion: ColumnSignals, dt: float) -> Array:
@@ -78,12 +91,12 @@ class InverseView:
         )
         self.time = record.clock
         self.motion = ColumnSignals(self.time, q + centre, v, a, u)
-        self.slowest = max(rules.NOISY * self.noise * float(np.linalg.norm(fine[1])), rules.SLOW * scene.speed)
+        self.slowest = max(NOISY * self.noise * float(np.linalg.norm(fine[1])), SLOW * scene.speed)
         self.motion = self.motion._replace(kappa=2.0 / self.slowest)
         self.acceleration = filtered(y - centre, g2, self.every)
         self.drive = self.blur(u)
         self.moving, whole = self._moving(sigma)
-        enough = self.moving.sum() >= rules.FEWEST_JUDGED
+        enough = self.moving.sum() >= FEWEST_JUDGED
         self.usable = self.moving if enough else whole
         self.at = np.flatnonzero(self.usable)
         self.step = self.every * dt
@@ -201,8 +214,8 @@ class InverseView:
         rate = ols.slope(open_x @ sizes, self.step)
         sizes, free = self._sizes(np.column_stack([open_x, rate]), target, np.append(positive, False), away)
         # beside a delay or a lag an age is bookkeeping: one logged late would have been moved, and the two would cancel
-        latest = rules.LATEST * self.scene.dt
-        earliest = latest if any(t.kind.delays for t in model.terms) else rules.OLDEST
+        latest = LATEST * self.scene.dt
+        earliest = latest if any(t.kind.delays for t in model.terms) else OLDEST
         timing = float(np.clip(sizes[-1], -earliest, latest))
         # u(t - T) = m means u = m + T m' + T^2 m'' / 2; without the second order a lag looks like a delay
         target = target - 0.5 * timing**2 * ols.slope(rate, self.step)
@@ -263,7 +276,7 @@ class InverseView:
         sizes = self.sizes(model)
         predicted = x @ sizes
         left = self.rms((self.target(model)[0] - predicted)[self.at])
-        if left > rules.KNOWN * self.scene.torque:
+        if left > KNOWN * self.scene.torque:
             return None
         return np.interp(self.time, self.time[:: self.every], predicted)
 
@@ -429,7 +442,7 @@ def never_free(effect: Any, position: Array) -> str:
 def too_large(model: ServoHypothesis, index: int) -> str:
     """The objection that an effect takes so much of the drive that it replaces the drive; empty if it does not."""
     t = model.terms[index]
-    if t.kind.code == codes.CHANGE_GAIN and 1.0 + t.q[0] < rules.LEAST_GAIN_LEFT:
+    if t.kind.code == codes.CHANGE_GAIN and 1.0 + t.q[0] < LEAST_GAIN_LEFT:
         return f"it would leave {100 * (1.0 + t.q[0]):.1f} % of the drive's effect and hide whatever is missing"
     size = t.kind.cls.quantities[t.kind.cls.size]
     share = float(np.linalg.norm(t.q[:2])) if t.kind.linear == 2 else abs(float(t.q[0]))
@@ -493,7 +506,7 @@ def on_excitation_line(record: ServoRecord, term: ServoTerm) -> str:
     power = np.abs(np.fft.rfft(np.hanning(x.size) * x)) ** 2
     at = float(term.q[2]) * record.dt * x.size
     distance = np.abs(np.arange(power.size) - at)
-    line, around = power[distance <= rules.LINE], power[(distance > 2 * rules.LINE) & (distance <= rules.AROUND)]
-    if line.size == 0 or around.size == 0 or line.max() <= rules.STANDS_OUT * np.median(around):
+    line, around = power[distance <= LINE], power[(distance > 2 * LINE) & (distance <= AROUND)]
+    if line.size == 0 or around.size == 0 or line.max() <= STANDS_OUT * np.median(around):
         return ""
     return "its frequency is a line of the reference, where wrong dynamics would cause a tone as well"

@@ -23,8 +23,7 @@ from whsklearn.effects.equations import hill
 from whsklearn.filtering.records import filtered
 from whsklearn.gap import least_squares as ols
 from whsklearn.gap.diagnosis import Curve
-from whsklearn.gap.plant import LEARNED_SHARE, Learned
-from whsklearn.gap.plants import servo_evidence as rules
+from whsklearn.gap.plant import LEARNED_SHARE, PAYS, Learned
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, Candidate, ColumnSignals
 from whsklearn.gap.plants.servo_model import ServoHypothesis, ServoTerm
 from whsklearn.gap.record import Array
@@ -117,7 +116,7 @@ def learn(view: Any, model: ServoHypothesis) -> Learned | None:
         gain = problem.gain(best)
         if gain < LEAST_GAIN or 1.0 - best / problem.error < LEARNED_SHARE:
             break
-        chosen = next(f for f in fits if problem.gain(f.error) > gain - rules.PAYS)  # the simplest of the best
+        chosen = next(f for f in fits if problem.gain(f.error) > gain - PAYS)  # the simplest of the best
         found.append(chosen)
         problem = CurveProblem(view, model, torque, tuple(found))
     if not found:

@@ -15,11 +15,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from whsklearn.gap.calibration import N_DRAWS, coloured, n_effective, null_rows, smoothed_power
-from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants.servo_candidates import ColumnSignals as Motion
 from whsklearn.gap.plants.servo_model import HOLD, ServoHypothesis
 from whsklearn.gap.record import Array, rms
-from whsklearn.identification.drive_lead import earlier
+from whsklearn.identification.drive_lead import LATEST, OLDEST, earlier
 from whsklearn.systems._servo_kernel import DELAY, DRIVE, MEASURED, N_SIGNALS, RESOLUTION, How, PassInputs, run
 from whsklearn.systems.servo import FEWEST_STEPS
 
@@ -102,14 +101,14 @@ def own(view: Any, model: ServoHypothesis, rng: np.random.Generator) -> tuple[Ow
     here, left = bare.fit_with_gap(model)
     asked = here.vector()
     age, dt = bare.age(model), view.scene.dt
-    latest = (rules.LATEST - HOLD) * dt  # beyond that it is a delay, which this model lacks
+    latest = (LATEST - HOLD) * dt  # beyond that it is a delay, which this model lacks
     # from the logged drive: the first residual contains the artefacts of the filters, which the first own record shows
     corrected, delay, feed = model, min(age - HOLD * dt, latest), view.record.drive
     for _ in range(2):  # with more passes they diverge if the drive has a limit, above which more drive changes nothing
         made = bare.beside(own_record(view, corrected, rng, feed, delay))
         fitted, seen = made.fit_with_gap(model)
         corrected = model.with_vector(np.clip(corrected.vector() + asked - fitted.vector(), *model.bounds()))
-        delay = float(np.clip(delay + age - made.age(fitted), -rules.OLDEST, latest))
+        delay = float(np.clip(delay + age - made.age(fitted), -OLDEST, latest))
         feed = view.record.drive - bare.spread(left - seen)
     gaps = []
     for _ in range(N_RECORDS):

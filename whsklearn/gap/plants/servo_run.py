@@ -20,7 +20,7 @@ from whsklearn.effects import Scales
 from whsklearn.effects import codes as k
 from whsklearn.gap.filters import WHITENING, ResidualFilter, solve_whitening, whiten
 from whsklearn.gap.least_squares import Minimum, gain_of, least_squares
-from whsklearn.gap.plants import servo_evidence as rules
+from whsklearn.gap.plant import PAYS
 from whsklearn.gap.plants.servo_candidates import Candidate
 from whsklearn.gap.plants.servo_model import LONGEST_STEP, ServoHypothesis, ServoTerm
 from whsklearn.gap.record import Array, ServoRecord, held_out_blocks, rms
@@ -28,6 +28,19 @@ from whsklearn.systems.servo import FEWEST_STEPS
 
 STEP_ERROR = 0.01  # share of the tolerance by which a longer fine step may change the gap
 LOST = 1e3  # times the travel or the speed of the record: a run beyond that has diverged
+# s: the longest horizon, and those tried if it shows nothing.
+LONGEST_RUN = 0.5
+SHORTER_RUNS = (0.2, 0.1, 0.05, 0.02, 0.01, 0.005)
+# Largest difference between a model's own motion and its smoothed version, as a share of the rms speed: impacts reach
+# 0.1.
+OWN_MOTION = 0.2
+# Largest error on a model's own record due to the noise of the restarts, as a share of the path within a horizon.
+OWN_ERROR = 0.1
+# Largest deviation of a run due to a torque that is not worth naming, as a share of the path.
+OFF_PATH = 0.05
+# Largest mean square difference of the velocities of two smoothing windows, as a multiple of the noise variance of the
+# narrower one: a larger difference is motion that the wider one smooths away (Lepski 1991).
+AS_NOISE = 2.0
 
 
 @dataclass
@@ -194,7 +207,7 @@ def _hopeless(view: Any, model: ServoHypothesis, fit: Minimum) -> bool:
     """
     r = view.residual(model)
     numbers = fit.x.size - model.vector().size
-    return bool(r.size * np.log(float(r @ r) / max(fit.cost, 1e-300)) < rules.PAYS * numbers)
+    return bool(r.size * np.log(float(r @ r) / max(fit.cost, 1e-300)) < PAYS * numbers)
 
 
 def _settle(view: Any, model: ServoHypothesis, *, tolerance: float = 2e-3) -> tuple[ServoHypothesis, Minimum]:
@@ -258,7 +271,7 @@ def smoothing_width(position: Array, dt: float, noise: float) -> int:
     for wide, narrow in pairwise(widths):
         apart = smoothed(position, dt, wide)[1] - smoothed(position, dt, narrow)[1]
         own = noise * float(np.linalg.norm(savgol_coeffs(narrow, 4, deriv=1, delta=dt)))
-        if float(np.mean(apart[wide:-wide] ** 2)) < rules.AS_NOISE * own**2:
+        if float(np.mean(apart[wide:-wide] ** 2)) < AS_NOISE * own**2:
             return wide
     return widths[-1]
 
@@ -279,7 +292,7 @@ def restart_states(view: Any, model: ServoHypothesis) -> tuple[tuple[Array, Arra
     own_q, own_v = view.record.by_piece(lambda x: smoothed(x, dt, width), y_hat)
     if model.load_side:
         angle, speed = angle - twist[:, 0], speed - twist[:, 1]
-    if rms(speed - own_v) > rules.OWN_MOTION * view.scene.speed:
+    if rms(speed - own_v) > OWN_MOTION * view.scene.speed:
         return (q, v), np.zeros((0, 2))
     return (q + angle - own_q, v + speed - own_v), twist
 
@@ -293,11 +306,11 @@ def horizon_of(model: ServoHypothesis, scene: Any, tolerance: float) -> float:
     """
     viscous = sum(t.q[0] for t in model.terms if t.name == "viscous")
     error = tolerance * scene.torque
-    if error <= rules.OFF_PATH * viscous * scene.speed:
-        return rules.LONGEST_RUN
-    longest = 2.0 * rules.OFF_PATH * scene.speed * model.inertia / error
+    if error <= OFF_PATH * viscous * scene.speed:
+        return LONGEST_RUN
+    longest = 2.0 * OFF_PATH * scene.speed * model.inertia / error
     digits = 10.0 ** np.floor(np.log10(longest))
-    return float(np.clip(round(longest / digits) * digits, 10 * scene.dt, rules.LONGEST_RUN))
+    return float(np.clip(round(longest / digits) * digits, 10 * scene.dt, LONGEST_RUN))
 
 
 def horizons_around(headline: float) -> tuple[float, ...]:
@@ -311,11 +324,11 @@ def predictable(surrogate: Any, model: ServoHypothesis, longest: float) -> float
     If a motion passes unstable positions (a motor that cogs under a soft drive tips from tooth to tooth), the noise
     of a restart grows until a run shows nothing, whatever the model.
     """
-    horizons = [longest, *(h for h in rules.SHORTER_RUNS if 10 * model.scene.dt <= h < longest)]
+    horizons = [longest, *(h for h in SHORTER_RUNS if 10 * model.scene.dt <= h < longest)]
     held = held_out(surrogate)
     for h in horizons:
         e = (surrogate.record.position - restarted_run(surrogate, model, h))[held]
-        if np.all(np.isfinite(e)) and rms(e) < rules.OWN_ERROR * h * model.scene.speed:
+        if np.all(np.isfinite(e)) and rms(e) < OWN_ERROR * h * model.scene.speed:
             return h
     return longest
 

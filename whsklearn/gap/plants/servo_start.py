@@ -3,29 +3,34 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import fftconvolve
 
-from whsklearn.effects import Scales, get_effect
+from whsklearn.effects import Scales
 from whsklearn.filtering.records import CUTOFF_SIGMA, HIGHEST_CUTOFF, gaussian_derivatives
-from whsklearn.gap.diagnosis import NamedEffect
 from whsklearn.gap.filters import observer_gains, residual_filter
-from whsklearn.gap.plant import DEFAULT_TOLERANCE, QUIET
-from whsklearn.gap.plants import servo_evidence as rules
+from whsklearn.gap.plant import DEFAULT_TOLERANCE, PAYS
 from whsklearn.gap.plants.servo_candidates import candidate
-from whsklearn.gap.plants.servo_inverse import InverseView
+from whsklearn.gap.plants.servo_inverse import NOISY, SLOW, InverseView
 from whsklearn.gap.plants.servo_model import FASTEST_COUPLING, HOLD, ServoHypothesis, ServoTerm
 from whsklearn.gap.plants.servo_run import ObserverView
 from whsklearn.gap.record import Array, ServoRecord, held_out_blocks, noise_level, rms
-from whsklearn.gap.search import HALF
 from whsklearn.identification.drive_lead import drive_lead, earlier
 from whsklearn.logs.lattice import lattice
 
 LOWEST_CUTOFF = 2.0  # Hz, of the search for the filter
 FIRST_CUTOFF = 8.0  # Hz, for the first guess of the inertia: above any reference, below most noise
+# Largest noise as a share of the gap: cogging of order 72 needs a filter that passes it (LAAS).
+OF_THE_GAP = 0.2
+# Largest share of the time in motion during which noise hides the direction: friction is lost at each reversal.
+BLIND_SHARE = 0.03
+# Multiple of the noise of inertia times acceleration due to the encoder: the residual of surrogates is 0.0037 to 0.0047
+# of the drive while this noise alone is 0.0015 to 0.0019, because the controller also puts the noise into the drive.
+DRIVE_NOISE = 2.5
+# Smallest noise as a share of the encoder's step: a reading that rests on its grid shows none, and one spread evenly
+# over a step shows 0.29.
+GRID_AS_NOISE = 0.2
 
 
 def filtered_motion(position: Array, dt: float, cutoff: float) -> tuple[Array, Array, Array]:
@@ -60,14 +65,14 @@ def best_view(view: InverseView, model: ServoHypothesis, goal: float, *, sharp: 
     for cutoff in cutoffs:
         *_, g2 = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * cutoff), dt)
         _, g1, _ = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * min(2 * cutoff, 0.1 / dt)), dt)
-        slowest = rules.NOISY * noise * float(np.linalg.norm(g1))
+        slowest = NOISY * noise * float(np.linalg.norm(g1))
         other = InverseView(view.record, scene, float(cutoff), view.start, noise)
-        if np.mean((speed < slowest) & (speed > rules.SLOW * scene.speed)) > rules.BLIND_SHARE:
+        if np.mean((speed < slowest) & (speed > SLOW * scene.speed)) > BLIND_SHARE:
             continue
         fitted, left = other.fit_with_gap(model)
-        floor = rules.DRIVE_NOISE * noise * fitted.inertia * float(np.linalg.norm(g2))
-        together = max(1.0, float(np.sqrt(other.n_effective / rules.PAYS))) if sharp else 1.0
-        if floor <= max(together * goal * scene.torque, rules.OF_THE_GAP * other.rms(left)):
+        floor = DRIVE_NOISE * noise * fitted.inertia * float(np.linalg.norm(g2))
+        together = max(1.0, float(np.sqrt(other.n_effective / PAYS))) if sharp else 1.0
+        if floor <= max(together * goal * scene.torque, OF_THE_GAP * other.rms(left)):
             break
     return other
 
@@ -103,7 +108,7 @@ def start_of(record: ServoRecord, law: tuple[str, ...], goal: float) -> tuple[In
 
 def position_noise(record: ServoRecord, signal: Array) -> float:
     """Standard deviation of the position's noise, from the sixth differences of a signal that holds it."""
-    return max(noise_level(signal), rules.GRID_AS_NOISE * lattice(record.position))
+    return max(noise_level(signal), GRID_AS_NOISE * lattice(record.position))
 
 
 def unpredicted(record: ServoRecord, model: ServoHypothesis, start: tuple[Array, Array]) -> Array:
@@ -172,48 +177,3 @@ def observer_view(view: InverseView, scene: Scales, *, tolerance: float = DEFAUL
         chosen.pick(train & ~edge), chosen.pick(np.where(edge, -1, number)), chosen.pick(usable), tolerance,
         view.quantum,
     )  # fmt: skip
-
-
-def coarse_encoder(view: Any, base: Any) -> list[Any]:
-    """The quantization, if all positions are on a grid that is the main noise and nothing else is missing.
-
-    A log in counts states its grid; only a coarser one is an effect.  An axis whose log does not state it is taken to
-    have at least an encoder of the usual kind.
-    """
-    step, stated = view.quantum, view.record.resolution
-    if not stated and view.record.units[1] == "rad":
-        stated = 2 * np.pi / rules.USUAL_COUNTS
-    if step < rules.COARSE_GRID * view.scene.reach or step**2 / 12.0 < HALF * view.noise**2:
-        return []
-    if step < rules.COARSER_THAN_STATED * stated:
-        return []
-    effect = get_effect("quantization")(step=step)  # type: ignore[call-arg]
-    if view.rms(view.gap(base)) > QUIET * view.floor():
-        return []
-    return [NamedEffect(effect, {}, 0.0, 1.0)]
-
-
-def unfold(position: NDArray[np.float64], dt: float) -> NDArray[np.float64] | None:
-    """The position whose absolute value was logged, or None if nothing looks folded.
-
-    A folded reading stays on one side and turns back at zero at speed: the slopes before and after are opposite and
-    equal.  At a real turn the axis would have come to rest.
-    """
-    span = float(np.ptp(position))
-    if abs(position.min()) > rules.FOLD_TURNS * span:
-        return None
-    w = max(2, round(rules.FOLD_WINDOW / dt))
-    typical = rms(np.diff(position)) / dt
-    out, sign, k, flips = position.copy(), 1.0, w, 0
-    last = -10 * w
-    while k < position.size - w:
-        near = position[k] < rules.FOLD_TURNS * span and position[k] == position[k - w : k + w + 1].min()
-        if near and k - last > 2 * w:
-            before = (position[k] - position[k - w]) / (w * dt)
-            after = (position[k + w] - position[k]) / (w * dt)
-            if min(-before, after) > rules.FOLD_SPEED * typical:
-                out[last if last > 0 else 0 : k] *= sign
-                sign, flips, last = -sign, flips + 1, k
-        k += 1
-    out[max(last, 0) :] *= sign
-    return out if flips else None

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from whsklearn.effects import ContactStop
 from whsklearn.effects import codes as k
 from whsklearn.filtering.records import CUTOFF_SIGMA
-from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, Candidate, variants
 from whsklearn.gap.plants.servo_model import ServoHypothesis, ServoTerm
 from whsklearn.gap.record import Array
@@ -28,6 +27,16 @@ REWEIGHTINGS = 15
 AROUND = 3.5  # widths of the Gaussian over which a contact is blurred
 EDGE_STEP, EDGE_STEPS = 0.4, 7  # of the depth reached; each step shrinks by 0.6, to a hundredth in the end
 RELAXATIONS = (0.0, 0.003, 0.01, 0.02, 0.04, 0.08, 0.15)  # s
+# The events are the large residuals of a robust fit (`python -m benchmarks.blind_mujoco --only
+# range_one,range_both,forcerange`).  Of a stop they have 0.99 of the residual's energy, and 0.8 to 1 of the outer half
+# of its region is struck, of all others less than 0.15; both must be most of it.
+# Robust standard deviations above which a sample is an event: stops reach 20 to 60.
+STOP_FAR = 6.0
+# Deviations at which a sample has half weight in the robust fit (Cauchy's weights), and above which a sample in the
+# outer half of the region counts as struck.
+STOP_KNEE = 3.0
+# Share of the events' energy allowed outside the regions: the blur carries some to before the contact.
+STOP_EDGE = 0.03
 
 
 class Region(NamedTuple):
@@ -46,7 +55,7 @@ def robust(x: Array, y: Array) -> tuple[Array, float]:
         c, *_ = np.linalg.lstsq(x / scale * w[:, None], y * w, rcond=1e-10)
         r = y - x / scale @ c
         s = 1.48 * float(np.median(np.abs(r - np.median(r)))) + 1e-300
-        w = 1.0 / np.sqrt(1.0 + (r / (rules.STOP_KNEE * s)) ** 2)
+        w = 1.0 / np.sqrt(1.0 + (r / (STOP_KNEE * s)) ** 2)
     return r, s
 
 
@@ -55,7 +64,7 @@ def regions(view: Any, model: ServoHypothesis) -> list[Region]:
     x, _ = view.columns(model, view.torque(model))
     at = view.at
     r, s = robust(x[at][:, np.any(x[at] != 0.0, axis=0)], view.drive[at])
-    event = np.abs(r) > rules.STOP_FAR * s
+    event = np.abs(r) > STOP_FAR * s
     total = float(np.sum(r[event] ** 2))
     if total <= HALF * float(r @ r):
         return []
@@ -65,12 +74,12 @@ def regions(view: Any, model: ServoHypothesis) -> list[Region]:
         depth = side * q
         pushed = np.flatnonzero(event & (side * r > 0.0))
         energy = float(np.sum(r[pushed] ** 2))
-        if energy <= rules.STOP_EDGE * total:
+        if energy <= STOP_EDGE * total:
             continue
         order = pushed[np.argsort(depth[pushed])]
-        edge = float(depth[order][np.searchsorted(np.cumsum(r[order] ** 2), rules.STOP_EDGE * energy)])
+        edge = float(depth[order][np.searchsorted(np.cumsum(r[order] ** 2), STOP_EDGE * energy)])
         deep = depth >= 0.5 * (edge + float(depth.max()))
-        if np.mean(side * r[deep] > rules.STOP_KNEE * s) > HALF:
+        if np.mean(side * r[deep] > STOP_KNEE * s) > HALF:
             found.append(Region(side * edge, side, energy / total))
     return found if sum(f.energy for f in found) > HALF else []
 
