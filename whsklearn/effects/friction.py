@@ -248,7 +248,8 @@ class LoadFriction(Effect):
     0.4
     """
 
-    coefficient: float = number(0.1, "1", 1e-3, 0.5, log=True)
+    # self-locking worm and screw drives lose more than half of the torque, none loses all of it
+    coefficient: float = number(0.1, "1", 1e-3, 0.8, log=True)
 
     name = "load_friction"
     place = "friction"

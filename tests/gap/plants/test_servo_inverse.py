@@ -140,6 +140,14 @@ def test_a_drive_that_loses_all_its_effect_is_no_explanation(change, objected):
     assert bool(too_large(base.with_term(ServoTerm(gain, (change, 3.0))), len(base.terms))) is objected
 
 
+@pytest.mark.parametrize(("lost", "objected"), [(0.6, False), (0.95, True)], ids=["self-locking screw", "locked"])
+def test_a_gear_may_lose_more_than_half_of_its_torque_but_not_nearly_all(lost, objected):
+    r = log_of()
+    _, base = start_of(ServoRecord(r.time, r.drive, r.position), ("viscous",), 0.004)
+    grown = base.with_term(ServoTerm(candidate("load_friction"), (lost,)))
+    assert bool(too_large(grown, len(base.terms))) is objected
+
+
 @pytest.mark.parametrize("parameter", ["viscous", "inertia"])
 def test_a_change_that_leaves_a_negative_friction_or_inertia_is_no_explanation(parameter):
     """A loop that diverges looked like friction that begins to drive the axis, with certainty."""
