@@ -28,7 +28,7 @@ from whsklearn.change import ChangeAlarm, compare_parameters
 from whsklearn.checks import state_difference
 from whsklearn.datasets import load_log, make_wiener_hammerstein
 from whsklearn.recursion.rows.batched import least_squares_of_many
-from whsklearn.state import pack_state, unpack_state
+from whsklearn.state.files import pack_state, unpack_state
 from whsklearn.streaming.monitor import Options, StreamMonitor
 from whsklearn.streaming.rows import BadRow, CsvParser, JsonParser
 

@@ -41,7 +41,7 @@ def draw_rows(names):
     records = simulate_many([axis, *(axis.with_effect(e) for e in effects)], reference=reference, noise=False)
     _figure, panels = plt.subplots(len(names), 2, figsize=(9, 2.1 * len(names)), squeeze=False, layout="constrained")
     for (left, right), effect, record in zip(panels, effects, records[1:], strict=True):
-        EffectDisplay.from_run(effect, record, ax=left)
+        EffectDisplay.from_run(effect, record, axes=left)
         label = effect.name if type(effect) is get_effect(effect.name) else type(effect).__name__
         left.set_title(label, loc="left", fontweight="bold", fontsize=10)
         window = most_different(records[0].drive, record.drive)

@@ -13,7 +13,7 @@ import pytest
 
 from whsklearn import RMILSRegressor, WienerHammersteinLags
 from whsklearn.datasets import make_wiener_hammerstein
-from whsklearn.state import pack_state, write_state
+from whsklearn.state.files import pack_state, write_state
 
 X, Y = make_wiener_hammerstein(120, random_state=0)
 MODEL = RMILSRegressor(WienerHammersteinLags(), n_starts=2, memory=64, random_state=0).partial_fit(X, Y)

@@ -29,8 +29,16 @@ from whsklearn.effects import (
     Viscous,
     reduced_law,
 )
-from whsklearn.state import FORMAT_VERSION, pack_state, read_kind, read_state, unpack_state, write_state
-from whsklearn.state.files import decode, encode
+from whsklearn.state.files import (
+    FORMAT_VERSION,
+    decode,
+    encode,
+    pack_state,
+    read_kind,
+    read_state,
+    unpack_state,
+    write_state,
+)
 
 keys = st.text(min_size=1, max_size=4).filter(lambda key: key != "$")  # which marks what is no plain value
 plain = st.recursive(

@@ -7,7 +7,6 @@ import math
 
 import numpy as np
 import pytest
-from sklearn.utils import Bunch
 
 from tests.systems.signals import DRIVE, REFERENCE, T
 from whsklearn.effects import (
@@ -29,6 +28,7 @@ from whsklearn.effects import (
     effect_names,
     get_effect,
 )
+from whsklearn.effects.base import signals_of
 from whsklearn.systems import Drive, PIDController, Sensor, ServoAxis, Transmission, record_frame, simulate_many
 from whsklearn.systems.servo import pack, parts_of
 
@@ -128,13 +128,7 @@ def test_torque_balance_holds_along_a_record():
     t = np.arange(8000) / 2000
     axis = dataclasses.replace(axis, sample_rate=2000.0)
     record = axis.simulate_drive(0.9 * np.sin(4.0 * t))
-    signals = Bunch(
-        time=record.time,
-        position=record.true_position,
-        velocity=record.velocity,
-        acceleration=np.gradient(record.velocity, record.time),
-        drive=record.torque,
-    )
+    signals = signals_of(record, "torque")
     columns, names = axis.columns(signals)
     weights = np.concatenate([[0.05, 0.2, 0.3], *(e.coefficients for e in axis.effects)])
     assert names[:4] == ("inertia", "viscous", "coulomb", "cogging__cos")

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sklearn.utils import Bunch
 
-from whsklearn.effects.base import PLACES, Effect
+from whsklearn.effects.base import PLACES, Effect, signals_of
 from whsklearn.effects.friction import Coulomb, Viscous
 from whsklearn.effects.law import FrictionLaw
 from whsklearn.effects.quantity import Quantity
@@ -172,7 +172,7 @@ def _check_first_order(e: Effect) -> None:
         return
     base, drive = _experiment()
     record = base.simulate_drive(drive, initial_position=START)
-    signals = _signals_of(record, base)
+    signals = Bunch(**signals_of(record), kappa=1.0 / base.smoothing)  # the sign as smooth as the axis's
     small = _small(e, signals, record)
     simulated = base.with_effect(small).simulate_drive(drive, initial_position=START).position - record.position
     torque = small.contribution(signals)
@@ -207,18 +207,6 @@ def _experiment() -> tuple[Any, NDArray[np.float64]]:
     axis = ServoAxis(0.05, FrictionLaw([Viscous(0.3), Coulomb(0.2)]), friction="tanh", smoothing=0.05)
     t = np.arange(4000) / axis.sample_rate
     return axis, 0.9 * np.sin(2.0 * math.pi * 0.45 * t + 0.4) + 0.4 * np.sin(2.0 * math.pi * 1.3 * t)
-
-
-def _signals_of(record: Bunch, axis: Any) -> Bunch:
-    """True signals of a record, with the sign as smooth as the axis's."""
-    return Bunch(
-        time=record.time,
-        position=record.true_position,
-        velocity=record.velocity,
-        acceleration=np.gradient(record.velocity) * axis.sample_rate,
-        drive=record.drive,
-        kappa=1.0 / axis.smoothing,
-    )
 
 
 def _small(e: Effect, signals: Bunch, record: Bunch) -> Effect:

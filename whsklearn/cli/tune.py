@@ -58,7 +58,7 @@ def main(**options: Any) -> None:
     Example: whsklearn tune --log axis.csv --input torque_nm --output velocity_rad_s --p 1,2,4,8
     """
     from whsklearn import RMILSRegressor, WienerHammersteinLags
-    from whsklearn.tracking import alias_of
+    from whsklearn.tracking.served import alias_of
 
     record = record_of(options) if options["log_file"] else example(options["samples"], options["seed"])
     grid = grid_of(options)

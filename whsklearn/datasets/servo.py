@@ -12,15 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.utils import Bunch
 
-from whsklearn.effects import Effect, get_effect
+from whsklearn.effects.base import Effect, get_effect, signals_of
 from whsklearn.systems.servo import ServoAxis, record_frame, simulate_many
 from whsklearn.systems.servo_parts import PIDController, Sensor
 
 if TYPE_CHECKING:
     import pandas as pd
-
-
-REFERENCES = ("sine", "multisine", "staircase", "sweep", "rich")
 
 
 def reference_signal(
@@ -191,7 +188,7 @@ def draw_effect(
         raise ValueError(f"share is {share!r}, expected a finite number above zero, such as 0.05.")
     base = simulate_many([axis], reference=reference, noise=False)[0]
     effect = _shaped(cls, base, rng)
-    signals = _signals(base, axis)
+    signals = signals_of(base, "torque")
     torque = np.std(base.torque)
     if cls.name == "saturation":
         return _limited(effect, signals, share * torque)
@@ -220,17 +217,6 @@ def _shaped(cls: type[Effect], base: Bunch, rng: np.random.Generator) -> Effect:
     if cls.name == "parameter_change":
         fields["time"] = float(base.time[-1] * rng.uniform(0.3, 0.7))
     return cls(**fields)
-
-
-def _signals(base: Bunch, axis: ServoAxis) -> Bunch:
-    """True signals of a simulated record."""
-    return Bunch(
-        time=base.time,
-        position=base.true_position,
-        velocity=base.velocity,
-        acceleration=np.gradient(base.velocity) * axis.sample_rate,
-        drive=base.torque,
-    )
 
 
 def _rms(values: NDArray[np.float64]) -> float:
@@ -343,10 +329,6 @@ def make_servo_log(
 
 def default_axis() -> ServoAxis:
     """A small direct-drive table: 0.05 kg m2, 0.12 Nm s/rad, 0.3 Nm, PID with feed-forward at 1 kHz.
-
-    Returns
-    -------
-    ServoAxis
 
     Examples
     --------

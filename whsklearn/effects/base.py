@@ -53,6 +53,7 @@ from typing import Any, ClassVar, Self, dataclass_transform
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from sklearn.utils import Bunch
 
 from whsklearn.effects import codes
 from whsklearn.effects.own import address_of, own_values_along
@@ -543,6 +544,15 @@ class Effect(_Frozen):
         """
         numeric = {self.size: self.magnitude, **self.shape}
         return {self.quantities[k].labelled(k): v for k, v in numeric.items()} | self.options
+
+
+def signals_of(record: Bunch, drive: str = "drive") -> Bunch:
+    """True signals of a simulated record, as `Effect.columns` takes them; with ``drive="torque"`` that at the motor."""
+    acceleration = np.gradient(record.velocity, record.time)
+    return Bunch(
+        time=record.time, position=record.true_position, velocity=record.velocity, acceleration=acceleration,
+        drive=record[drive],
+    )  # fmt: skip
 
 
 def _code_of(field: dataclasses.Field[Any]) -> property:

@@ -40,18 +40,13 @@ def register_scorers(scorers: dict[str, Any]) -> None:
 def _scoring_options() -> Iterator[set[str]]:
     """The name sets that modules of scikit-learn already imported have frozen."""
     modules = [m for name, m in list(sys.modules.items()) if name.startswith("sklearn.") and m is not None]
-    seen: set[int] = set()
-    for module in modules:
-        for value in list(vars(module).values()):
-            for attribute in ("_parameter_constraints", "_skl_parameter_constraints"):
-                constraints = getattr(value, "__dict__", {}).get(attribute)
-                if not isinstance(constraints, dict) or id(constraints) in seen:
-                    continue
-                seen.add(id(constraints))
-                for constraint in constraints.get("scoring", ()):
-                    options = getattr(constraint, "options", None)
-                    if isinstance(options, set) and _KNOWN in options:
-                        yield options
+    for value in (value for module in modules for value in list(vars(module).values())):
+        for attribute in ("_parameter_constraints", "_skl_parameter_constraints"):
+            constraints = getattr(value, "__dict__", {}).get(attribute)
+            for constraint in constraints.get("scoring", ()) if isinstance(constraints, dict) else ():
+                options = getattr(constraint, "options", None)
+                if isinstance(options, set) and _KNOWN in options:
+                    yield options
 
 
 # --- indices ---------------------------------------------------------------------------------------------------------
@@ -100,14 +95,10 @@ def nmse(y: ArrayLike, y_hat: ArrayLike, skip: int = 0) -> float:
 def mu_e(y: ArrayLike, y_hat: ArrayLike, skip: int = 0) -> float:
     """Mean of the error y - y_hat, in the unit of y (index (2) of section 5.1).
 
-    Parameters and errors are those of `nmse`, but y may be constant.
-
     Parameters
     ----------
-    y, y_hat : array-like of shape (n,)
-        Output, and the run to judge.
-    skip : int, default=0
-        Samples at the start that do not count.
+    y, y_hat, skip
+        As for `nmse`, but y may be constant.
 
     Examples
     --------
@@ -123,10 +114,8 @@ def abs_mu_e(y: ArrayLike, y_hat: ArrayLike, skip: int = 0) -> float:
 
     Parameters
     ----------
-    y, y_hat : array-like of shape (n,)
-        Output, and the run to judge.
-    skip : int, default=0
-        Samples at the start that do not count.
+    y, y_hat, skip
+        As for `mu_e`.
 
     Examples
     --------
@@ -140,14 +129,10 @@ def abs_mu_e(y: ArrayLike, y_hat: ArrayLike, skip: int = 0) -> float:
 def rmse(y: ArrayLike, y_hat: ArrayLike, skip: int = 0) -> float:
     """Root mean square of the error y - y_hat, in the unit of y (index (3) of section 5.1).
 
-    Parameters and errors are those of `nmse`, but y may be constant.
-
     Parameters
     ----------
-    y, y_hat : array-like of shape (n,)
-        Output, and the run to judge.
-    skip : int, default=0
-        Samples at the start that do not count.
+    y, y_hat, skip
+        As for `nmse`, but y may be constant.
 
     Examples
     --------

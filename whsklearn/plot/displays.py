@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.base import clone
 from sklearn.utils import Bunch
 
-from whsklearn.effects import Effect
+from whsklearn.effects.base import Effect, signals_of
 from whsklearn.metrics.indices import nmse, parameter_error
 from whsklearn.plot.look import COLOURS, STYLES, TRUTH, Display
 from whsklearn.validation import cross_correlation_test, error_against_horizon, whiteness_test
@@ -93,7 +93,7 @@ def block_of(name: str) -> str:
 
 # --- measured and simulated output over time -------------------------------------------------------------------------
 class TrackingDisplay(Display):
-    """Measured and simulated output over time, and their difference (Fig. 3 and Fig. 6 of the paper).
+    """Measured and simulated output over time, above their difference.
 
     Parameters
     ----------
@@ -112,8 +112,7 @@ class TrackingDisplay(Display):
 
     References
     ----------
-    scikit-learn developer's guide, Developing with the plotting API;
-    paper, Fig. 3 and Fig. 6.
+    Paper, Fig. 3 and Fig. 6.
 
     Examples
     --------
@@ -149,12 +148,8 @@ class TrackingDisplay(Display):
 
         Parameters
         ----------
-        estimator : estimator
-            Fitted.
-        X : array-like of shape (n, n_features)
-            Input.
-        y : array-like of shape (n,)
-            Output.
+        estimator : fitted estimator
+        X, y : array-like of shape (n, n_features) and (n,)
         name : str, optional
             In the legend; the class by default.
         axes : array of matplotlib axes, optional
@@ -165,13 +160,6 @@ class TrackingDisplay(Display):
         return cls(y, {name or type(estimator).__name__: estimator.predict(X)}, **kwargs).plot(axes)
 
     def plot(self, axes: Any = None) -> TrackingDisplay:
-        """Draw the overlay above the error.
-
-        Parameters
-        ----------
-        axes : array of matplotlib axes, optional
-            Where to draw; a new figure by default.
-        """
         top, bottom = self._axes(axes, 2, 1, (10.0, 5.6), sharex=True, height_ratios=[2, 1])[:2]
         time, y = self.time[self.window], self.y[self.window]
         top.plot(time, y, color="black", linewidth=1.6, label="measured")
@@ -190,7 +178,7 @@ class TrackingDisplay(Display):
 
 # --- parameter paths against samples seen ----------------------------------------------------------------------------
 class ConvergenceDisplay(Display):
-    """Parameter paths against samples seen, truth dashed (Fig. 2 and Fig. 5 of the paper).
+    """Parameter paths against samples seen: L1, friction, L2 and delta, one panel each; the truth is dashed.
 
     Parameters
     ----------
@@ -201,8 +189,7 @@ class ConvergenceDisplay(Display):
 
     References
     ----------
-    scikit-learn developer's guide, Developing with the plotting API;
-    paper, Fig. 2 and Fig. 5.
+    Paper, Fig. 2 and Fig. 5.
 
     Examples
     --------
@@ -237,10 +224,7 @@ class ConvergenceDisplay(Display):
         ----------
         estimator : estimator
             With `partial_fit`; it stays as it is.
-        X : array-like of shape (n, n_features)
-            Input.
-        y : array-like of shape (n,)
-            Output.
+        X, y : array-like of shape (n, n_features) and (n,)
         truth : mapping of str to float, optional
             True parameters, drawn dashed.
         every : int, default=10
@@ -264,26 +248,17 @@ class ConvergenceDisplay(Display):
         }
 
     def plot(self, axes: Any = None) -> ConvergenceDisplay:
-        """Draw L1, friction, L2 and delta, one panel each.
-
-        Parameters
-        ----------
-        axes : array of matplotlib axes, optional
-            Where to draw; a new figure by default.
-        """
         panels = ("L1", "friction", "L2", "delta") if self.truth else ("L1", "friction", "L2")
         shape = (2, 2) if self.truth else (1, 3)
         axes = self._axes(axes, *shape, (10.0, 6.4) if self.truth else (12.0, 3.6), sharex=True)
         for panel, ax in zip(panels[:3], axes, strict=False):
             self._plot_block(ax, panel)
+        for i, (model, delta) in enumerate(self.errors().items()):
+            axes[3].semilogy(self.paths[model][0], delta, STYLES[i % 3], color="black", linewidth=1.3)
         if self.truth:
-            for i, (model, delta) in enumerate(self.errors().items()):
-                axes[3].semilogy(self.paths[model][0], delta, STYLES[i % 3], color="black", linewidth=1.3)
-            axes[3].set(title="parameter error", ylabel="delta", xlabel="samples seen")
-            axes[2].set_xlabel("samples seen")
-        else:
-            for ax in axes[:3]:
-                ax.set_xlabel("samples seen")
+            axes[3].set(title="parameter error", ylabel="delta")
+        for ax in axes[2:] if self.truth else axes:  # the lower row
+            ax.set_xlabel("samples seen")
         lines = [axes[0].plot([], [], STYLES[j % 3], color="black", label=m)[0] for j, m in enumerate(self.paths)]
         truth = [axes[0].plot([], [], color="0.5", linestyle=TRUTH, label="truth")[0]] if self.truth else []
         self.figure_.legend(handles=lines + truth, loc="outside lower center", ncols=4, frameon=False)
@@ -319,7 +294,7 @@ HORIZONS = (1, 2, 3, 5, 8, 13, 21, 34, 55)
 
 
 class HorizonDisplay(Display):
-    """NMSE against the prediction horizon, up to the free run: *the* validation picture.
+    """NMSE against the prediction horizon; the free run is the dashed line: *the* validation picture.
 
     A model that is good one step ahead and poor in free run has learned the sensor's memory, not the axis.
 
@@ -334,7 +309,6 @@ class HorizonDisplay(Display):
 
     References
     ----------
-    scikit-learn developer's guide, Developing with the plotting API;
     Ljung 1999, System Identification, 2nd ed., sec. 16.4, on k-step prediction as a validation.
 
     Examples
@@ -359,26 +333,22 @@ class HorizonDisplay(Display):
         *,
         horizons: Sequence[int] = HORIZONS,
         name: str | None = None,
-        ax: Any = None,
+        axes: Any = None,
     ) -> HorizonDisplay:
         """Predict at every horizon with a fitted estimator.
 
         Parameters
         ----------
-        estimator : estimator
-            Fitted.
-        X : array-like of shape (n, n_features)
-            Input.
-        y : array-like of shape (n,)
-            Output.
+        estimator : fitted estimator
+        X, y : array-like of shape (n, n_features) and (n,)
         horizons : sequence of int
             In samples.
         name : str, optional
             In the legend; the class by default.
-        ax : matplotlib axes, optional
+        axes : matplotlib axes, optional
             Where to draw; a new figure by default.
         """
-        return cls.from_estimators({name or type(estimator).__name__: estimator}, X, y, horizons=horizons, ax=ax)
+        return cls.from_estimators({name or type(estimator).__name__: estimator}, X, y, horizons=horizons, axes=axes)
 
     @classmethod
     def from_estimators(
@@ -388,36 +358,23 @@ class HorizonDisplay(Display):
         y: ArrayLike,
         *,
         horizons: Sequence[int] = HORIZONS,
-        ax: Any = None,
+        axes: Any = None,
     ) -> HorizonDisplay:
         """Predict at every horizon with several fitted estimators.
 
         Parameters
         ----------
-        estimators : mapping of str to estimator
-            Fitted ones, by their names in the legend.
-        X : array-like of shape (n, n_features)
-            Input.
-        y : array-like of shape (n,)
-            Output.
-        horizons : sequence of int
-            In samples.
-        ax : matplotlib axes, optional
-            Where to draw; a new figure by default.
+        estimators : mapping of str to fitted estimator
+            By their names in the legend.
+        X, y, horizons, axes
+            As for `from_estimator`.
         """
         curves = {name: error_against_horizon(model, X, y, horizons) for name, model in estimators.items()}
         errors = {name: curve.nmse for name, curve in curves.items()}
-        return cls(sorted(set(horizons)), errors, {n: c.free_run_nmse for n, c in curves.items()}).plot(ax)
+        return cls(sorted(set(horizons)), errors, {n: c.free_run_nmse for n, c in curves.items()}).plot(axes)
 
-    def plot(self, ax: Any = None) -> HorizonDisplay:
-        """Draw the error of each horizon; the free run is the dashed line.
-
-        Parameters
-        ----------
-        ax : matplotlib axes, optional
-            Where to draw; a new figure by default.
-        """
-        (ax,) = self._axes(ax, 1, 1, (6.4, 4.2))[:1]
+    def plot(self, axes: Any = None) -> HorizonDisplay:
+        ax = self._axes(axes, 1, 1, (6.4, 4.2))[0]
         for i, (name, error) in enumerate(self.errors.items()):
             colour = COLOURS[i % len(COLOURS)]
             ax.loglog(self.horizons, error, "o-", markersize=3.5, color=colour, label=name)
@@ -450,7 +407,6 @@ class ResidualDisplay(Display):
 
     References
     ----------
-    scikit-learn developer's guide, Developing with the plotting API;
     Ljung 1999, System Identification, 2nd ed., sec. 16.6, Residual analysis.
 
     Examples
@@ -480,12 +436,8 @@ class ResidualDisplay(Display):
 
         Parameters
         ----------
-        estimator : estimator
-            Fitted.
-        X : array-like of shape (n, n_features)
-            Input.
-        y : array-like of shape (n,)
-            Output.
+        estimator : fitted estimator
+        X, y : array-like of shape (n, n_features) and (n,)
         max_lag : int, optional
             In samples.
         axes : array of matplotlib axes, optional
@@ -495,13 +447,6 @@ class ResidualDisplay(Display):
         return cls(residuals, np.asarray(X)[:, 0], max_lag=max_lag).plot(axes)
 
     def plot(self, axes: Any = None) -> ResidualDisplay:
-        """Draw the autocorrelation, and the cross-correlation where there is an input.
-
-        Parameters
-        ----------
-        axes : array of matplotlib axes, optional
-            Where to draw; a new figure by default.
-        """
         panels = [("with themselves", self.whiteness.lags, self.whiteness.r, self.whiteness.p_value)]
         if self.dependence is not None:
             panels.append(("with the input", self.dependence.lags, self.dependence.r, self.dependence.p_value))
@@ -581,19 +526,18 @@ class EffectDisplay(Display):
         self.before = None if before is None else np.asarray(before, dtype=float)
 
     @classmethod
-    def from_run(cls, effect: Effect, run: Bunch, *, ax: Any = None) -> EffectDisplay:
+    def from_run(cls, effect: Effect, run: Bunch, *, axes: Any = None) -> EffectDisplay:
         """Draw an effect along the run of an axis that has it.
 
         Parameters
         ----------
         effect : Effect
-            The effect.
         run : Bunch
             What `ServoAxis.simulate` or `ServoAxis.simulate_drive` returned.
-        ax : matplotlib axes, optional
+        axes : matplotlib axes, optional
             Where to draw; a new figure by default.
         """
-        return cls._of(effect, run).plot(ax)
+        return cls._of(effect, run).plot(axes)
 
     @classmethod
     def _of(cls, effect: Effect, run: Bunch) -> EffectDisplay:
@@ -608,28 +552,15 @@ class EffectDisplay(Display):
         if effect.name == "quantization":
             true = run.true_position[few]
             return cls(run.time[few], run.position[few], _LABELS["time"], "position, rad", before=true, line=True)
-        signals = Bunch(
-            time=run.time,
-            position=run.true_position,
-            velocity=run.velocity,
-            acceleration=np.gradient(run.velocity, run.time),
-            drive=run.drive,
-        )
+        signals = signals_of(run)
         against = _AGAINST.get(effect.name, _USUAL.get(effect.place, "velocity"))
         windows = {"presliding_hysteresis": late, "disturbance_tone": slice(0, min(n, 1000))}
         window = windows.get(effect.name, slice(None, None, max(1, n // _THIN)))
         ylabel = "position, rad" if effect.port == "output" else "torque, Nm"
         return cls(signals[against][window], effect.contribution(signals)[window], _LABELS[against], ylabel)
 
-    def plot(self, ax: Any = None) -> EffectDisplay:
-        """Draw the effect, and the signal before it where there is one.
-
-        Parameters
-        ----------
-        ax : matplotlib axes, optional
-            Where to draw; a new figure by default.
-        """
-        (ax,) = self._axes(ax, 1, 1, (4.8, 2.8))[:1]
+    def plot(self, axes: Any = None) -> EffectDisplay:
+        ax = self._axes(axes, 1, 1, (4.8, 2.8))[0]
         if self.before is not None:
             ax.step(self.x, self.before, where="post", color="0.6", linewidth=1.0)
         if self.line:

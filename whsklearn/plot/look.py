@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-Z95 = 1.959963984540054  # the two-sided 95 % point of the normal distribution
 # Okabe and Ito's palette, which people with any colour vision can tell apart; black is for the measurement.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7F7F7F", "#B8A000")
 STYLES = ("-", ":", "-.")  # the dashes are for the truth
@@ -24,6 +23,16 @@ class Display:
 
     figure_: Any
     axes_: Any
+
+    def plot(self, axes: Any = None) -> Any:
+        """Draw it; ``figure_`` and ``axes_`` hold the picture.
+
+        Parameters
+        ----------
+        axes : (array of) matplotlib axes, optional
+            Where to draw; a new figure by default.
+        """
+        raise NotImplementedError
 
     def _axes(self, axes: Any, rows: int, columns: int, size: tuple[float, float], **kwargs: Any) -> list[Any]:
         """Given axes, or new ones of a common look."""

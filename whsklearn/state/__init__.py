@@ -1,5 +1,5 @@
 """State files without pickle."""
 
-from whsklearn.state.files import FORMAT_VERSION, pack_state, read_kind, read_state, unpack_state, write_state
+from whsklearn.state.files import read_kind, read_state, write_state
 
-__all__ = ["FORMAT_VERSION", "pack_state", "read_kind", "read_state", "unpack_state", "write_state"]
+__all__ = ["read_kind", "read_state", "write_state"]

@@ -201,7 +201,7 @@ def write_state(path: str | os.PathLike[str], kind: str, params: dict[str, Any],
     --------
     >>> import pathlib, tempfile
     >>> import numpy as np
-    >>> from whsklearn.state.files import read_state, write_state
+    >>> from whsklearn.state import read_state, write_state
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = pathlib.Path(folder, "axis.whs")
     ...     write_state(path, "demo", {"p": 4}, {"theta": np.array([0.5, 2.0])})
@@ -268,23 +268,7 @@ def read_kind(path: str | os.PathLike[str]) -> str:
 
 
 def pack_state(kind: str, params: dict[str, Any], state: dict[str, Any]) -> bytes:
-    """The bytes of a state file, for those who keep states elsewhere than in files.
-
-    Parameters
-    ----------
-    kind : str
-        What it is of, such as ``"RMILSRegressor"``.
-    params, state : dict
-        As `get_params` and `get_state` give them.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from whsklearn.state import pack_state, unpack_state
-    >>> params, state = unpack_state(pack_state("Mine", {"p": 4}, {"theta": np.ones(2)}), kind="Mine")
-    >>> params["p"], state["theta"].tolist()
-    (4, [1.0, 1.0])
-    """
+    """The bytes that `write_state` writes."""
     arrays: list[NDArray[Any]] = []
     header = {
         "kind": kind,
@@ -306,15 +290,6 @@ def pack_state(kind: str, params: dict[str, Any], state: dict[str, Any]) -> byte
 def unpack_state(data: bytes, kind: str | None = None) -> tuple[dict[str, Any], dict[str, Any]]:
     """The parameters and state that `pack_state` was given; raises as `read_state` does.
 
-    Parameters
-    ----------
-    data : bytes
-    kind : str, optional
-        What it must be of.
-
-    Examples
-    --------
-    >>> from whsklearn.state import pack_state, unpack_state
     >>> try:
     ...     unpack_state(pack_state("Mine", {}, {})[:-1] + b"?")
     ... except ValueError as error:

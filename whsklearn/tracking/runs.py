@@ -55,12 +55,6 @@ def tracking_uri(root: str | os.PathLike[str] = ".") -> str:
 def metric_name(name: str) -> str:
     """`name` with every character that MLflow refuses replaced by an underscore.
 
-    Parameters
-    ----------
-    name : str
-
-    Examples
-    --------
     >>> metric_name("x_hat(k-2)")
     'x_hat_k-2'
     """

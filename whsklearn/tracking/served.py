@@ -13,16 +13,14 @@ from whsklearn.logs.units import UNKNOWN, factor_between, unit_of
 
 
 class Served:
-    """The free run of a model file.
+    """The free run of a model file, which MLflow loads through `_load_pyfunc`.
 
-    Parameters
-    ----------
-    path : str
-        Path of a file for `whsklearn.models.load_model`.
-
-    References
-    ----------
-    MLflow Models, https://mlflow.org/docs/latest/ml/model/.
+    >>> from tempfile import TemporaryDirectory
+    >>> from whsklearn.models import LinearModel, save_model
+    >>> with TemporaryDirectory() as folder:
+    ...     save_model(LinearModel([0.0, 0.5], [1.0, -0.5]), f"{folder}/model.json")
+    ...     Served(f"{folder}/model.json").predict([1.0, 1.0, 1.0]).tolist()
+    [0.0, 0.5, 0.75]
     """
 
     def __init__(self, path: str):
@@ -64,10 +62,7 @@ def _load_pyfunc(path: str) -> Served:
 def input_example(model: Any, rows: ArrayLike) -> Any:
     """Rows as a frame with the estimator's feature names, or ``u``, or ``u1``, ``u2``, ... for several columns.
 
-    ``model``: fitted. ``rows`` is (n, n_features).
-
     >>> from sklearn.linear_model import Ridge
-    >>> from whsklearn.tracking.served import input_example
     >>> list(input_example(Ridge().fit([[0.0], [1.0]], [0.0, 1.0]), [[0.5]]).columns)
     ['u']
     """
@@ -95,16 +90,8 @@ def served_signature(n_features: int) -> Any:
 
 
 def alias_of(data: str) -> str:
-    """The alias of the best model of a data set, in the characters that MLflow takes.
+    """The alias of the best model of the data set of this name, in the characters that MLflow takes.
 
-    Parameters
-    ----------
-    data : str
-        Name of the data set.
-
-    Examples
-    --------
-    >>> from whsklearn.tracking import alias_of
     >>> alias_of("example-5.1")
     'champion-example-5-1'
     """
@@ -112,14 +99,7 @@ def alias_of(data: str) -> str:
 
 
 def model_requirements() -> list[str]:
-    """The requirements of a logged model, pinned to the installed versions.
-
-    Examples
-    --------
-    >>> from whsklearn.tracking import model_requirements
-    >>> any(line.startswith("scikit-learn==") for line in model_requirements())
-    True
-    """
+    """The requirements of a logged model, pinned to the installed versions."""
     return [f"{p}=={version(p)}" for p in ("whsklearn", "mlflow", "scikit-learn", "numpy", "scipy", "numba", "skops")]
 
 
