@@ -82,7 +82,7 @@ def zero_phase(x: ArrayLike, sample_rate: float, cutoff: float, order: int = 4) 
     >>> float(np.abs(zero_phase(noisy, 1000, 50) - slow)[100:-100].max()) < 1e-3
     True
     """
-    from scipy.signal import filtfilt
+    from scipy.signal import lfilter
 
     x = np.asarray(x, dtype=float)
     if not 0 < cutoff < sample_rate / 2:
@@ -92,17 +92,25 @@ def zero_phase(x: ArrayLike, sample_rate: float, cutoff: float, order: int = 4) 
     pad = 3 * order
     if len(x) <= pad:
         raise ValueError(f"The record has {len(x)} samples, a zero-phase filter of order {order} needs {pad + 1}.")
-    b, a = _butterworth(order, cutoff / (sample_rate / 2))
-    return filtfilt(b, a, x, axis=0, padlen=pad)
+    b, a, settled = _butterworth(order, cutoff / (sample_rate / 2))
+    # as scipy.signal.filtfilt, which finds the state of a constant input anew in each call: a third of its time
+    settled = settled.reshape(-1, *[1] * (x.ndim - 1))
+    y = np.concatenate([2.0 * x[0] - x[pad:0:-1], x, 2.0 * x[-1] - x[-2 : -pad - 2 : -1]])
+    for _ in range(2):
+        y = lfilter(b, a, y, axis=0, zi=settled * y[:1])[0][::-1]
+    return y[pad:-pad]
 
 
 @lru_cache(maxsize=64)
-def _butterworth(order: int, share: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Numerator and denominator; the cut-off is a share of half the rate.  The design takes as long as a filtering."""
-    from scipy.signal import butter
+def _butterworth(order: int, share: float) -> tuple[NDArray[np.float64], ...]:
+    """Numerator, denominator and the state of a constant input of one; the cut-off is a share of half the rate.
+
+    The design takes as long as a filtering.
+    """
+    from scipy.signal import butter, lfilter_zi
 
     b, a = butter(order, share)
-    return b, a
+    return b, a, lfilter_zi(b, a)
 
 
 def central_difference(x: ArrayLike, sample_rate: float) -> NDArray[np.float64]:

@@ -187,7 +187,6 @@ def consistent_numbers(
 
     Raises ValueError if ``values`` does not have one number per base parameter.
     """
-    from scipy.linalg import block_diag
     from scipy.optimize import least_squares
 
     n = len(inertial)
@@ -204,16 +203,18 @@ def consistent_numbers(
     start = start[: None if motors else N_BODY * n]
 
     links = N_BODY * n
+    seen = whitening @ mapping
+    of_links, nearness = seen[:, :links].reshape(-1, n, N_BODY), NEARNESS * np.eye(start.size)
 
     def full(x: Array) -> Array:
         return np.concatenate([from_log_cholesky(x[:links].reshape(n, N_BODY)).ravel(), np.exp(x[links:])])
 
     def errors(x: Array) -> Any:
-        return np.concatenate([whitening @ (mapping @ full(x) - theta), NEARNESS * (x - start)])
+        return np.concatenate([seen @ full(x) - whitening @ theta, NEARNESS * (x - start)])
 
     def jacobian(x: Array) -> Any:
-        inner = block_diag(*slopes(x[:links].reshape(n, N_BODY)), *np.exp(x[links:]))
-        return np.vstack([whitening @ mapping @ inner, NEARNESS * np.eye(x.size)])
+        inner = np.einsum("bni,nij->bnj", of_links, slopes(x[:links].reshape(n, N_BODY)))
+        return np.vstack([np.hstack([inner.reshape(-1, links), seen[:, links:] * np.exp(x[links:])]), nearness])
 
     found = full(least_squares(errors, start, jacobian, ftol=1e-6, xtol=1e-6, max_nfev=200).x)
     return found[:links].reshape(n, N_BODY), found[links:] if motors else None

@@ -100,6 +100,8 @@ class ArmPlant(Plant):
         self.record, self.lags, self.given_model, self.tolerance = record, lags, given_model, tolerance
         self.known = known
         self.own_units: dict[str, str] = {}
+        self._arms: dict[Any, Arm] = {}
+        self._runs: dict[Any, Array] = {}
 
     # --- the base model ----------------------------------------------------------------------
     def check(self) -> list[DataProblem]:
@@ -422,7 +424,7 @@ class ArmPlant(Plant):
             drive += np.outer(view.lost(t.kind, t.shape), t.kind.direction)
         drive += view.unexplained(model, rng)
         other.record, other.view = replace(self.record, position=path, drive=drive), view
-        other._made, other._judged = True, (model,)
+        other._made, other._judged, other._arms = True, (model,), self._arms
         return other
 
     _made = False
@@ -434,6 +436,9 @@ class ArmPlant(Plant):
         Gravity that the file lacks is evaluated along the measured motion and subtracted from the drives.
         """
         view = self.view
+        key = model.numbers.tobytes(), model.terms, horizon
+        if key in self._runs:
+            return self._runs[key]
         drive, path = self.record.drive, self.record.position
         moved = view.moved if not self._made else view.motion_of(path)
         if not self._made:
@@ -449,19 +454,23 @@ class ArmPlant(Plant):
             ).position
 
         try:
-            return np.asarray(self.record.by_piece(run, drive, moved.position, moved.velocity).ravel())
+            self._runs[key] = np.asarray(self.record.by_piece(run, drive, moved.position, moved.velocity).ravel())
         except FloatingPointError:
-            return np.full(path.size, np.nan)
+            self._runs[key] = np.full(path.size, np.nan)
+        return self._runs[key]
 
     def _arm(self, model: ArmState) -> Arm:
-        """The arm that moves as the model does."""
-        view = self.view
+        """The arm that moves as the model does: the physical one nearest to its numbers if with these none can."""
+        view, key = self.view, (model.numbers.tobytes(), model.terms)
+        if key in self._arms:
+            return self._arms[key]
         arm = self.lags.interpret(model.numbers, physical=False)
         some = view.moved.position[:: max(len(view.time) // SOME, 1)]
         gives = any(e.quantities[e.size].positive and e.magnitude < 0.0 for row in arm.effects for e in row)
         if gives or np.linalg.eigvalsh(arm.mass_matrix(some)).min() <= 0.0:  # friction that drives, or too uncertain
             arm = self._physical(model)
-        return completed(arm, model.terms)
+        self._arms[key] = completed(arm, model.terms)
+        return self._arms[key]
 
     def _physical(self, model: ArmState) -> Arm:
         """The arm of the base numbers with physical links; numbers that the record leaves open are the file's."""

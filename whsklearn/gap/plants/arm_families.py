@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterable, Iterator
 from functools import partial
 from typing import Any
@@ -24,7 +25,8 @@ HIGHEST = 60.0  # order of a wave over a joint's angle
 LEAST_LEFT = 0.5  # share of a drive's rms that a limit or a dead zone must leave, or the joint cannot be fitted
 FEWEST = 4  # rows per column of a nameless family
 EVALUATIONS = 80  # of the cost while a shape is polished, for each simplex
-# Simplices in turn, each spread where the last one ended (Kelley 1999, SIAM J. Optim. 10(1), 43-55): one that begins on
+FINE = 0.01  # where it ends: of the first step, and of chi-squared, in which a difference of one is by chance
+# Simplices in turn for several numbers, each spread where the last one ended (Kelley 1999, SIAM J. Optim. 10(1), 43-55): one that begins on
 # a bound may collapse onto it.  The relaxation of a stop so stayed at zero, and the damper was named as a delay.
 SPREADS = 2
 OUTER = np.array([0.7, 0.8, 0.86, 0.9, 0.93, 0.96, 0.98, 0.99])  # quantiles of a joint's path at which a stop may be
@@ -183,6 +185,8 @@ def polished(view: ArmView, tangent: Tangent, term: JointTerm) -> JointTerm:
     ]
     family = Family(kind.name, lambda _: (), lambda *_: None, positive=kind.grows, offset=kind.transforms,
                     rows=kind.rows)  # fmt: skip
+    record = copy.copy(tangent)  # without its null records
+    record.rows, record.power = tangent.rows[:, :1], tangent.power[:1]
 
     def shape_at(x: Array) -> tuple[float, ...]:
         shape = list(term.shape)
@@ -196,18 +200,22 @@ def polished(view: ArmView, tangent: Tangent, term: JointTerm) -> JointTerm:
         columns = view.columns_at(kind, shape_at(x)) - book
         if kind.transforms and kind.index is not None and not _leaves_enough(view, kind.index, columns):
             return 0.0
-        return -float(tangent.taken(family, columns[:, None, :])[0][0, 0])
+        return -float(record.taken(family, columns[:, None, :])[0][0, 0])
 
     x = np.array([np.log(term.shape[i]) if g else term.shape[i] for i, g in zip(free, logs, strict=True)])
     bounds = [(np.log(a), np.log(b)) if g else (a, b) for (a, b), g in zip(ranges, logs, strict=True)]
     widths = np.array([_width(view, kind, g, b) for g, b in zip(logs, bounds, strict=True)])
-    for _ in range(SPREADS):
-        simplex = np.clip(np.vstack([x, x + np.diag(widths)]), *np.transpose(bounds))
+    low, high = np.transpose(bounds) / widths
+    x = x / widths
+    for _ in range(SPREADS if len(free) > 1 else 1):
+        inwards = np.where(x + 1.0 > high, -1.0, 1.0)
+        simplex = np.clip(np.vstack([x, x + np.diag(inwards)]), low, high)
         found = minimize(
-            cost, x, method="Nelder-Mead", bounds=bounds,
-            options={"maxfev": EVALUATIONS, "initial_simplex": simplex, "xatol": 1e-3, "fatol": 1e-9},
+            lambda z: cost(z * widths), x, method="Nelder-Mead", bounds=list(zip(low, high, strict=True)),
+            options={"maxfev": EVALUATIONS, "initial_simplex": simplex, "xatol": FINE, "fatol": FINE},
         )  # fmt: skip
-        x = found.x if found.fun <= cost(x) else x
+        x = found.x
+    x = x * widths
     return JointTerm(kind, (*term.q[: kind.linear], *shape_at(x)))
 
 
