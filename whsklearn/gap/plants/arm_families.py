@@ -26,8 +26,9 @@ LEAST_LEFT = 0.5  # share of a drive's rms that a limit or a dead zone must leav
 FEWEST = 4  # rows per column of a nameless family
 EVALUATIONS = 80  # of the cost while a shape is polished, for each simplex
 FINE = 0.01  # where it ends: of the first step, and of chi-squared, in which a difference of one is by chance
-# Simplices in turn for several numbers, each spread where the last one ended (Kelley 1999, SIAM J. Optim. 10(1), 43-55): one that begins on
-# a bound may collapse onto it.  The relaxation of a stop so stayed at zero, and the damper was named as a delay.
+# Simplices in turn if there are several numbers, each spread where the last one ended (Kelley 1999, SIAM J. Optim.
+# 10(1), 43-55): one that begins on a bound may collapse onto it.  The relaxation of a stop so stayed at zero, and the
+# damper was named as a delay.
 SPREADS = 2
 OUTER = np.array([0.7, 0.8, 0.86, 0.9, 0.93, 0.96, 0.98, 0.99])  # quantiles of a joint's path at which a stop may be
 
