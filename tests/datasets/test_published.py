@@ -188,7 +188,7 @@ def test_the_publishers_robot_files_are_read_under_our_names(robot_folder):
 
 def test_a_robot_file_without_its_record_is_told(robot_folder):
     savemat(robot_folder / "2020-10-21 10s FF A 08ms" / "data.mat", {"para": 1.0})
-    with pytest.raises(ValueError, match=r"has no rec\.act_torque_abs_nm, rec\."):
+    with pytest.raises(ValueError, match=r"has no signal rec\.act_torque_abs_nm, rec\."):
         fetch_kr300(robot_folder)
 
 
@@ -215,7 +215,7 @@ def test_files_without_their_columns_are_told(tmp_path):
         fetch_kr300(tmp_path)
     savemat(tmp_path / "DATA_EMPS.mat", {"x": 1.0})
     savemat(tmp_path / "DATA_EMPS_PULSES.mat", {"x": 1.0})
-    with pytest.raises(ValueError, match="no variable vir, qm, qg"):
+    with pytest.raises(ValueError, match="no signal vir, qm, qg"):
         fetch_emps(tmp_path)
 
 

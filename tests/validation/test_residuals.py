@@ -7,8 +7,6 @@ import pytest
 from scipy.signal import lfilter
 
 from whsklearn.validation import (
-    autocorrelation,
-    correlation_band,
     cross_correlation_test,
     residual_tests,
     whiteness_test,
@@ -24,18 +22,16 @@ def binomial_band(rate, runs):
     return pytest.approx(rate, abs=3 * (rate * (1 - rate) / runs) ** 0.5)
 
 
-def test_the_band_is_over_root_n():
-    assert correlation_band(10_000) == pytest.approx(1.959964 / 100, rel=1e-6)
-    assert correlation_band(100, 0.99) == pytest.approx(0.2575829, rel=1e-6)
+def test_the_band_is_over_root_n_and_holds_95_percent():
     rng = np.random.default_rng(0)
-    r = np.array([autocorrelation(rng.normal(size=400), 10)[1:] for _ in range(300)])
-    assert np.mean(np.abs(r) > correlation_band(400)) == pytest.approx(0.05, abs=0.012)
+    tests = [whiteness_test(rng.normal(size=400), 10) for _ in range(300)]
+    assert tests[0].band == pytest.approx(1.959964 / 20, rel=1e-6)
+    assert np.mean([np.abs(t.r) > t.band for t in tests]) == pytest.approx(0.05, abs=0.012)
 
 
-def test_autocorrelation_of_a_first_order_process():
-    r = autocorrelation(coloured(np.random.default_rng(1), 200_000, 0.8), 5)
-    np.testing.assert_allclose(r, 0.8 ** np.arange(6), atol=0.02)
-    assert r[0] == 1.0
+def test_correlations_of_a_first_order_process():
+    r = whiteness_test(coloured(np.random.default_rng(1), 200_000, 0.8), 5).r
+    np.testing.assert_allclose(r, 0.8 ** np.arange(1, 6), atol=0.02)
 
 
 def test_whiteness_keeps_its_level_and_agrees_with_its_definition():
@@ -111,8 +107,6 @@ def test_bad_input_is_refused(e, u, lags, said):
         cross_correlation_test(e, u, lags)
 
 
-def test_levels_and_degrees_out_of_range_are_refused():
-    with pytest.raises(ValueError, match="level"):
-        correlation_band(100, 1.0)
+def test_degrees_out_of_range_are_refused():
     with pytest.raises(ValueError, match="n_params"):
         whiteness_test(np.arange(100.0), 5, n_params=5)

@@ -10,7 +10,7 @@ from sklearn.model_selection import GridSearchCV
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from whsklearn.validation import memory_length, one_experiment_out, time_series_split
+from whsklearn.validation import memory_length, time_series_split
 
 
 class Lags(BaseEstimator):
@@ -44,14 +44,3 @@ def test_training_ends_before_the_memory_of_the_test_begins():
     for train, test in time_series_split(model, n_splits=4).split(np.zeros((200, 1))):
         assert test.min() - train.max() > memory_length(model)
         assert np.array_equal(train, np.arange(train.size))
-
-
-def test_every_experiment_is_left_out_once_and_kept_whole():
-    groups = np.repeat([3, 1, 2], [10, 20, 30])
-    held_out = []
-    for train, test in one_experiment_out(np.zeros((60, 1)), groups):
-        assert len(np.unique(groups[test])) == 1
-        assert not set(groups[train]) & set(groups[test])
-        assert np.all(np.diff(train) > 0)
-        held_out.append(groups[test][0])
-    assert sorted(held_out) == [1, 2, 3]

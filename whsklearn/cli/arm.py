@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -15,7 +14,7 @@ import numpy as np
 from whsklearn.cli.arm_log import checked_gains, columns_of, gains_of, note_locked, read_arm, robot_of, to_si
 from whsklearn.cli.job import say_where, table, tracker_for, wrapped, writable_file, writable_folder
 from whsklearn.cli.options import given
-from whsklearn.cli.records import long_segments, note
+from whsklearn.cli.records import long_segments, note, rows_of, warnings_as_notes
 from whsklearn.logs.errors import ColumnError, LogError
 
 if TYPE_CHECKING:
@@ -59,10 +58,9 @@ def gap_log(options: dict[str, Any]) -> Bunch:
         options["known"] = identified(long_segments(log), arm).model
         log = read_arm(options["loaded"], options, arm)
     whole, log = log, long_segments(log)
-    used, given = (len(set(x.groups.tolist())) for x in (log, whole))
-    rows = {"used": len(log.y), "given": len(whole.y), "taken": used, "segments": given}
     errors = [e / g for g, e in gains_of(options["gains"] or "").values() if g]
-    log.update(units={"drive": "Nm", "position": "rad"}, rows=rows, drive_error=max(errors, default=0.0))
+    log.update(units={"drive": "Nm", "position": "rad"}, rows=rows_of(log, whole))
+    log.drive_error = max(errors, default=0.0)
     return log
 
 
@@ -93,14 +91,11 @@ def identified(log: Bunch, arm: Arm, **settings: Any) -> ArmFit:
     """The result of `identify_arm` on a log; its warnings become notes."""
     from whsklearn.identification import identify_arm
 
-    with warnings.catch_warnings(record=True) as said:
-        warnings.simplefilter("always", UserWarning)
+    with warnings_as_notes():
         try:
             found = identify_arm(log.y, log.X, dt=1.0 / log.sample_rate, robot=arm, groups=log.groups, **settings)
         except ValueError as error:
             raise LogError(str(error)) from error
-    for text in dict.fromkeys(str(w.message) for w in said if w.category is UserWarning):
-        note(text)
     if worse := [j for j, share in found.missing.items() if share > 1.0]:
         note(
             f"What one part of the log says of {', '.join(worse)} does not hold in another: the error there exceeds "

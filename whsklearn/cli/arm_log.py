@@ -183,14 +183,9 @@ def common_rows(times: Sequence[Any]) -> list[Any]:
 
     Raises LogError if less than half of the instants are common.
 
-    Examples
-    --------
-    >>> import numpy as np
     >>> [at.tolist() for at in common_rows([np.array([0.0, 0.1, 0.4]), np.array([0.0, 0.1, 0.2, 0.3, 0.4])])]
     [[0, 1, 2], [0, 1, 4]]
     """
-    import numpy as np
-
     step = float(np.median(np.diff(times[0])))
     ticks = [np.rint((t - times[0][0]) / (0.1 * step)).astype(np.int64) for t in times]
     shared = ticks[0]
@@ -222,7 +217,7 @@ def read_arm(path: str, options: Mapping[str, Any], arm: Arm) -> Bunch:
     quiet = PER_JOINT
     for joint, slides in zip(arm.joints, arm.slides, strict=True):
         position, drive = given[joint]
-        log = read(path, options, quiet, time=time, position=position, drive=drive)
+        log = read(source, options, quiet, time=time, position=position, drive=drive)
         quiet = (*quiet, *log.report.codes)
         unstated += [position] * (log.units["position"] in UNSTATED)
         unstated += [drive] * (log.units["drive"] in UNSTATED and joint not in gains)

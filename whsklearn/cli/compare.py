@@ -14,7 +14,7 @@ import click
 
 from whsklearn.cli.gap import as_record, read_log
 from whsklearn.cli.job import UNUSABLE, job, say_where, table, tracker_for, wrapped, writable_folder
-from whsklearn.cli.options import axis_options, given, reading_options, robot_options
+from whsklearn.cli.options import FOLDER, LOG, PROBABILITY, axis_options, given, reading_options, robot_options
 from whsklearn.cli.records import TWICE, liveliest, long_segments, longest, names_of, note, note_assumed, refuse_shared
 
 if TYPE_CHECKING:
@@ -29,17 +29,12 @@ AN_AXIS = {"kind": "servo", "robot": None, "simulator": None}  # options that `g
 
 
 @job
-@click.argument("logs", metavar="BEFORE AFTER [...]", nargs=-1, required=True, type=click.Path(exists=True))
+@click.argument("logs", metavar="BEFORE AFTER [...]", nargs=-1, required=True, type=LOG)
 @axis_options
 @robot_options
 @reading_options
-@click.option(
-    "--alpha",
-    type=click.FloatRange(0.0, 1.0, min_open=True, max_open=True),
-    default=0.01,
-    help="Probability of reporting a change when nothing changed.",
-)
-@click.option("--out", type=click.Path(file_okay=False), default="compare", help="Folder for the report.")
+@click.option("--alpha", type=PROBABILITY, default=0.01, help="Probability of reporting a change when nothing changed.")
+@click.option("--out", type=FOLDER, default="compare", help="Folder for the report.")
 def main(**options: Any) -> None:
     """Find what changed between records of one axis or one arm, given in the order of time.
 

@@ -8,25 +8,22 @@ from pathlib import Path
 
 import click
 
-from whsklearn.cli.job import RecordLost, writable_folder
+from whsklearn.cli.job import RecordLost, command, seed_option, track_option, writable_folder
+from whsklearn.cli.options import FOLDER
 
 
-@click.command(context_settings={"show_default": True, "max_content_width": 100})
-@click.option("--seed", type=click.IntRange(min=0), default=0, help="Random seed.")
-@click.option("--track/--no-track", default=True, help="Record the runs in MLflow.")
-@click.option("--out", type=click.Path(file_okay=False), default="reports", help="Folder for the log and the report.")
-@click.pass_context
-def main(ctx: click.Context, seed: int, track: bool, out: str) -> None:
+@command
+@seed_option
+@track_option
+@click.option("--out", type=FOLDER, default="reports", help="Folder for the log and the report.")
+def main(seed: int, track: bool, out: str) -> None:
     """Identify the simulated example with every estimator, then hide cogging in a log and find it.
 
     Example: whsklearn demo --no-track
     """
     from whsklearn.cli import gap, simulated_example
 
-    try:
-        folder = writable_folder(out)
-    except OSError as error:
-        raise click.ClickException(str(error)) from None
+    ctx, folder = click.get_current_context(), writable_folder(out)
     log, report = str(folder / "hidden.csv"), str(folder / "gap")
     # The log is written in parallel with the first part: on a new machine both begin by compiling for ten seconds or
     # more, and what one process compiles the others load.
@@ -53,11 +50,11 @@ def main(ctx: click.Context, seed: int, track: bool, out: str) -> None:
         raise lost
 
 
-@click.command(context_settings={"show_default": True})
+@command
 @click.option("--effect", default="cogging", help="Name of the effect in the catalogue, or 'none'.")
 @click.option("--size", type=click.FloatRange(min=0.0), default=0.1, help="Its size as a share of the rms drive.")
 @click.option("--duration", type=click.FloatRange(min=5.0), default=40.0, help="Length of the log in s.")
-@click.option("--seed", type=click.IntRange(min=0), default=0, help="Random seed.")
+@seed_option
 @click.option("--out", type=click.Path(dir_okay=False), default="reports/hidden.csv", help="File to write.")
 def hidden_effect(effect: str, size: float, duration: float, seed: int, out: str) -> None:
     """Simulate a log with a hidden effect."""

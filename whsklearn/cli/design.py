@@ -9,7 +9,8 @@ from typing import Any
 
 import click
 
-from whsklearn.cli.job import guarded, table, wrapped, writable_folder
+from whsklearn.cli.job import command, seed_option, table, wrapped, writable_folder
+from whsklearn.cli.options import FILE, FOLDER
 
 LIMITS = ("position", "speed", "drive", "seconds")
 MOST_RIVALS = 3  # in addition to the named effects; each takes three simulated runs of some seconds
@@ -29,14 +30,14 @@ def limits_of(_context: Any, _option: Any, text: str) -> dict[str, float]:
     return out
 
 
-@click.command(context_settings={"show_default": True, "max_content_width": 100})
-@click.argument("gap_file", metavar="GAP.JSON", type=click.Path(exists=True, dir_okay=False))
+@command
+@click.argument("gap_file", metavar="GAP.JSON", type=FILE)
 @click.option(
     "--limits", required=True, callback=limits_of, help="position=..,speed=..,drive=..,seconds=.. of the rig."
 )
 @click.option("--rivals", help="Names of effects, joined by commas; those of the diagnosis if omitted.")
-@click.option("--out", type=click.Path(file_okay=False), default="design", help="Folder for reference and answer.")
-@click.option("--seed", type=click.IntRange(min=0), default=0, help="Random seed.")
+@click.option("--out", type=FOLDER, default="design", help="Folder for reference and answer.")
+@seed_option
 def main(**options: Any) -> None:
     """Design the next reference within limits, and predict what it would show.
 
@@ -45,11 +46,6 @@ def main(**options: Any) -> None:
     \b
     whsklearn design gap/gap.json --limits position=0.5,speed=2,drive=1.2,seconds=6 --out next
     """  # noqa: D301 - click reads the backspace
-    guarded(write, **options)
-
-
-def write(**options: Any) -> None:
-    """Write the reference and the answer, and print a summary."""
     from whsklearn.gap.design import Limits, design
     from whsklearn.gap.design_report import SAID, write_design
     from whsklearn.logs.units import factor_of

@@ -2,49 +2,38 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import click
 
-from whsklearn.cli.job import guarded, table, wrapped
+from whsklearn.cli.job import command, table, wrapped
+from whsklearn.cli.options import FILE, POSITIVE, effects_option
 
 FORMAT_NAMES = "mjcf urdf isaac c st table fmu".split()  # as in `whsklearn.export.FORMATS`, which takes a second
-POSITIVE = click.FloatRange(min=0, min_open=True)
 
 
-@click.command(context_settings={"show_default": True, "max_content_width": 100})
-@click.argument("model", type=click.Path(exists=True, dir_okay=False))
+@command
+@click.argument("model", type=FILE)
 @click.option("--to", type=click.Choice(FORMAT_NAMES), required=True, help="The format.")
 @click.option("--out", type=click.Path(), required=True, help="A folder, or the path of the file.")
-@click.option("--effects", type=click.Path(exists=True, dir_okay=False), help="A Python file with effects of your own.")
+@effects_option
 @click.option("--what", type=click.Choice(["model", "compensator"]), default="model", help="For c and st.")
 @click.option("--real", type=click.Choice(["double", "float"]), default="double", help="Number type of the C code.")
 @click.option("--rated-torque", type=POSITIVE, help="Rated torque in Nm, for tables of TF5200 and ServoOne.")
 @click.option("--torque-constant", type=POSITIVE, help="Torque constant in Nm/A, for ServoOne's cogging table.")
 @click.option("--speed", type=POSITIVE, help="Highest speed of friction tables; 10 rad/s or m/s if omitted.")
-@click.option(
-    "--spread",
-    type=click.Path(exists=True, dir_okay=False),
-    help="A compare.json, to write ranges over units (mjcf only).",
-)
-def main(model: str, to: str, out: str, effects: str | None, **options: Any) -> None:
+@click.option("--spread", type=FILE, help="A compare.json, to write ranges over units (mjcf only).")
+def main(model: str, to: str, out: str, effects: str | None, spread: str | None, **options: Any) -> None:
     """Write MODEL (model.json of identify, repaired.json of gap) for another tool.
 
     What the format cannot represent is listed with its size and written into the file as a comment.
 
     Example: whsklearn export model.json --to mjcf --out axis.xml
     """
-    guarded(write, model=Path(model), to=to, out=out, effects=effects, **options)
-
-
-def write(model: Path, to: str, out: str, effects: str | None = None, **options: Any) -> None:
-    """Export the model, and print what the format cannot represent and where the files are."""
     from whsklearn.cli.own_effects import load_effects
     from whsklearn.export import FORMATS, Ratings, export_model
     from whsklearn.export.model import write_ranges
 
-    spread = options.get("spread")
     if spread and to != "mjcf":
         raise click.UsageError(f"--spread writes ranges for MuJoCo, and --to is {to}; give --to mjcf.")
     if effects is not None:
@@ -54,12 +43,10 @@ def write(model: Path, to: str, out: str, effects: str | None = None, **options:
         done = export_model(model, to=to, out=out, what=options["what"], real=options["real"], ratings=ratings)
     except RuntimeError as error:  # a compiler that is missing or fails
         raise click.ClickException(str(error)) from error
-    if done.losses:
-        click.echo(f"Not everything fits into {FORMATS[to]}:")
-        for loss in done.losses:
-            click.echo(wrapped(f"  {loss}"))
-    else:
-        click.echo("The format can represent the whole model.")
+    fits = "The format can represent the whole model."
+    click.echo(f"Not everything fits into {FORMATS[to]}:" if done.losses else fits)
+    for loss in done.losses:
+        click.echo(wrapped(f"  {loss}"))
     if done.left:
         left = [f"{100 * round(r.after / r.before, 6):.3g} %" for r in done.left]
         rows = [(r.name, r.before, round(r.after, 12), share) for r, share in zip(done.left, left, strict=True)]

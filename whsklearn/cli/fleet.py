@@ -14,7 +14,7 @@ import click
 
 from whsklearn.cli import WIDTH
 from whsklearn.cli.job import UNUSABLE, cell, job, progress_bar, say_where, tracker_for, wrapped, writable_file
-from whsklearn.cli.options import build_model, model_options
+from whsklearn.cli.options import NEW_FILE, build_model, model_options
 
 if TYPE_CHECKING:
     from whsklearn.cli.fleet_axis import Row
@@ -30,16 +30,16 @@ SHOWN = 10
 @click.option("--axis", default="axis", help="Partition key: the folder holds AXIS=NAME/*.parquet.")
 @click.option("--input", "inputs", multiple=True, default=["u"], help="Input column; repeat for several.")
 @click.option("--output", default="y", help="Output column.")
-@click.option("--time", "time_column", default=None, help="Time column; rows are sorted by it.")
+@click.option("--time", "time_column", help="Time column; rows are sorted by it.")
 @model_options
 @click.option(
     "--test-share", type=click.FloatRange(0, 0.9), default=0.25, help="Share held out as a test at the end of a log."
 )
 @click.option("--in-process", is_flag=True, help="Use this machine's cores through joblib, without a cluster.")
-@click.option("--scheduler", default=None, help="Address of a Dask scheduler; a local cluster if omitted.")
+@click.option("--scheduler", help="Address of a Dask scheduler; a local cluster if omitted.")
 @click.option("--workers", type=click.IntRange(1), default=2, help="Processes here.")
 @click.option("--batch", type=click.IntRange(1), default=10, help="Axes per task.")
-@click.option("--out", type=click.Path(dir_okay=False, path_type=Path), default=Path("fleet.parquet"), help="Table.")
+@click.option("--out", type=NEW_FILE, default="fleet.parquet", help="Table.")
 def main(**options: Any) -> None:
     """Identify every axis of FOLDER, a Parquet folder partitioned by axis, and write one table of all.
 

@@ -6,7 +6,6 @@ missing) into the report folder and records the diagnosis in MLflow: a parent ru
 
 from __future__ import annotations
 
-import warnings
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
@@ -15,7 +14,18 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from whsklearn.cli.job import UNUSABLE, job, progress_bar, say_where, tracker_for, wrapped, writable_folder
-from whsklearn.cli.options import ORDERS, axis_options, given, reading_options, robot_options
+from whsklearn.cli.options import (
+    FILE,
+    FOLDER,
+    LOG,
+    ORDERS,
+    PROBABILITY,
+    axis_options,
+    effects_option,
+    given,
+    reading_options,
+    robot_options,
+)
 from whsklearn.cli.records import (
     TWICE,
     bridged,
@@ -26,6 +36,8 @@ from whsklearn.cli.records import (
     read,
     refuse_shared,
     roles_of,
+    rows_of,
+    warnings_as_notes,
 )
 
 if TYPE_CHECKING:
@@ -34,19 +46,14 @@ if TYPE_CHECKING:
     from whsklearn.gap import GapFinder
     from whsklearn.logs.errors import LogError
 
+KINDS = ("servo", "wiener-hammerstein")
 USUAL = {"time": "time_s", "drive": "torque_nm", "position": "position_rad"}
 
 
 @job
-@click.argument("log_file", metavar="LOG", type=click.Path(exists=True))
-@click.argument("more", metavar="[LOG ...]", nargs=-1, type=click.Path(exists=True))
-@click.option(
-    "--model",
-    "kind",
-    type=click.Choice(["servo", "wiener-hammerstein"]),
-    default="servo",
-    help="Kind of the base model.",
-)
+@click.argument("log_file", metavar="LOG", type=LOG)
+@click.argument("more", metavar="[LOG ...]", nargs=-1, type=LOG)
+@click.option("--model", "kind", type=click.Choice(KINDS), default="servo", help="Kind of the base model.")
 @axis_options
 @click.option("--reference", help="Reference column (servo); optional.")
 @click.option("--input", "input_column", default="u", help="Column of the input (Wiener-Hammerstein).")
@@ -54,43 +61,29 @@ USUAL = {"time": "time_s", "drive": "torque_nm", "position": "position_rad"}
 @reading_options
 @click.option(
     "--law",
-    default=None,
     help="Terms of the base model's law, joined by commas: friction such as viscous,coulomb; for Wiener-Hammerstein "
     "also linear, offset, polynomial (or polynomial:5), piecewise_linear (or piecewise_linear:12 for 12 kinks), "
     "cubic_spline.",
 )
-@click.option("--orders", type=ORDERS, default=None, help="Orders of the base model (Wiener-Hammerstein).")
+@click.option("--orders", type=ORDERS, help="Orders of the base model (Wiener-Hammerstein).")
 @click.option(
     "--direct", type=click.IntRange(0, 2), default=0, help="Blocks with a direct path, 0 to 2 (Wiener-Hammerstein)."
 )
+@click.option("--tolerance", default=0.004, help="Smallest effect worth naming, as a share of the rms drive or output.")
 @click.option(
-    "--tolerance",
-    type=float,
-    default=0.004,
-    help="Smallest effect worth naming, as a share of the rms drive or output.",
-)
-@click.option(
-    "--alpha",
-    type=click.FloatRange(0.0, 1.0, min_open=True, max_open=True),
-    default=0.01,
+    "--alpha", type=PROBABILITY, default=0.01,
     help="Probability of a false name when nothing is missing (axis with a logged drive).",
-)
+)  # fmt: skip
 @click.option("--max-effects", type=click.IntRange(min=1, max=5), default=3, help="Maximum number of effects to add.")
-@click.option(
-    "--effects", type=click.Path(exists=True, dir_okay=False), help="A Python file with effects of your own to search."
-)
+@effects_option
 @robot_options
 @click.option("--load", help="Known load at the last joint: mass in kg, or with its place in m, KG:X,Y,Z.")
-@click.option(
-    "--loaded",
-    type=click.Path(exists=True),
-    help="Log with a load; LOG is without it. What load? With --load: what gains?",
-)
-@click.option("--simulator", type=click.Path(exists=True, dir_okay=False), help="A MuJoCo model.xml or an FMU.")
+@click.option("--loaded", type=LOG, help="Log with a load; LOG is without it. What load? With --load: what gains?")
+@click.option("--simulator", type=FILE, help="A MuJoCo model.xml or an FMU.")
 @click.option("--joint", help="Joint of the simulator.")
 @click.option("--actuator", help="Actuator whose control was logged, if the joint has several.")
-@click.option("--test", "second", type=click.Path(exists=True), help="Another log of the axis, to test the result on.")
-@click.option("--report", "report", type=click.Path(file_okay=False), default="gap", help="Folder for the report.")
+@click.option("--test", "second", type=LOG, help="Another log of the axis, to test the result on.")
+@click.option("--report", type=FOLDER, default="gap", help="Folder for the report.")
 def main(**options: Any) -> None:
     """Find, name and close the gap between a model and LOG.
 
@@ -135,17 +128,16 @@ def main(**options: Any) -> None:
 def axis_logs(options: dict[str, Any]) -> tuple[Bunch, Bunch | None]:
     """What is used of the log of an axis or of a chain, and of that named by ``--test``."""
     whole = read_log(options)
-    log = liveliest(taken(options, whole))
+    log = used_of(options, whole)
     if options["kind"] == "servo":  # a chain keeps the units of its log
         note_assumed(log)
-    used, given = (len(set(x.groups.tolist())) for x in (log, whole))
-    log.rows = {"used": int(log.y.size), "given": int(whole.y.size), "taken": used, "segments": given}
-    return log, liveliest(taken(options, read_log(options, options["second"]))) if options["second"] else None
+    log.rows = rows_of(log, whole)
+    return log, used_of(options, read_log(options, options["second"])) if options["second"] else None
 
 
-def taken(options: dict[str, Any], log: Bunch) -> Bunch:
-    """The part of a log with holes that this kind of model can use: without short segments or very long holes."""
-    return long_segments(log) if options["kind"] == "servo" else bridged(log)
+def used_of(options: dict[str, Any], log: Bunch) -> Bunch:
+    """The part of a log that this kind of model can use: without short segments, very long holes or too many rows."""
+    return liveliest(long_segments(log) if options["kind"] == "servo" else bridged(log))
 
 
 def diagnose(options: dict[str, Any], log: Bunch, second: Bunch | None, folder: Path) -> GapFinder:
@@ -165,16 +157,8 @@ def diagnose(options: dict[str, Any], log: Bunch, second: Bunch | None, folder: 
         log.notes = (*log.notes, str(slip))
     tracker = tracker_for("close_gap", options["track"], data=Path(options["log_file"]).stem)
     with tracker.run(f"gap of {Path(options['log_file']).name}") as parent:
-        finder = GapFinder(
-            model_of(options),
-            law=options["law"],
-            orders=options["orders"],
-            direct=options["direct"],
-            max_effects=options["max_effects"],
-            tolerance=options["tolerance"],
-            alpha=options["alpha"],
-            random_state=options["seed"],
-        )
+        settings = {k: options[k] for k in ("law", "orders", "direct", "max_effects", "tolerance", "alpha")}
+        finder = GapFinder(model_of(options), **settings, random_state=options["seed"])
         with progress_bar(total=len(STEPS)) as bar:
 
             def progress(step: str) -> None:
@@ -193,11 +177,8 @@ def diagnose(options: dict[str, Any], log: Bunch, second: Bunch | None, folder: 
             if not problem.fatal:
                 note(problem.explanation)
         click.echo(wrapped(f"{d.verdict}: {d.sentence}"))
-        with warnings.catch_warnings(record=True) as said:
-            warnings.simplefilter("always")
+        with warnings_as_notes():
             page = finder.report(folder)
-        for warning in said:
-            note(str(warning.message))
         if d.interrupted:
             click.echo("Interrupted: the report holds the rounds that were finished.")
         click.echo(f"Report: {page}")
@@ -210,7 +191,7 @@ def diagnose(options: dict[str, Any], log: Bunch, second: Bunch | None, folder: 
 
 def another(options: dict[str, Any], first: Bunch, file: str) -> Any:
     """A further log of the axis, with the columns of the first."""
-    log = liveliest(taken(options, read_log(options, file)))
+    log = used_of(options, read_log(options, file))
     refuse_shared(first, log, TWICE)
     first.notes = (*first.notes, f"{log.name} is used too: {log.y.size} samples at {log.sample_rate:.6g} Hz.")
     return as_record(options, log)[0]
@@ -231,9 +212,7 @@ def test(options: dict[str, Any], finder: GapFinder, second: Bunch) -> None:
         told = ", ".join(f"{r['before']:.3g} to {r['after']:.3g} {unit} over {r['horizon']:g} s" for r in d.test)
         text = f"On {second.name}, which was not used for the fit, the RMSE of the free run goes from {told}."
         if all(r["after"] > r["before"] for r in d.test):
-            text += (
-                " The repaired model is worse there: the named effect is not in that record, or has another size in it."
-            )
+            text += " The repaired model is worse there: the named effect is not in it, or has another size in it."
     d.notes.insert(0, text)
     click.echo(wrapped(text))
 
@@ -256,15 +235,12 @@ def origin(log: Bunch) -> str:
 
 
 def read_log(options: dict[str, Any], second: str | None = None) -> Bunch:
-    """Read the columns that the options name, or that are recognised by name; from a ``second`` log those that it
-    has.
-    """
+    """Read the columns that the options name, or recognised by name; from a ``second`` log those that it has."""
     from whsklearn.logs import open_source
     from whsklearn.logs.errors import ColumnError
     from whsklearn.logs.roles import by_number
 
-    file = second or options["log_file"]
-    source = open_source(file)
+    source = open_source(second or options["log_file"])
     servo = options["kind"] == "servo"
     if options["columns"]:
         given: dict[str, str | None] = {**by_number(options["columns"], chain=not servo)}
@@ -286,7 +262,7 @@ def read_log(options: dict[str, Any], second: str | None = None) -> Bunch:
         needed.remove("position")
     if servo and options["rate"] is None and not options["columns"] and source.header and not _own_clock(source):
         needed.append("time")
-    return read(file, options, **roles_of(source, given, tuple(needed), USUAL, options))
+    return read(source, options, **roles_of(source, given, tuple(needed), USUAL, options))
 
 
 def _own_clock(source: Any) -> bool:

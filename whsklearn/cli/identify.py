@@ -22,7 +22,7 @@ from whsklearn.cli.job import (
     wrapped,
     writable_folder,
 )
-from whsklearn.cli.options import given, logged_option, reading_options, robot_options, system_options
+from whsklearn.cli.options import FOLDER, LOG, given, logged_option, reading_options, robot_options, system_options
 from whsklearn.cli.records import TWICE, liveliest, names_of, note, note_assumed, read_system, refuse_shared
 
 if TYPE_CHECKING:
@@ -32,24 +32,22 @@ if TYPE_CHECKING:
     from whsklearn.tracking import Run
 
 INDICES = ("nmse", "rmse")
-
-
 UNEVEN = 0.01  # relative difference allowed between the rates of two logs; a clock is a thousand times better
 
 
 @job
-@click.argument("train", metavar="TRAIN", type=click.Path(exists=True))
-@click.argument("more", metavar="[TRAIN ...]", nargs=-1, type=click.Path(exists=True))
+@click.argument("train", metavar="TRAIN", type=LOG)
+@click.argument("more", metavar="[TRAIN ...]", nargs=-1, type=LOG)
 @system_options
 @reading_options
 @robot_options
 @click.option(
     "--law", help="Friction of every joint of an arm, and nothing else: viscous,coulomb is what MuJoCo and URDF hold."
 )
-@click.option("--test", type=click.Path(exists=True), help="Another log to report on.")
+@click.option("--test", type=LOG, help="Another log to report on.")
 @click.option("--skip", type=click.IntRange(min=0), default=0, help="Samples at the start of the test to ignore.")
 @logged_option
-@click.option("--out", default="model", type=click.Path(file_okay=False), help="Folder for the results.")
+@click.option("--out", default="model", type=FOLDER, help="Folder for the results.")
 def main(**options: Any) -> None:
     """Find the model that describes the log TRAIN best: linear, Wiener-Hammerstein or physics.
 
@@ -107,19 +105,12 @@ def fitted(options: dict[str, Any], train: Bunch, test: Bunch | None, records: A
             bar.set_postfix_str(candidate)
             bar.update()
 
+        units = {"input": train.units["drive"], "output": train.units["position"], "time": train.units["time"]}
         found = identify(
-            train.X[:, 0],
-            train.y,
-            dt=1.0 / train.sample_rate if train.units["time"] != "samples" else 1.0,
-            test=None if test is None else as_train(test, train),
-            skip=options["skip"],
-            logged=options["logged"],
-            units={"input": train.units["drive"], "output": train.units["position"], "time": train.units["time"]},
-            drive_error=train.drive_error,
-            groups=train.groups,
-            records=records,
-            progress=progress,
-        )
+            train.X[:, 0], train.y, dt=1.0 if units["time"] == "samples" else 1.0 / train.sample_rate, units=units,
+            test=None if test is None else as_train(test, train), skip=options["skip"], logged=options["logged"],
+            drive_error=train.drive_error, groups=train.groups, records=records, progress=progress,
+        )  # fmt: skip
     if test is not None and found.test.y.size < test.y.size:
         note(
             f"{found.test.y.size} of {test.y.size} samples of {test.name} are used: the other segments are too short "
@@ -199,9 +190,7 @@ def as_train(test: Bunch, train: Bunch) -> tuple[Any, Any, Any]:
         try:
             out.append(signal * factor_between(test.units[role], train.units[role]))
         except ValueError as error:
-            raise ValueError(
-                f"The two logs differ in their {role}: {error}; give a log with the same columns."
-            ) from None
+            raise ValueError(f"The two logs differ in their {role}: {error}; give logs of one kind.") from None
     return out[0], out[1], test.groups
 
 

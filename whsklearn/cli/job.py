@@ -60,17 +60,24 @@ class Ended(KeyboardInterrupt):
     """
 
 
-def job(function: Callable[..., None]) -> click.Command:
-    """A click command with ``--seed`` and ``--no-track`` whose expected errors are one clear sentence."""
+def command(function: Callable[..., None]) -> click.Command:
+    """A click command whose expected errors are one clear sentence."""
 
     @click.command(help=function.__doc__, context_settings={"show_default": True, "max_content_width": WIDTH})
-    @click.option("--seed", type=click.IntRange(min=0), default=0, help="Random seed.")
-    @click.option("--track/--no-track", default=True, help="Record the runs in MLflow.")
     @functools.wraps(function)
-    def command(**kwargs: Any) -> None:
+    def guarded_function(**kwargs: Any) -> None:
         guarded(function, **kwargs)
 
-    return command
+    return guarded_function
+
+
+seed_option = click.option("--seed", type=click.IntRange(min=0), default=0, help="Random seed.")
+track_option = click.option("--track/--no-track", default=True, help="Record the runs in MLflow.")
+
+
+def job(function: Callable[..., None]) -> click.Command:
+    """A `command` with ``--seed`` and ``--no-track``."""
+    return command(seed_option(track_option(function)))
 
 
 def guarded(function: Callable[..., None], **kwargs: Any) -> None:

@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 import click
 
 ESTIMATORS = {"rls": "RLSRegressor", "mils": "MILSRegressor", "rmils": "RMILSRegressor"}
 Command = Callable[..., Any]
+LOG = click.Path(exists=True)  # a file, or a folder of files that make one log
+FILE = click.Path(exists=True, dir_okay=False)
+NEW_FILE = click.Path(dir_okay=False, path_type=Path)
+FOLDER = click.Path(file_okay=False)  # to write to
+POSITIVE = click.FloatRange(min=0, min_open=True)
+PROBABILITY = click.FloatRange(0.0, 1.0, min_open=True, max_open=True)
+COUNT = click.IntRange(min=0)
 
 
 class OrdersType(click.ParamType):
@@ -42,29 +50,25 @@ def _together(*options: Callable[[Command], Command]) -> Callable[[Command], Com
     return add
 
 
+LOGGED = click.Choice(["auto", "output", "velocity", "position"])
 logged_option = click.option(
-    "--logged",
-    type=click.Choice(["auto", "output", "velocity", "position"]),
-    default="auto",
-    help="Kind of output; a position is fitted through its velocity.",
+    "--logged", type=LOGGED, default="auto", help="Kind of output; a position is fitted through its velocity."
 )
+effects_option = click.option("--effects", type=FILE, help="A Python file with effects of your own.")
 # How a log is to be taken.
 reading_options = _together(
     click.option("--columns", help="Columns by name or number from 0: time,drive,position or drive,position."),
     click.option(
-        "--unit",
-        "units",
-        multiple=True,
-        metavar="ROLE=UNIT",
-        help="Unit of a column, such as position=deg; may be repeated.",
+        "--unit", "units", multiple=True, metavar="ROLE=UNIT", help="Unit, such as position=deg; may be repeated."
     ),
-    click.option("--rate", type=click.FloatRange(min=0, min_open=True), help="Sample rate in Hz, in place of --time."),
+    click.option("--rate", type=POSITIVE, help="Sample rate in Hz, in place of --time."),
     click.option("--torque-constant", metavar="K+-S", help="Nm/A with its standard deviation, for a drive in amperes."),
     click.option("--invert-drive", is_flag=True, help="Change the sign of the drive."),
 )
+time_option = click.option("--time", "time_column", help="Time column; found by its name if omitted.")
 # The columns of a servo axis.
 axis_options = _together(
-    click.option("--time", "time_column", help="Time column; found by its name if omitted."),
+    time_option,
     click.option("--drive", help="Column of the drive: torque, force, current, voltage."),
     click.option("--position", help="Column of the measured position; a suffix such as _deg or _mm gives its unit."),
     click.option("--velocity", help="Column of the velocity, where no position is logged."),
@@ -72,24 +76,17 @@ axis_options = _together(
 )
 # The columns of a system with one input and one output, with the names of those of an axis too.
 system_options = _together(
-    click.option("--time", "time_column", help="Time column; found by its name if omitted."),
+    time_option,
     click.option("--input", "--drive", "input_column", help="Input column (drive); found by its name if omitted."),
-    click.option(
-        "--output", "--position", "output_column", help="Output column (position); found by its name if omitted."
-    ),
+    click.option("--output", "--position", "output_column", help="Output column (position); found by its name too."),
 )
 # The columns of each joint of an arm.
 joint_options = _together(
-    click.option(
-        "--joints", help='Columns of each joint of an arm: "NAME:POSITION,DRIVE;..."; found by their names if omitted.'
-    ),
+    click.option("--joints", help='Columns of each joint of an arm: "NAME:POSITION,DRIVE;..."; found if omitted.'),
     click.option("--gains", help='Torque constants of an arm: "NAME:NM_PER_AMPERE+-ERROR;...", for drives in amperes.'),
 )
 robot_options = _together(
-    click.option(
-        "--robot", type=click.Path(exists=True, dir_okay=False), help="URDF, MJCF or model.json: a log of an arm."
-    ),
-    joint_options,
+    click.option("--robot", type=FILE, help="URDF, MJCF or model.json: a log of an arm."), joint_options
 )
 # A recursive estimator, see `build_model`.
 model_options = _together(

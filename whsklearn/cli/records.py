@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -90,24 +91,19 @@ def read_system(path: str | Path, options: Mapping[str, Any], logged: str = "") 
     unit = units_of(options.get("units", ())).get("position") or source.units.get(output) or unit_of(output)
     if logged == "position" and integral_of(unit)[1] != unit:
         units = (*(u for u in options.get("units", ()) if not u.startswith("position")), f"velocity={unit}")
-        return read(path, {**options, "units": units}, **roles, velocity=output)
-    return read(path, options, **roles, position=output)
+        return read(source, {**options, "units": units}, **roles, velocity=output)
+    return read(source, options, **roles, position=output)
 
 
-def read(path: str | Path, options: Mapping[str, Any], quiet: tuple[str, ...] = (), /, **columns: Any) -> Bunch:
+def read(source: Source, options: Mapping[str, Any], quiet: tuple[str, ...] = (), /, **columns: Any) -> Bunch:
     """Read the log, invert its drive if requested, and print its notes except those in ``quiet``."""
     from whsklearn.logs import load_log
     from whsklearn.logs.errors import LogWarning
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LogWarning)
-        log = load_log(
-            path,
-            **columns,
-            units=units_of(options.get("units", ())),
-            sample_rate=options.get("rate"),
-            torque_constant=options.get("torque_constant"),
-        )
+        units, constant = units_of(options.get("units", ())), options.get("torque_constant")
+        log = load_log(source, **columns, units=units, sample_rate=options.get("rate"), torque_constant=constant)
     for finding in log.report.findings:
         unknown = finding.code == "LOG019" and finding.explanation.startswith("The unit of ")
         if unknown and not finding.explanation.startswith("The unit of time"):
@@ -123,6 +119,16 @@ def read(path: str | Path, options: Mapping[str, Any], quiet: tuple[str, ...] = 
 def note(text: str) -> None:
     """Print a note on stderr, separate from the result."""
     click.echo(f"Note: {text}", err=True)
+
+
+@contextlib.contextmanager
+def warnings_as_notes() -> Iterator[None]:
+    """Print the warnings of a block of code as notes, each once."""
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always", UserWarning)
+        yield
+    for text in dict.fromkeys(str(w.message) for w in said if issubclass(w.category, UserWarning)):
+        note(text)
 
 
 TESTED = "so the test would use data of the fit; give --test a log of another run"
@@ -237,6 +243,12 @@ def liveliest(log: Bunch) -> Bunch:
         "travels most; more samples would add little. Another part can be given with --test as a separate file."
     )
     return _cut(log, slice(start, end), text)
+
+
+def rows_of(used: Bunch, whole: Bunch) -> dict[str, int]:
+    """Rows and segments that are used and given, as a report shows them."""
+    taken, segments = (len(set(log.groups.tolist())) for log in (used, whole))
+    return {"used": len(used.y), "given": len(whole.y), "taken": taken, "segments": segments}
 
 
 def _cut(log: Bunch, rows: Any, text: str) -> Bunch:

@@ -9,18 +9,18 @@ import click
 import numpy as np
 
 from whsklearn.cli.job import job, worse_than_mean, wrapped, writable_file
-from whsklearn.cli.options import joint_options, reading_options, system_options
+from whsklearn.cli.options import FILE, LOG, NEW_FILE, joint_options, reading_options, system_options
 from whsklearn.cli.records import note, read_system
 
 
 @job
-@click.argument("model", metavar="MODEL.json", type=click.Path(exists=True, dir_okay=False))
-@click.argument("log_file", metavar="LOG", type=click.Path(exists=True))
+@click.argument("model", metavar="MODEL.json", type=FILE)
+@click.argument("log_file", metavar="LOG", type=LOG)
 @system_options
 @reading_options
 @joint_options
 @click.option("--skip", type=click.IntRange(min=0), default=0, help="Samples at the start to ignore.")
-@click.option("--out", default="simulated.csv", type=click.Path(dir_okay=False), help="Table to write.")
+@click.option("--out", default="simulated.csv", type=NEW_FILE, help="Table to write.")
 def main(**options: Any) -> None:
     """Simulate MODEL.json with the drive of LOG and write time, drive, output and measurement.
 
@@ -78,7 +78,7 @@ def main(**options: Any) -> None:
     click.echo(f"Free run: NMSE {index:.3g}, RMSE {rmse(log.y[kept], y[kept]):.4g}{unit}.")
     if bad := worse_than_mean({Path(options["model"]).name: index}):
         click.echo(wrapped(bad))
-    click.echo(f"Written: {Path(out)}{': ' if told else ''}{', '.join(told)}")
+    click.echo(f"Written: {out}{': ' if told else ''}{', '.join(told)}")
 
 
 def first_speed(position: Any, dt: float) -> float:

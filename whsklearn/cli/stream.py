@@ -19,7 +19,7 @@ import click
 from click.core import ParameterSource
 
 from whsklearn.cli.job import job, root
-from whsklearn.cli.options import build_model, joint_options, model_options
+from whsklearn.cli.options import FILE, NEW_FILE, build_model, joint_options, model_options
 
 OF_A_CHAIN = ("inputs", "output", "estimator", "orders", "law", "p")  # options that do not apply to an arm
 
@@ -28,11 +28,9 @@ OF_A_CHAIN = ("inputs", "output", "estimator", "orders", "law", "p")  # options 
 @click.argument("source", type=click.Path(exists=True, dir_okay=False, allow_dash=True))
 @click.option("--input", "--drive", "inputs", multiple=True, default=["u"], help="Input column; repeat for several.")
 @click.option("--output", "--position", "output", default="y", help="Output column.")
-@click.option(
-    "--robot", type=click.Path(exists=True, dir_okay=False), help="model.json of an arm, in place of --orders."
-)
+@click.option("--robot", type=FILE, help="model.json of an arm, in place of --orders.")
 @joint_options
-@click.option("--time", "time_column", default=None, help="Time column, numbers or ISO 8601; must increase.")
+@click.option("--time", "time_column", help="Time column, numbers or ISO 8601; must increase.")
 @click.option("--max-step", type=float, default=math.inf, help="A longer pause in time begins a new experiment.")
 @click.option("--follow", is_flag=True, help="Wait for rows that are appended to the file.")
 @model_options
@@ -46,13 +44,8 @@ OF_A_CHAIN = ("inputs", "output", "estimator", "orders", "law", "p")  # options 
 @click.option(
     "--disk-full", type=click.Choice(["go-on", "stop"]), default="go-on", help="If there is no space for a checkpoint."
 )
-@click.option(
-    "--out",
-    type=click.Path(dir_okay=False, path_type=Path),
-    default=None,
-    help="File for the records; stdout if omitted.",
-)
-@click.option("--checkpoint", type=click.Path(dir_okay=False, path_type=Path), default=None, help="[SOURCE.whs]")
+@click.option("--out", type=NEW_FILE, help="File for the records; stdout if omitted.")
+@click.option("--checkpoint", type=NEW_FILE, help="[SOURCE.whs]")
 @click.option("--checkpoint-every", type=float, default=5.0, help="Seconds between checkpoints.")
 @click.option("--fresh", is_flag=True, help="Start from the beginning even if there is a checkpoint.")
 def main(**options: Any) -> None:

@@ -15,7 +15,7 @@ import click
 import numpy as np
 
 from whsklearn.cli.job import job, progress_bar, say_where, table, tracker_for, wrapped
-from whsklearn.cli.options import ORDERS, given, logged_option, reading_options, system_options
+from whsklearn.cli.options import LOG, ORDERS, given, logged_option, reading_options, system_options
 from whsklearn.cli.records import note, record_of
 
 if TYPE_CHECKING:
@@ -25,16 +25,11 @@ MEAN = 1.0  # the NMSE of a model that only knows the mean of the output
 
 
 @job
-@click.option("--log", "log_file", type=click.Path(exists=True), help="A log: CSV, Parquet, MAT, MCAP, ...")
+@click.option("--log", "log_file", type=LOG, help="A log: CSV, Parquet, MAT, MCAP, ...")
 @system_options
 @logged_option
 @reading_options
-@click.option(
-    "--samples",
-    type=click.IntRange(min=100),
-    default=1000,
-    help="Samples of the simulated example, if no log is given.",
-)
+@click.option("--samples", type=click.IntRange(100), default=1000, help="Of the simulated example, if no log is given.")
 @click.option("--p", "lengths", default="1,2,4,8", help="Innovation lengths to try.")
 @click.option("--P0", "variances", default="default", help="Initial covariance scales to try, as in default,1,1e6.")
 @click.option("--forgetting", "factors", default="default", help="Forgetting factors to try, as in default,0.999.")

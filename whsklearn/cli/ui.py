@@ -13,7 +13,7 @@ import webbrowser
 
 import click
 
-from whsklearn.cli.job import guarded, root
+from whsklearn.cli.job import command, root
 
 _START_SECONDS = 120
 _END_SECONDS = 5.0
@@ -31,17 +31,14 @@ def free_port(wanted: int) -> int:
 
 def serve(store: str, port: int) -> subprocess.Popen[bytes]:
     """Start MLflow's page on a local store; the settings save half a minute and a gigabyte."""
-    command = [sys.executable, "-m", "mlflow", "server", "--backend-store-uri", store]
-    command += ["--default-artifact-root", str(root() / "mlruns" / "artifacts")]
-    command += ["--host", "127.0.0.1", "--port", str(port), "--workers", "1"]
+    call = [sys.executable, "-m", "mlflow", "server", "--backend-store-uri", store]
+    call += ["--default-artifact-root", str(root() / "mlruns" / "artifacts")]
+    call += ["--host", "127.0.0.1", "--port", str(port), "--workers", "1"]
     quiet = {"MLFLOW_DISABLE_TELEMETRY": "true", "MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false"}
     return subprocess.Popen(
-        command,
-        env={**os.environ, **quiet},
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
+        call, env={**os.environ, **quiet}, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
         start_new_session=True,  # its workers are ended with it, see `stop`
-    )
+    )  # fmt: skip
 
 
 def stop(server: subprocess.Popen[bytes]) -> None:
@@ -68,7 +65,7 @@ def wait_for(server: subprocess.Popen[bytes], port: int) -> None:
     raise OSError(f"MLflow's page did not answer within {_START_SECONDS} s.")
 
 
-@click.command(context_settings={"show_default": True})
+@command
 @click.option("--port", default=5000, help="Port to listen on; another one is taken if it is not free.")
 @click.option("--browser/--no-browser", default=True, help="Open a browser, or print the address only.")
 def main(port: int, browser: bool) -> None:
@@ -76,11 +73,6 @@ def main(port: int, browser: bool) -> None:
 
     Example: whsklearn ui --port 5001
     """
-    guarded(_show, port=port, browser=browser)
-
-
-def _show(port: int, browser: bool) -> None:
-    """Print the addresses, and serve the page until Ctrl-C if no server is running."""
     from whsklearn import tracking
 
     store = tracking.tracking_uri(root())

@@ -8,6 +8,8 @@ from collections.abc import Iterator
 
 import click
 
+from whsklearn.cli.job import command
+
 
 def fits() -> Iterator[str]:
     """The estimators on the simulated example: each is fitted, continued and used for prediction."""
@@ -45,7 +47,7 @@ def axes() -> Iterator[str]:
     yield "gap"
 
 
-@click.command(context_settings={"max_content_width": 100})
+@command
 def main() -> None:
     """Compile once what later runs load: about a minute on a new machine, seconds if everything is compiled.
 

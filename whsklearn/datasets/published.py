@@ -30,7 +30,7 @@ _KR300_ADDRESS = f"https://raw.githubusercontent.com/JonasWeigand/Robot_Identifi
 
 
 @dataclass(frozen=True)
-class Publication:
+class _Publication:
     """The records of one publisher."""
 
     # name, wanted, page: what they are called, the files that a folder should hold, and where a person gets them
@@ -92,23 +92,23 @@ def _kr300(pooch: Any) -> Path:
     return cache
 
 
-EMPS = Publication(
+EMPS = _Publication(
     "EMPS", "emps/emps_train.csv and emps/emps_test.csv", f"{_PAGE}emps", ("emps",),
     _archive("DATA_EMPS.mat", "EMPS.zip", f"{_DRIVE}1zwoXYa9-3f8NQ0ohzmjpF7UxbNgRTHkS"),
 )  # fmt: skip
-KR300 = Publication(
+KR300 = _Publication(
     "KR300", "kr300/kr300_axis1_A.csv, _B and _C", "https://github.com/JonasWeigand/Robot_Identification", ("kr300",),
     _kr300,
 )  # fmt: skip
-SILVERBOX = Publication(
+SILVERBOX = _Publication(
     "silverbox", "SNLS80mV.mat", f"{_PAGE}silverbox", ("silverbox", "SilverboxFiles"),
     _archive("SNLS80mV.mat", "SilverboxFiles.zip", f"{_DRIVE}17iS-6oBUUgrmiAcrZoG9S5sOaljZnDSy"),
 )  # fmt: skip
-CASCADED_TANKS = Publication(
+CASCADED_TANKS = _Publication(
     "cascaded tanks", "dataBenchmark.mat", f"{_PAGE}cascaded-tanks", ("cascaded_tanks", "CascadedTanksFiles"),
     _archive("dataBenchmark.mat", "CascadedTanksFiles.zip", f"{_DRIVE}1HnQf_gu0g_UlggoBqy2s34l9YJiFdN01"),
 )  # fmt: skip
-COUPLED_DRIVES = Publication(
+COUPLED_DRIVES = _Publication(
     "coupled electric drives", "DATAUNIF.mat", f"{_PAGE}coupled-electric-drives", ("ced",),
     _archive(
         "DATAUNIF.MAT", "CoupledElectricDrives.zip", "http://www.it.uu.se/research/publications/reports/2017-024/"
@@ -191,11 +191,6 @@ def fetch_coupled_drives(folder: str | os.PathLike[str] | None = None, *, downlo
         ``train`` and ``test``, two pairs (u, y) each, of a small and a large input: the first 400 samples and the
         last 100; ``sample_rate``, ``citation``.
 
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        As `fetch_silverbox`.
-
     References
     ----------
     Wigren and Schoukens 2017, Coupled Electric Drives Data Set and Reference Models, Uppsala University 2017-024.
@@ -230,11 +225,6 @@ def fetch_cascaded_tanks(folder: str | os.PathLike[str] | None = None, *, downlo
     Bunch
         ``train`` and ``test``, pairs (u, y); ``sample_rate``, ``citation``.
 
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        As `fetch_silverbox`.
-
     References
     ----------
     Schoukens, Mattson, Wigren and Noel 2016, Cascaded tanks benchmark combining soft and hard nonlinearities.
@@ -250,7 +240,7 @@ def fetch_cascaded_tanks(folder: str | os.PathLike[str] | None = None, *, downlo
     )
 
 
-def _file(record: Publication, folder: str | os.PathLike[str] | None, download: bool) -> Path:
+def _file(record: _Publication, folder: str | os.PathLike[str] | None, download: bool) -> Path:
     """The file of a benchmark, as MAT before CSV, its extension in any case."""
 
     def files(where: Path) -> list[Path]:
@@ -263,18 +253,35 @@ def _file(record: Publication, folder: str | os.PathLike[str] | None, download: 
 def _signals(path: Path, names: Sequence[str]) -> list[Array]:
     """Signals (n,) of a published file by name."""
     if path.suffix.lower() == ".mat":
-        from scipy.io import loadmat
-
-        table = {k: np.ravel(v) for k, v in loadmat(path).items() if not k.startswith("__")}
+        table = [np.ravel(x) for x in _from_mat(path, names)]
     else:
         import pandas as pd
 
-        frame = pd.read_csv(path, skipinitialspace=True)
-        table = {str(k).strip(): frame[k].to_numpy() for k in frame.columns}
-    if absent := [n for n in names if n not in table]:
-        raise ValueError(f"{path.name} has no signal {', '.join(absent)}; expected the publishers' file.")
-    rows = np.column_stack([table[n] for n in names]).astype(float)
+        table = list(_columns(pd.read_csv(path, skipinitialspace=True).rename(columns=str.strip), names, path).T)
+    rows = np.column_stack(table)
     return list(rows[np.isfinite(rows).all(axis=1)].T)
+
+
+def _columns(frame: pd.DataFrame, names: Sequence[str], path: Path) -> Array:
+    """Columns of a table by name, (n, n_names)."""
+    if absent := [n for n in names if n not in frame.columns]:
+        there = ", ".join(map(str, frame.columns))
+        raise ValueError(f"{path.name} has no column {', '.join(absent)}; it has: {there}.")
+    return frame[list(names)].to_numpy(dtype=float)
+
+
+def _from_mat(path: Path, names: Sequence[str], within: str = "") -> list[Array]:
+    """Signals of a publisher's MAT file by name, in the struct ``within`` if it has one."""
+    from scipy.io import loadmat
+
+    try:
+        found = loadmat(path, simplify_cells=bool(within))
+    except NotImplementedError:
+        raise ValueError(f"{path.name} is in MATLAB's format 7.3; save it in format 7 and read it again.") from None
+    found, prefix = (found.get(within, {}), f"{within}.") if within else (found, "")
+    if absent := [prefix + n for n in names if n not in found]:
+        raise ValueError(f"{path.name} has no signal {', '.join(absent)}; expected the publishers' file.")
+    return [np.asarray(found[n], dtype=float) for n in names]
 
 
 # --- measured records of real axes, from a local folder or from their publishers; none of them is shipped ------------
@@ -382,11 +389,6 @@ def fetch_kr300(folder: str | os.PathLike[str] | None = None, *, download: bool 
         motor_velocity_deg_s load_position_deg load_velocity_deg_s reference_deg``; ``sample_rate``
         in Hz, ``gear``, ``units``, ``description``, ``citation``.
 
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        As `fetch_emps`.
-
     Notes
     -----
     The address is that of one commit of the publishers' repository, and the layout of ``data.mat`` is the one that
@@ -417,6 +419,7 @@ def _frames(
     records: _Records, folder: str | os.PathLike[str] | None, download: bool, verify: bool
 ) -> dict[str, pd.DataFrame]:
     """Every record, from the first place where it is found: a folder, or its publishers."""
+    import pandas as pd
 
     def complete(where: Path) -> bool:
         return all(any((where / f).is_file() for f in files) for files in records.files.values())
@@ -425,53 +428,27 @@ def _frames(
     frames = {}
     for name, files in records.files.items():
         path = next(where / f for f in files if (where / f).is_file())
-        frame = records.read_mat(path) if path.suffix == ".mat" else _read_csv(path, records.columns)
-        if verify:
-            _verify(f"{records.published.folders[0]}_{name}", frame[records.measured], path)
-        frames[name] = frame
+        mat = path.suffix == ".mat"
+        table = records.read_mat(path) if mat else _columns(pd.read_csv(path), records.columns, path)
+        frame = frames[name] = pd.DataFrame(table, columns=records.columns)
+        if verify and checksum(frame[records.measured]) != _SUMS[f"{records.published.folders[0]}_{name}"]:
+            raise ValueError(
+                f"The numbers in {path.name} are not those of the published record; get the file again, or pass "
+                "verify=False to use it as it is."
+            )
     return frames
 
 
-def _read_csv(path: Path, columns: list[str]) -> pd.DataFrame:
-    """A record with all its columns."""
-    import pandas as pd
-
-    frame = pd.read_csv(path)
-    absent = [c for c in columns if c not in frame.columns]
-    if absent:
-        there = ", ".join(map(str, frame.columns))
-        raise ValueError(f"{path.name} has no column {', '.join(absent)}; it has: {there}.")
-    return frame[columns].astype(float)
+def _read_emps_mat(path: Path) -> Array:
+    """The columns of a record from the publishers' file."""
+    drive, position, reference = (x.ravel() for x in _from_mat(path, ("vir", "qm", "qg")))
+    return np.column_stack([np.arange(len(drive)) / 1000.0, drive, FORCE_PER_VOLT * drive, position, reference])
 
 
-def _read_emps_mat(path: Path) -> pd.DataFrame:
-    """The publishers' file of a record, under this library's names."""
-    import pandas as pd
-    from scipy.io import loadmat
-
-    raw = loadmat(path)
-    absent = [k for k in ("vir", "qm", "qg") if k not in raw]
-    if absent:
-        raise ValueError(f"{path.name} has no variable {', '.join(absent)}; expected the publishers' EMPS file.")
-    drive, position, reference = (np.asarray(raw[k], dtype=float).ravel() for k in ("vir", "qm", "qg"))
-    table = [np.arange(len(drive)) / 1000.0, drive, FORCE_PER_VOLT * drive, position, reference]
-    return pd.DataFrame(dict(zip(_EMPS_COLUMNS, table, strict=True)))
-
-
-def _read_kr300_mat(path: Path) -> pd.DataFrame:
-    """The publishers' file of a record of all six axes: the first axis, under this library's names."""
-    import pandas as pd
-    from scipy.io import loadmat
-
-    try:
-        rec = loadmat(path, simplify_cells=True).get("rec", {})
-    except NotImplementedError:
-        raise ValueError(f"{path.name} is in MATLAB's format 7.3; save it in format 7 and read it again.") from None
-    absent = [k for k in _KR300_FIELDS if k not in rec]
-    if absent:
-        raise ValueError(f"{path.name} has no rec.{', rec.'.join(absent)}; expected the publishers' file of a record.")
-    axis = [np.atleast_2d(np.asarray(rec[k], dtype=float))[0] for k in _KR300_FIELDS]
-    return pd.DataFrame(dict(zip(_KR300_COLUMNS, [np.arange(axis[0].size) / 250.0, *axis], strict=True)))
+def _read_kr300_mat(path: Path) -> Array:
+    """The columns of the first axis from the publishers' file of all six."""
+    axis = [np.atleast_2d(x)[0] for x in _from_mat(path, _KR300_FIELDS, "rec")]
+    return np.column_stack([np.arange(axis[0].size) / 250.0, *axis])
 
 
 def checksum(frame: pd.DataFrame) -> str:
@@ -480,24 +457,15 @@ def checksum(frame: pd.DataFrame) -> str:
     return hashlib.sha256("\n".join(lines).encode()).hexdigest()
 
 
-def _verify(name: str, frame: pd.DataFrame, path: Path) -> None:
-    """Refuse numbers that differ from the published ones."""
-    if checksum(frame) != _SUMS[name]:
-        raise ValueError(
-            f"The numbers in {path.name} are not those of the published record; get the file again, or pass "
-            "verify=False to use it as it is."
-        )
-
-
 @dataclass(frozen=True)
 class _Records:
     """The frames of one publication: their files and how they are read."""
 
-    published: Publication
+    published: _Publication
     files: dict[str, tuple[str, str]]
     columns: list[str]
     measured: list[str]
-    read_mat: Callable[[Path], pd.DataFrame]
+    read_mat: Callable[[Path], Array]
 
 
 _EMPS = _Records(EMPS, _EMPS_FILES, _EMPS_COLUMNS, ["drive_V", "position_m", "reference_m"], _read_emps_mat)

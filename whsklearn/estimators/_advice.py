@@ -182,7 +182,7 @@ def of_the_order(numbers: Integers | None) -> str | None:
         return None
     return (
         "The samples are not in time order (a shuffled split?), but a dynamic model needs consecutive samples; use "
-        "whsklearn.validation.time_series_split(estimator), or one_experiment_out for several records."
+        "whsklearn.validation.time_series_split(estimator), or LeaveOneGroupOut() for several records."
     )
 
 

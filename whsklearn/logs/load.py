@@ -72,7 +72,7 @@ class Log(Bunch):
 
 
 def load_log(
-    path: str | os.PathLike[str],
+    path: str | os.PathLike[str] | Source,
     *,
     units: Mapping[str, str] | None = None,
     sample_rate: float | None = None,
@@ -89,7 +89,7 @@ def load_log(
         A text table of any dialect (comma, semicolon, tab or blanks, decimal comma, comments, with or without a header
         line), JSON or JSON lines, each also packed (gz, bz2, xz, zip), Parquet, MATLAB, HDF5, NumPy, TDMS, MDF4 or
         MCAP, a ROS bag or a LeRobot folder. All but text, JSON, MATLAB (before 7.3) and NumPy need an extra, which the
-        error names.
+        error names. Also what `open_source` returned.
     units : dict of str to str, optional
         Units by role, if the names of the columns do not end in one (``time_s``, ``torque_nm``, ``position_rad``,
         ``angle [deg]``). Signals other than time are not converted. ``counts/4096`` gives the counts per turn.
@@ -146,7 +146,7 @@ def load_log(
     ((500, 1), 100.0, 'Nm', ('LOG007',))
     >>> folder.cleanup()
     """
-    source = open_source(path)
+    source = path if isinstance(path, Source) else open_source(path)
     asked = _by_role(columns) if any(c is not None for c in columns.values()) else _guessed(source, sample_rate)
     given = stated(dict(units or {}))
     names = {r: source.resolve(c, r) for r, c in asked.items()}

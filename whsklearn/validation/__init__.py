@@ -6,13 +6,11 @@ from whsklearn.validation.horizon import HorizonCurve, error_against_horizon
 from whsklearn.validation.residuals import (
     CorrelationTest,
     WhitenessTest,
-    autocorrelation,
-    correlation_band,
     cross_correlation_test,
     residual_tests,
     whiteness_test,
 )
-from whsklearn.validation.splitters import memory_length, one_experiment_out, time_series_split
+from whsklearn.validation.splitters import memory_length, time_series_split
 
 __all__ = [
     "CorrelationTest",
@@ -20,15 +18,12 @@ __all__ = [
     "ExcitationWarning",
     "HorizonCurve",
     "WhitenessTest",
-    "autocorrelation",
     "check_excitation",
     "convergence_bound",
-    "correlation_band",
     "cross_correlation_test",
     "error_against_horizon",
     "excitation",
     "memory_length",
-    "one_experiment_out",
     "residual_tests",
     "time_series_split",
     "whiteness_test",

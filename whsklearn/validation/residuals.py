@@ -89,46 +89,7 @@ class CorrelationTest:
     p_value: float
 
 
-def correlation_band(n: int, level: float = 0.95) -> float:
-    """Half width of the band of a correlation at one lag: 1.96 / sqrt(n) for 95 %.
-
-    Parameters
-    ----------
-    n : int
-        Samples.
-    level : float, default=0.95
-        Share of white records whose correlation at one lag lies inside.
-
-    Examples
-    --------
-    >>> from whsklearn.validation import correlation_band
-    >>> round(correlation_band(400), 4)
-    0.098
-    """
-    from scipy.special import ndtri
-
-    if not 0 < level < 1 or n < 1:
-        raise ValueError(f"correlation_band: level is {level} and n {n}; expected 0 < level < 1 and n >= 1.")
-    return float(ndtri(0.5 + level / 2)) / n**0.5
-
-
-def autocorrelation(e: ArrayLike, max_lag: int = 25) -> NDArray[np.float64]:
-    """r(0), ..., r(max_lag) of e with its mean taken off (biased estimate, so |r| <= 1).
-
-    Parameters
-    ----------
-    e : array-like of shape (n,)
-    max_lag : int, default=25
-        In samples.
-
-    Examples
-    --------
-    >>> from whsklearn.validation import autocorrelation
-    >>> autocorrelation([1.0, -1.0, 1.0, -1.0], max_lag=1).tolist()
-    [1.0, -0.75]
-    """
-    e = _centred(e, "e", max_lag)
-    return np.array([e[k:] @ e[: e.size - k] for k in range(max_lag + 1)]) / (e @ e)
+Z95 = 1.959963984540054  # the two-sided 95 % point of the normal distribution
 
 
 def whiteness_test(e: ArrayLike, max_lag: int = 25, n_params: int = 0) -> WhitenessTest:
@@ -169,7 +130,7 @@ def whiteness_test(e: ArrayLike, max_lag: int = 25, n_params: int = 0) -> Whiten
     e = _centred(e, "e", max_lag)
     r, statistic = ljung_box(e, max_lag)
     degrees, lags = max_lag - n_params, np.arange(1, max_lag + 1)
-    return WhitenessTest(lags, r, correlation_band(e.size), statistic, degrees, float(chi2.sf(statistic, degrees)))
+    return WhitenessTest(lags, r, Z95 / e.size**0.5, statistic, degrees, float(chi2.sf(statistic, degrees)))
 
 
 def ljung_box(e: NDArray[np.float64], max_lag: int) -> tuple[NDArray[np.float64], float]:
@@ -238,7 +199,7 @@ def cross_correlation_test(
     distance = (np.arange(e.size) - start) % e.size
     apart = windows[(distance >= width) & (distance <= e.size - width)]
     p_value = (1 + int(np.sum(apart >= observed))) / (1 + apart.size)
-    return CorrelationTest(name, lags, r[lags], correlation_band(e.size), observed, p_value)
+    return CorrelationTest(name, lags, r[lags], Z95 / e.size**0.5, observed, p_value)
 
 
 def residual_tests(e: ArrayLike, u: ArrayLike, max_lag: int = 25) -> dict[str, CorrelationTest]:

@@ -2,16 +2,14 @@
 
 The default KFold of a grid search trains on samples that surround the test fold, and glues
 what came before it to what came after.  For a record in time use `time_series_split`; for
-several records use scikit-learn's `LeaveOneGroupOut`, or `one_experiment_out`.
+several records scikit-learn's `LeaveOneGroupOut`: an estimator that is given ``groups`` restarts at each.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
-from numpy.typing import ArrayLike, NDArray
-from sklearn.model_selection import LeaveOneGroupOut, TimeSeriesSplit
+from sklearn.model_selection import TimeSeriesSplit
 
 
 def memory_length(estimator: Any) -> int:
@@ -62,31 +60,6 @@ def time_series_split(estimator: Any, n_splits: int = 5) -> TimeSeriesSplit:
     TimeSeriesSplit(gap=0, max_train_size=None, n_splits=3, test_size=None)
     """
     return TimeSeriesSplit(n_splits=n_splits, gap=memory_length(estimator))
-
-
-def one_experiment_out(X: ArrayLike, groups: ArrayLike) -> Iterator[tuple[NDArray[Any], NDArray[Any]]]:
-    """(train, test) indices, every experiment the test once.
-
-    Parameters
-    ----------
-    X : array-like of shape (n, n_features)
-        All experiments, one after another.
-    groups : array-like of shape (n,)
-        The experiment that each sample is of.
-
-    Notes
-    -----
-    Pass ``cv=list(one_experiment_out(X, groups))`` to a search; the rest of the experiments keep
-    their order, and an estimator that is given ``groups`` restarts at each.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from whsklearn.validation import one_experiment_out
-    >>> [test.tolist() for train, test in one_experiment_out(np.zeros((5, 1)), [0, 0, 1, 1, 1])]
-    [[0, 1], [2, 3, 4]]
-    """
-    yield from LeaveOneGroupOut().split(X, groups=groups)
 
 
 def _max_lag(lags: Any) -> int:
