@@ -27,13 +27,12 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from _twins import make_coupled_drives, make_silverbox
 
 from whsklearn.datasets import (
     fetch_cascaded_tanks,
     fetch_coupled_drives,
     fetch_silverbox,
-    make_coupled_drives,
-    make_silverbox,
 )
 from whsklearn.identification import identify
 from whsklearn.identification.drive_lead import moved

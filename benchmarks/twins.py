@@ -2,7 +2,7 @@
 
     python -m benchmarks.twins --count 3
 
-Coupled electric drives (`whsklearn.datasets.make_coupled_drives`, 500 samples): a sensor that reads |speed|.  A mass on
+Coupled electric drives (`make_coupled_drives`, 500 samples): a sensor that reads |speed|.  A mass on
 a hardening spring after the Silverbox (`benchmarks.blind_logs.mass_on_spring`, 3,000 samples): the spring, and nothing
 where it is linear.
 """
@@ -13,8 +13,8 @@ import time
 
 import click
 
+from benchmarks._twins import make_coupled_drives
 from benchmarks.blind_logs import mass_on_spring
-from whsklearn.datasets import make_coupled_drives
 from whsklearn.gap import GapFinder
 
 

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks._twins import SILVERBOX_RATE, make_silverbox
 from tests.recursion.axis_log import TRUTH, axis_log, slow_drive
 from whsklearn import ServoAxis
-from whsklearn.datasets import make_servo_log, make_silverbox
-from whsklearn.datasets.twins import SILVERBOX_RATE
+from whsklearn.datasets import make_servo_log
 from whsklearn.effects import (
     CableSpring,
     Cogging,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from whsklearn.datasets import make_coupled_drives
+from benchmarks._twins import make_coupled_drives
 from whsklearn.identification import identify
 from whsklearn.identification.chain_fit import fit_folded, fit_rectified, loses_sign
 from whsklearn.identification.view import View, view

@@ -206,20 +206,8 @@ def write_table(found: Any, out: Path) -> None:
 class Kept:
     """The finished rows of a fleet in ``OUT.part``, next to the table to be written, and in the same format.
 
-    A row is reused if the settings and the files of its axis have not changed.
+    A row is reused if the settings (model, columns, share of the test) and the files of its axis have not changed.
 
-    Parameters
-    ----------
-    out : Path
-        Of the table.
-    settings : str
-        Model, columns and share of the test.
-    folder : Path
-    axis : str
-        As for `axes_of`.
-
-    Examples
-    --------
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as made:
     ...     kept = Kept(Path(made, "fleet.parquet"), "rls", Path(made), "axis")

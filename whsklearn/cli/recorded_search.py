@@ -13,15 +13,9 @@ from joblib import effective_n_jobs
 class Contiguous:
     """Folds of which a contiguous share is used, at the border between training and test.
 
-    Successive halving draws samples at random, and a dynamic model cannot be fitted to scattered samples.
+    scikit-learn's successive halving draws samples at random (``drawn``), and a dynamic model cannot be fitted to
+    scattered samples.
 
-    Parameters
-    ----------
-    drawn : splitter
-        scikit-learn's, with ``base_cv`` and ``fraction``.
-
-    Examples
-    --------
     >>> from types import SimpleNamespace
     >>> from sklearn.model_selection import TimeSeriesSplit
     >>> halves = Contiguous(SimpleNamespace(base_cv=TimeSeriesSplit(2), fraction=0.5))
@@ -57,7 +51,7 @@ def recorded(search_class: type) -> type:
     3
     """
 
-    class Recorded(search_class):  # type: ignore[misc, valid-type]
+    class _Recorded(search_class):  # type: ignore[misc, valid-type]
         on_results: Callable[[dict[str, Any]], None] | None = None
 
         def _run_search(self, evaluate_candidates: Any, callback_ctx: Any = None) -> None:
@@ -81,5 +75,5 @@ def recorded(search_class: type) -> type:
             state["_sklearn_version"] = sklearn.__version__  # as in the pickle of any estimator
             return copyreg._reconstructor, (search_class, object, None), state  # type: ignore[attr-defined]
 
-    Recorded.__name__ = Recorded.__qualname__ = search_class.__name__
-    return Recorded
+    _Recorded.__name__ = _Recorded.__qualname__ = search_class.__name__
+    return _Recorded

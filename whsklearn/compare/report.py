@@ -60,7 +60,7 @@ def render(found: Comparison) -> str:
     )
 
 
-class Picture(NamedTuple):
+class _Picture(NamedTuple):
     """A number over the records: (x, y, top, bottom) of every record in px, and the values at the ends of the axis."""
 
     points: list[tuple[float, float, float, float]]
@@ -68,7 +68,7 @@ class Picture(NamedTuple):
     high: float
 
 
-def over_records(row: dict[str, Any]) -> Picture:
+def over_records(row: dict[str, Any]) -> _Picture:
     """One number of all records in their order, with whiskers of two standard errors."""
     spans = [(v - REACH * e, v, v + REACH * e) for v, e in zip(row["values"], row["standard_errors"], strict=True)]
     low, high = min(s[0] for s in spans), max(s[2] for s in spans)
@@ -79,4 +79,4 @@ def over_records(row: dict[str, Any]) -> Picture:
          HEIGHT - MARGIN - (a - low) * by)
         for k, (a, v, b) in enumerate(spans)
     ]  # fmt: skip
-    return Picture(points, low, high)
+    return _Picture(points, low, high)

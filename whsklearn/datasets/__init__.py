@@ -11,7 +11,6 @@ from whsklearn.datasets.published import (
     fetch_silverbox,
 )
 from whsklearn.datasets.servo import default_axis, draw_effect, load_turntable, make_servo_log, reference_signal
-from whsklearn.datasets.twins import make_coupled_drives, make_silverbox
 from whsklearn.datasets.wiener_hammerstein import make_wiener_hammerstein
 from whsklearn.logs import Finding, LogReport, check_log, load_log
 
@@ -30,9 +29,7 @@ __all__ = [
     "load_log",
     "load_turntable",
     "make_arm_log",
-    "make_coupled_drives",
     "make_servo_log",
-    "make_silverbox",
     "make_wiener_hammerstein",
     "reference_signal",
 ]

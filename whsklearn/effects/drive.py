@@ -9,14 +9,14 @@ from whsklearn.effects.base import Effect
 from whsklearn.effects.quantity import number
 
 
-class DriveEffect(Effect):
+class _DriveEffect(Effect):
     """An effect on the drive; its columns are the torques that the drive loses to it (Nm)."""
 
     place = "drive"
     port = "input"
 
 
-class InputOffset(DriveEffect):
+class InputOffset(_DriveEffect):
     """A constant torque that the drive must supply, c (Nm): amplifier offset, a constant load.
 
     See Also
@@ -44,7 +44,7 @@ class InputOffset(DriveEffect):
     code = codes.INPUT_OFFSET
 
 
-class DeadZone(DriveEffect):
+class DeadZone(_DriveEffect):
     """The amplifier delivers nothing below a threshold d, and d less above it: u_eff = u - clip(u, -d, d) (Nm).
 
     See Also
@@ -69,7 +69,7 @@ class DeadZone(DriveEffect):
     code = codes.DEAD_ZONE
 
 
-class Saturation(DriveEffect):
+class Saturation(_DriveEffect):
     """The amplifier delivers no more than its limit, u_eff = clip(u, -U, U) (Nm).
 
     See Also
@@ -102,7 +102,7 @@ class Saturation(DriveEffect):
             raise ValueError(f"Saturation: limit is {self.limit}, expected a torque above zero; give it in Nm.")
 
 
-class InputDelay(DriveEffect):
+class InputDelay(_DriveEffect):
     """The drive acts later than it is logged, u_eff(t) = u(t - tau), tau in s.
 
     Its column is the first order of it, du/dt.
@@ -130,7 +130,7 @@ class InputDelay(DriveEffect):
     code = codes.INPUT_DELAY
 
 
-class ActuatorLag(DriveEffect):
+class ActuatorLag(_DriveEffect):
     """The torque follows the command as a first-order lag, T du_eff/dt = u - u_eff, T in s: a current loop, a valve.
 
     Its column is its first-order approximation, du/dt, the same as that of a delay.
@@ -160,7 +160,7 @@ class ActuatorLag(DriveEffect):
     code = codes.ACTUATOR_LAG
 
 
-class TorqueRipple(DriveEffect):
+class TorqueRipple(_DriveEffect):
     """The torque constant varies with the rotor's angle, u_eff = u (1 - A cos(k q + phi)).
 
     See Also

@@ -9,14 +9,14 @@ from whsklearn.effects.base import Effect
 from whsklearn.effects.quantity import number
 
 
-class SensorEffect(Effect):
+class _SensorEffect(Effect):
     """An effect on the reading; its columns are what it adds to the measured position (rad)."""
 
     place = "sensor"
     port = "output"
 
 
-class OutputOffset(SensorEffect):
+class OutputOffset(_SensorEffect):
     """The sensor has a zero offset, y = q + c (rad).
 
     See Also
@@ -40,7 +40,7 @@ class OutputOffset(SensorEffect):
     code = codes.OUTPUT_OFFSET
 
 
-class OutputDrift(SensorEffect):
+class OutputDrift(_SensorEffect):
     """The sensor's zero drifts at a constant rate, y = q + c t (rad).
 
     See Also
@@ -64,7 +64,7 @@ class OutputDrift(SensorEffect):
     code = codes.OUTPUT_DRIFT
 
 
-class SensorRectification(SensorEffect):
+class SensorRectification(_SensorEffect):
     """The sensor loses the sign, wholly (fraction 1) or in part: y = (1 - f) q + f |q| (rad).
 
     See Also
@@ -89,7 +89,7 @@ class SensorRectification(SensorEffect):
     code = codes.SENSOR_RECTIFICATION
 
 
-class EncoderEccentricity(SensorEffect):
+class EncoderEccentricity(_SensorEffect):
     """The disc of the encoder is off centre (order 1) or bent (order 2): y = q + A cos(k q + phi) (rad).
 
     See Also
@@ -116,7 +116,7 @@ class EncoderEccentricity(SensorEffect):
     code = codes.ENCODER_ECCENTRICITY
 
 
-class Quantization(SensorEffect):
+class Quantization(_SensorEffect):
     """The sensor counts in steps, y = s round(q / s) (rad); it has no column.
 
     See Also

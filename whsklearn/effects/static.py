@@ -12,7 +12,7 @@ from whsklearn.effects.friction import StaticEffect
 from whsklearn.effects.quantity import choice, number
 
 
-class LawTerm(StaticEffect):
+class _LawTerm(StaticEffect):
     """A term of a law of any system: its weight is in the unit of y per that of the term."""
 
     weight: float = number(1.0, "y per x", -1e6, 1e6)
@@ -20,7 +20,7 @@ class LawTerm(StaticEffect):
     place = "static"
 
 
-class Tanh(LawTerm):
+class Tanh(_LawTerm):
     """weight tanh(dx / velocity), in y's unit: the smooth Coulomb term gamma_4 tanh(gamma_5 dx) of (3).
 
     See Also
@@ -48,7 +48,7 @@ class Tanh(LawTerm):
     code = codes.TANH
 
 
-class TanhDifference(LawTerm):
+class TanhDifference(_LawTerm):
     """weight (tanh(dx / fast) - tanh(dx / slow)), in y's unit: the Stribeck term of (3).
 
     See Also
@@ -77,7 +77,7 @@ class TanhDifference(LawTerm):
     code = codes.TANH_DIFFERENCE
 
 
-class Power(LawTerm):
+class Power(_LawTerm):
     """weight x^degree, in y's unit: a term of a polynomial.
 
     See Also
@@ -110,7 +110,7 @@ class Power(LawTerm):
             raise ValueError(f"Power: degree is {self.degree}, expected a whole number >= 0; use Hinge for kinks.")
 
 
-class Hinge(LawTerm):
+class Hinge(_LawTerm):
     """weight max(x - knot, 0), in y's unit: a term of a piecewise-linear law.
 
     See Also
@@ -138,7 +138,7 @@ class Hinge(LawTerm):
     code = codes.HINGE
 
 
-class NaturalSpline(LawTerm):
+class NaturalSpline(_LawTerm):
     """One of the functions that span the natural cubic splines over given knots, in y's unit.
 
     Together with a constant and x they span all splines that are cubic between the knots and straight
@@ -173,7 +173,7 @@ class NaturalSpline(LawTerm):
             raise ValueError(f"NaturalSpline: the knots are {knots}, expected increasing numbers; sort them.")
 
 
-class SpeedHinge(LawTerm):
+class SpeedHinge(_LawTerm):
     """weight sign(dx) max(|dx| - knot, 0), in y's unit: a kink of an odd friction curve over speed.
 
     See Also

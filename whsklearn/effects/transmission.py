@@ -70,7 +70,7 @@ def play(gap, reading, x):
     return x + half if x + half < reading else reading
 
 
-class TransmissionEffect(Effect):
+class _TransmissionEffect(Effect):
     """An effect that splits the inertia; ``load_share`` of it is behind the transmission."""
 
     place = "transmission"
@@ -87,7 +87,7 @@ class TransmissionEffect(Effect):
             )
 
 
-class Backlash(TransmissionEffect):
+class Backlash(_TransmissionEffect):
     """Play between motor and load; the contact is stiff and damped, and can only push.
 
     T_c = k (d - clip(d, -b/2, b/2)) + c dd/dt (Nm) in contact, d = q_m - q_l; k and c follow from the frequency
@@ -170,7 +170,7 @@ class LoadSideCoulomb(Effect, catalogued=False):
     code = codes.LOAD_COULOMB
 
 
-class FlexibleCoupling(TransmissionEffect):
+class FlexibleCoupling(_TransmissionEffect):
     """A spring between motor and load, T_c = (q_m - q_l) / C + c (v_m - v_l) (Nm).
 
     See Also

@@ -116,18 +116,10 @@ _OPERATORS = {"Add": "+", "Sub": "-", "Mult": "*", "Div": "/", "Lt": "<", "LtE":
 
 
 class Language:
-    """What `whsklearn.export.specialise.Specialiser` needs from a language.
+    """What `whsklearn.export.specialise.Specialiser` needs from a language."""
 
-    Attributes
-    ----------
-    operators : dict of str to str
-        By the name of the syntax node: ``Add``, ``LtE``, ``And``, ...
-    twice : frozenset of str
-        Functions whose arguments are written more than once and therefore need a name.
-    """
-
-    operators: ClassVar[dict[str, str]]
-    twice: ClassVar[frozenset[str]]
+    operators: ClassVar[dict[str, str]]  # by the name of the syntax node: ``Add``, ``LtE``, ``And``, ...
+    twice: ClassVar[frozenset[str]]  # functions whose arguments are written more than once and therefore need a name
     _state: ClassVar[str] = ""  # before a number that is kept between samples
     _truths: ClassVar[tuple[str, str]]  # false, true
     _negated: ClassVar[str]
@@ -180,7 +172,7 @@ class C(Language):
     _branches: ClassVar = ("if {} {{", "if (!{}) {{", "} else {", "}")
 
     def number(self, value: float) -> str:
-        """See `Language`."""
+        """The literal, in brackets if it is negative."""
         if math.isinf(value):
             return "INFINITY" if value > 0 else "(-INFINITY)"
         text = repr(float(value)) + ("f" if self.real == "float" else "")

@@ -38,35 +38,20 @@ from whsklearn.export.languages import (
 
 
 class Specialiser:
-    """Writes functions as statements of a language.
+    """Writes functions as ``statements`` (`Set` and `If`) of a language.
 
-    Parameters
-    ----------
-    language : Language
-    prefix : str
-        Prefix of every variable name.
-    wave : callable, optional
-        ``wave(name, i, argument)`` writes a sine or cosine of the motion from the previous one in slot i of the state;
-        without it, each is a function call.
-
-    Attributes
-    ----------
-    statements : list of Set and If
-        Statements written so far.
-    variables : dict of str to str
-        Kinds of the variables in use.
-    waves : dict of str to int
-        Slots of the arguments whose sine or cosine is stored.
+    ``wave(name, i, argument)`` writes a sine or cosine of the motion from the previous one in slot i of the state;
+    without it, each is a function call.
     """
 
     def __init__(self, language: Language, prefix: str = "", wave: Callable[[str, int, str], str] | None = None):
         self.language = language
-        self.prefix = prefix
+        self.prefix = prefix  # of every variable
         self.wave = wave
-        self.waves: dict[str, int] = {}
+        self.waves: dict[str, int] = {}  # slots of the arguments whose sine or cosine is stored
         self.meaning: dict[str, tuple[str, set[str]]] = {}  # per variable: expression, and all that it depends on
         self.statements: list[Any] = []
-        self.variables: dict[str, str] = {}
+        self.variables: dict[str, str] = {}  # kinds of those in use
         self.globals: dict[str, Any] = {}
 
     # -- values -----------------------------------------------------------------------

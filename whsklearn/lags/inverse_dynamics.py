@@ -155,10 +155,10 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
 
         Parameters
         ----------
-        X : array-like of shape (n, 1)
-            Position.
-        y : array-like of shape (n,), optional
-            Drive; not used.
+        X : array-like of shape (n, 1) or (n, 2)
+            Position, and the drive if an effect needs it.
+        y : object
+            Not used.
         """
         n_columns = check_array(X, dtype=np.float64).shape[1]
         if n_columns > 2:
@@ -196,12 +196,8 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
 
         Parameters
         ----------
-        X : array-like of shape (n, 1)
-            Position.
-        y : array-like of shape (n,), optional
-            Drive.
-        groups : array-like of shape (n,), optional
-            The experiment of each row; a single experiment by default.
+        X, y, groups
+            As for `transform`.
         """
         return self._fresh(X, y, groups)
 
@@ -254,12 +250,8 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
 
         Parameters
         ----------
-        X : array-like of shape (n, 1) or (n, 2)
-            Position, and the drive if it is not y.
-        y : array-like of shape (n,), optional
-            Torque or force.
-        groups : array-like of shape (n,), optional
-            A new label begins a new stream.
+        X, y, groups
+            As for `transform`; a new label begins a new stream.
 
         Raises
         ------
@@ -277,12 +269,8 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
 
         Parameters
         ----------
-        X : array-like of shape (n, 1) or (n, 2)
-            Position, and the drive if it is not y.
-        y : array-like of shape (n,)
-            Torque or force.
-        groups : array-like of shape (n,), optional
-            A new label begins a new stream.
+        X, y, groups
+            As for `rows`; a new label begins a new stream.
         """
         X = self._next_piece(X)
         target = np.asarray(y, dtype=float).ravel()

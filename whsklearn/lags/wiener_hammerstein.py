@@ -138,8 +138,7 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
         Parameters
         ----------
         X : array-like of shape (n, n_inputs)
-            Inputs.
-        y : array-like of shape (n,), optional
+        y : object
             Not used.
         """
         self.dims()
@@ -160,10 +159,10 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
 
         Parameters
         ----------
-        X : array-like of shape (n, 1)
-            Input u.
+        X : array-like of shape (n, n_inputs)
+            Inputs.
         y : array-like of shape (n,)
-            Output; not needed where ``n_d`` is 0.
+            Output, of which past samples are regressors; not needed where ``n_d`` is 0.
         groups : array-like of shape (n,), optional
             Experiment of each sample; the past is forgotten where one begins.
 
@@ -180,12 +179,8 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
 
         Parameters
         ----------
-        X : array-like of shape (n, n_inputs)
-            Inputs.
-        y : array-like of shape (n,)
-            Output, of which past samples are regressors.
-        groups : array-like of shape (n,), optional
-            The experiment of each row; one by default.
+        X, y, groups
+            As for `transform`.
         """
         carried: dict[str, Any] = {}
         rows = clone(self).fit(X, y)._rows(X, y, groups, carried)
@@ -198,12 +193,8 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
 
         Parameters
         ----------
-        X : array-like of shape (n, n_inputs)
-            Inputs.
-        y : array-like of shape (n,)
-            Output, of which past samples are regressors.
-        groups : array-like of shape (n,), optional
-            The experiment of each row; one by default.
+        X, y, groups
+            As for `transform`.
         """
         if not hasattr(self, "_carried"):
             return self.fit_transform(X, y, groups)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -53,11 +53,7 @@ class ArmModel(IdentifiedModel):
     unexplained: Mapping[str, float] = field(default_factory=dict)
     varied: Mapping[str, float] = field(default_factory=dict)
     reversals: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-
-    @property
-    def kind(self) -> str:
-        """``arm``."""
-        return "arm"
+    kind: ClassVar[str] = "arm"
 
     @property
     def parameters(self) -> dict[str, float]:

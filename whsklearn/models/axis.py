@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -64,6 +64,7 @@ class AxisModel(IdentifiedModel):
     effects: tuple[Effect, ...] = ()
     hold: str = "zero"
     side: str = "motor"
+    kind: ClassVar[str] = "axis"
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -98,11 +99,6 @@ class AxisModel(IdentifiedModel):
             if isinstance(e, FlexibleCoupling):
                 squares.append(1.0 / (self.inertia * e.load_share * (1.0 - e.load_share) * e.compliance))
         return max(fine_steps(self.effects, self.dt), spring_steps(max(squares), self.dt))
-
-    @property
-    def kind(self) -> str:
-        """``axis``."""
-        return "axis"
 
     @property
     def parameters(self) -> dict[str, float]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -85,10 +86,6 @@ class LinearModel(IdentifiedModel):
         ----------
         samples : int
             To add to `delay`.
-
-        Returns
-        -------
-        LinearModel
 
         Examples
         --------
@@ -173,6 +170,7 @@ class ChainModel(IdentifiedModel):
     b2: tuple[float, ...]
     f2: tuple[float, ...]
     effects: tuple[Effect, ...] = ()
+    kind: ClassVar[str] = "wiener-hammerstein"
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -184,11 +182,6 @@ class ChainModel(IdentifiedModel):
         object.__setattr__(self, "effects", tuple(self.effects))
         if self.effects:
             self.system()  # raises if the chain cannot be simulated
-
-    @property
-    def kind(self) -> str:
-        """``wiener-hammerstein``."""
-        return "wiener-hammerstein"
 
     def system(self) -> WienerHammersteinSystem:
         """The chain as `WienerHammersteinSystem`, whose blocks begin with one, after a delay or as a direct path."""
@@ -234,7 +227,6 @@ class ChainModel(IdentifiedModel):
         }
 
     def from_logged(self) -> ChainModel:
-        """See `IdentifiedModel.from_logged`; version 1 had no chains with both effects and units."""
         by, far = self.factors
         terms, errors = [], dict(self.standard_errors)
         for label, term in zip(self.law.labels, self.law.terms, strict=True):
@@ -263,13 +255,6 @@ class ChainModel(IdentifiedModel):
         return x, v, lfilter(self.b2, self.f2, v)
 
     def simulate(self, u: ArrayLike, *, start: float = 0.0) -> NDArray[np.float64]:
-        """Output from the input alone; see `IdentifiedModel.simulate`.
-
-        Parameters
-        ----------
-        u : array-like of shape (n,)
-            Input in ``units``.
-        """
         by, far = self.factors
         y = self.signals(as_input(u) * by)[2] / far
         return start + np.cumsum(y) * self.dt if self.logged == "position" else y

@@ -69,12 +69,11 @@ class FMUSimulator:
         drive: str | None = None,
         position: str | None = None,
         parameters: Mapping[str, float] | None = None,
-        effects: tuple[Effect, ...] = (),
     ):
         fmpy = _library()
         self.path = str(path)
         self.parameters = dict(parameters or {})
-        self.effects = tuple(effects)
+        self.effects: tuple[Effect, ...] = ()
         variables = fmpy.read_model_description(self.path).modelVariables
         there = {v.name: v.causality for v in variables}
         self.drive = drive or _only(there, "input", "drive")

@@ -50,8 +50,6 @@ class MuJoCoSimulator:
         The joint, a hinge or a slide, whose position was logged.
     actuator : str, optional
         The actuator whose control was logged; the joint's only one by default.
-    effects : tuple of Effect
-        Added to the model by what MuJoCo has, see `whsklearn.simulators.mujoco_edit.hold`.
 
     Raises
     ------
@@ -86,14 +84,7 @@ class MuJoCoSimulator:
     what the MJCF lacks and writes it with that.
     """
 
-    def __init__(
-        self,
-        model: str | os.PathLike[str],
-        *,
-        joint: str,
-        actuator: str | None = None,
-        effects: tuple[Effect, ...] = (),
-    ):
+    def __init__(self, model: str | os.PathLike[str], *, joint: str, actuator: str | None = None):
         mujoco = _library()
         text = str(model)
         spec = mujoco.MjSpec.from_string(text) if text.lstrip().startswith("<") else mujoco.MjSpec.from_file(text)
@@ -105,9 +96,6 @@ class MuJoCoSimulator:
         self._start: StartVelocity | None = None
         self._compile()
         self._own = self._numbers_of_its_own()
-        if effects:
-            self.effects = tuple(effects)
-            self._compile()
 
     def _compile(self) -> None:
         mujoco = _library()

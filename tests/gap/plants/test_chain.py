@@ -7,9 +7,9 @@ import json
 import numpy as np
 import pytest
 
+from benchmarks._twins import make_coupled_drives
 from benchmarks.blind_logs import wiener_hammerstein as blind
 from tests.gap.plants.example_chain import PLAIN, TRUE, record, term
-from whsklearn.datasets import make_coupled_drives
 from whsklearn.effects import QuadraticDrag
 from whsklearn.gap import GapFinder
 from whsklearn.gap.data_check import FEWEST_SAMPLES

@@ -9,10 +9,10 @@ import pandas as pd
 import pytest
 from scipy.signal import lfilter
 
+from benchmarks._twins import make_coupled_drives
 from benchmarks.blind_logs import wiener_hammerstein as blind
 from tests.gap.plants.example_chain import PLAIN, THETA, TRUE, record, term
 from whsklearn import WienerHammersteinSystem
-from whsklearn.datasets import make_coupled_drives
 from whsklearn.effects import Power, QuadraticDrag, as_law
 from whsklearn.effects.law import place_knots
 from whsklearn.gap import GapFinder

@@ -61,7 +61,6 @@ def make_silverbox(
 
     Examples
     --------
-    >>> from whsklearn.datasets import make_silverbox
     >>> u, y = make_silverbox(n_realisations=1, random_state=0)
     >>> u.size, bool(0.03 < y.std() < 0.08)
     (8792, True)
@@ -156,7 +155,6 @@ def make_coupled_drives(
 
     Examples
     --------
-    >>> from whsklearn.datasets import make_coupled_drives
     >>> u, y = make_coupled_drives(100, noise=0.0, random_state=0)
     >>> y.shape, bool(y.min() >= 0.0)
     ((100,), True)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from whsklearn.datasets import make_coupled_drives, make_silverbox
-from whsklearn.datasets.twins import DENOMINATOR, NUMERATOR
+from benchmarks._twins import DENOMINATOR, NUMERATOR, make_coupled_drives, make_silverbox
 
 
 def test_a_small_drive_moves_it_as_its_linear_part():
