@@ -263,12 +263,8 @@ def test_a_second_search_at_half_the_level_counts_if_it_finds_something_and_else
 
         def sharpened(self, model):
             self.calls.append("sharp")
-            self.before, self.y = self.y, self.better
+            self.y = self.better
             return True
-
-        def blunted(self):
-            self.calls.append("blunt")
-            self.y = self.before
 
     levels = []
 
@@ -285,10 +281,23 @@ def test_a_second_search_at_half_the_level_counts_if_it_finds_something_and_else
     found = {size: (plant := Sharp({"b": size}), run(plant)) for size in (0.5, 0.0)}
     assert levels == [0.01, 0.005] * 2
     plant, result = found[0.5]
-    assert ([t.name for t in result.taken], plant.calls) == (["b"], ["sharp"])
+    assert ([t.name for t in result.taken], plant.calls, plant.y is plant.better) == (["b"], ["sharp"], True)
     plant, result = found[0.0]
-    assert (result.taken, plant.calls) == ([], ["sharp", "blunt"])
-    assert plant.y is plant.before
+    assert (result.taken, plant.calls, plant.y is plant.better) == ([], ["sharp"], False)
+
+
+def test_a_review_that_changes_nothing_leaves_the_plant_at_the_model_that_it_found():
+    class Minding(Columns):
+        """A plant whose state is the model that it looked at last."""
+
+        def looks(self, model, rng, beside=None):
+            self.seen = model
+            return super().looks(model, rng, beside)
+
+    plant = Minding({"b": 1.0, "c": 0.6, "d": 0.4})
+    result = Search(plant, np.random.default_rng(0), 0.01, 5).run(Regression())
+    assert sorted(t.name for t in result.taken) == ["b", "c", "d"]
+    assert plant.seen.terms == result.model.terms
 
 
 def test_an_effect_is_needed_where_the_others_without_it_would_be_unphysical():

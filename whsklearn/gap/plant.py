@@ -299,9 +299,13 @@ class Plant(Protocol):
         """Whether the record shows more at higher frequencies, as it does from here on: never."""
         return False
 
-    def blunted(self) -> None:
-        """Go back to what was seen before `sharpened`: here nothing has changed."""
-        return
+    def snapshot(self) -> dict[str, Any]:
+        """What `restore` takes to go back to the present state: all attributes; what is changed in place is copied."""
+        return dict(vars(self))
+
+    def restore(self, kept: dict[str, Any]) -> None:
+        """Go back to a state: what a test of other models has changed of the record and of its views is undone."""
+        vars(self).update(kept)
 
     def to_simulate(self, model: Any) -> Any:
         """The model with the numbers that give the best free run: those that were fitted."""

@@ -27,6 +27,7 @@ WORTH_FITTING = 0.2
 LEAST_SHARE = 0.25
 # Share of a power: only what explains more than half of it is called its cause.
 HALF = 0.5
+SAME = 1e-3  # of a residual: two fits of one structure that differ by less are at one minimum
 # Share of the rms gap that may still follow the motion without a name beside a verdict of ``named``
 # (`benchmarks.learned --effects named` and without: what true names and the neighbours of other effects leave).
 STILL = 0.04
@@ -123,11 +124,12 @@ class Search:
         If nothing is found, the record is searched once more up to higher frequencies, at half the level.
         """
         found = self._searched(base)
+        kept = self.plant.snapshot()
         if found.taken or found.interrupted or not self.plant.sharpened(found.model):
             return found
         again = replace(self, alpha=0.5 * self.alpha)._searched(base)
         if not again.taken:
-            self.plant.blunted()
+            self.plant.restore(kept)
         return again if again.taken else found
 
     def _searched(self, base: Any) -> Found:
@@ -340,7 +342,7 @@ class Search:
         An effect that the others make superfluous is dropped; one that another explains better is replaced.  A family
         of waves is kept or dropped with its first member.
         """
-        names, changed = [t.name for t in found.taken], False
+        names, changed, state = [t.name for t in found.taken], False, self.plant.snapshot()
         alone = [i for i, name in enumerate(names) if names.count(name) == 1]
         for i in reversed(alone if len(names) > 1 else []):
             index = found.model.n_base + i
@@ -363,12 +365,16 @@ class Search:
                 best = replace(kept, rivals=[best.name, *(r for r in best.rivals if r != kept.name)], same=best.same)
             if best is None:  # beside the others it is no longer significant; it stays as it is
                 continue
-            changed = changed or best.name != found.taken[i].name
-            found.taken[i], terms = best, best.model.terms
-            found.model = best.model.with_terms((*terms[:index], terms[-1], *terms[index:-1]))
-        if changed or len(alone) > 1:
+            here, other = (self.plant.rms(self.plant.errors(m)) for m in (found.model, best.model))
+            if best.name != found.taken[i].name or other < (1.0 - SAME) * here:
+                terms, changed = best.model.terms, True
+                found.model = best.model.with_terms((*terms[:index], terms[-1], *terms[index:-1]))
+            found.taken[i] = best
+        if changed:
             found.model = self.plant.settled(found.model)
             found.remainder = self.plant.looks(found.model, self.rng)
+        else:
+            self.plant.restore(state)
         there = {t.name for t in found.taken}
         found.taken = [replace(t, rivals=[r for r in t.rivals if r not in there]) for t in found.taken]
 

@@ -113,7 +113,8 @@ def test_numbers_for_simulation_are_compared_at_the_horizon_that_is_proved(monke
 def test_missing_drive_behind_a_coupling_is_told_by_the_observer(load_side):
     plant = object.__new__(ServoPlant)
     for name, gaps in (("inverse", (3.0, 2.9, 0.1)), ("observer", (1.0, 0.2, 0.05))):
-        view = SimpleNamespace(gap=lambda m, g=gaps: g[m.at], rms=float, floor=lambda m, g=gaps: g[2], fit=lambda m: m)
+        view = SimpleNamespace(gap=lambda m, g=gaps: g[m.at], rms=float, floor=lambda m, g=gaps: g[2])
+        view.fit_with_gap = lambda m, g=gaps: (m, g[m.at])
         view.own = object()  # a look has been at what is left
         setattr(plant, name, view)
     plant.own = SimpleNamespace(floor=0.1)
@@ -209,10 +210,11 @@ def test_a_search_in_vain_at_higher_frequencies_leaves_the_plant_as_it_was():
     rng = np.random.default_rng(0)
     model = plant.settled(plant.base(rng))
     plant.looks(model, rng)
-    before = dict(vars(plant))
+    own, kept = plant.inverse.own, plant.snapshot()
     assert plant.sharpened(model)
     plant.looks(plant.settled(model), rng)
-    assert plant.inverse.cutoff > before["inverse"].cutoff
+    assert plant.inverse.cutoff > kept["inverse"].cutoff
     plant.lead, plant.record = 0.01, None  # as if the drive had been found late, and moved
-    plant.blunted()
-    assert [k for k, v in vars(plant).items() if k != "_blunt" and v is not before[k]] == []
+    plant.restore(kept)
+    assert [k for k, v in vars(plant).items() if v is not kept[k]] == []
+    assert (plant.inverse.own, plant.sharp) == (own, False)

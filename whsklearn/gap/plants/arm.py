@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Iterable, Sequence
+from copy import copy
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -175,6 +176,10 @@ class ArmPlant(Plant):
                 looks[i] = self._beside(looks[i], family, model, rng, len(looks))
         self.looked = looks
         return self.looked
+
+    def snapshot(self) -> dict[str, Any]:
+        """A look also changes what the view knows of own records."""
+        return super().snapshot() | {"view": copy(self.view)}
 
     def _beside(self, look: Look, family: Family, model: ArmState, rng: np.random.Generator, families: int) -> Look:
         """The look with its p-value from null records with the colour of the residual that the family itself leaves.

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator
+from copy import copy
 from typing import Any
 
 import numpy as np
@@ -49,7 +50,6 @@ from whsklearn.logs.units import inertia_unit
 OVER_LITTLE_TRAVEL = {"input_offset": ("gravity_imbalance",), "asymmetric_coulomb": ("gravity_imbalance",),
                       "cable_spring": ("gravity_imbalance",), "gravity_imbalance": ("cable_spring",)}  # fmt: skip
 
-OF_A_VIEW = ("record", "observer", "lead", "inverse", "own", "corrected", "n_effective")  # what a search may replace
 # Ratio to the previous cut-off that is worth a second pass of inverse dynamics; with every change of it, KR300 A gets a
 # limit of its drive that is not there (`benchmarks.real_axes`).
 WIDER = 1.25
@@ -86,7 +86,6 @@ class ServoPlant(Plant):
         self._folded: tuple[ObserverView, ServoHypothesis] | None = None
         self.lead = 0.0
         self.sharp = False  # whether waves are looked for where single samples are noise
-        self._blunt: dict[str, Any] = {}
 
     def check(self) -> list[DataProblem]:
         """See `whsklearn.gap.data_check.check_servo`."""
@@ -323,15 +322,12 @@ class ServoPlant(Plant):
         other = best_view(self.inverse, model, self.tolerance, sharp=True)
         if other.cutoff < WIDER * self.inverse.cutoff:
             return False
-        # the second search may also find that the drive was logged late, and move it
-        self._blunt = {k: getattr(self, k) for k in OF_A_VIEW}
         self.sharp = True
         return True
 
-    def blunted(self) -> None:
-        """Go back to the cut-off at which noise is small in every sample."""
-        self.sharp = False
-        vars(self).update(self._blunt)
+    def snapshot(self) -> dict[str, Any]:
+        """A search also changes what the present view knows of own records."""
+        return super().snapshot() | {"inverse": copy(self.inverse)}
 
     def errors(self, model: ServoHypothesis) -> Array:
         """Residual of the model at the judged samples."""
