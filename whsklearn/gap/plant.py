@@ -295,6 +295,10 @@ class Plant(Protocol):
         """Whether effects improve the runs in a way that the closure hides: never."""
         return False
 
+    def along_the_run(self, model: Any) -> Any:
+        """The model at another minimum that fits along its own run have found; by default itself."""
+        return model
+
     def sharpened(self, model: Any) -> bool:
         """Whether the record shows more at higher frequencies, as it does from here on: never."""
         return False

@@ -166,7 +166,7 @@ class Search:
                     more.append(self._named(more[-1].model, taken.look, grown))
             model = self.plant.settled(more[-1].model)
             if taken.name in names or self.plant.rms(self.plant.errors(model)) < left:
-                step.taken, found.model, found.taken = taken, model, found.taken + more
+                step.taken, found.model, found.taken = taken, self.plant.along_the_run(model), found.taken + more
                 break
             found.model = self.plant.settled(found.model)
             failed = "with all numbers fitted, the residual is no smaller than without it"

@@ -44,7 +44,7 @@ from whsklearn.gap.plants.servo_start import (
     with_earlier_drive,
 )
 from whsklearn.gap.record import SPLIT, Array, ServoRecord, rms
-from whsklearn.gap.search import HALF
+from whsklearn.gap.search import HALF, SAME
 from whsklearn.logs.units import inertia_unit
 
 OVER_LITTLE_TRAVEL = {"input_offset": ("gravity_imbalance",), "asymmetric_coulomb": ("gravity_imbalance",),
@@ -295,24 +295,24 @@ class ServoPlant(Plant):
             self.inverse = other
         model = self.inverse.fit(model)
         if model.added:  # with the artefacts of the previous model, the fit of a Stribeck curve is too wide
-            own = self.inverse.own = servo_own.own(self.inverse, model, np.random.default_rng(0))[0]
+            self.inverse.own = servo_own.own(self.inverse, model, np.random.default_rng(0))[0]
             model = looking_settled(self.inverse, self.inverse.fit(model))
-            if self.rms(self.errors(model)) > QUIET * own.floor and not (stop.holds(model) or model.has_play):
-                model = self._along_the_run(model)
         return model
 
-    def _along_the_run(self, model: ServoHypothesis) -> ServoHypothesis:
+    def along_the_run(self, model: ServoHypothesis) -> ServoHypothesis:
         """The model with numbers fitted along its own run, if they also reduce the residual of inverse dynamics.
 
         A strong effect changes how long the axis sticks.  Shapes fitted with the artefacts of a model without it may
         end in another local minimum.
         """
         view, before = self.inverse, self.rms(self.errors(model))
+        if before <= QUIET * view.own.floor or stop.holds(model) or model.has_play:
+            return model
         other = self.observer.fit(model)
         found, _ = servo_own.own(view, other, np.random.default_rng(0))
         view.own, kept = found, view.own
         other = looking_settled(view, view.fit(other))
-        if self.rms(self.errors(other)) < before:
+        if self.rms(self.errors(other)) < (1.0 - SAME) * before:
             return other
         view.own = kept
         return model
