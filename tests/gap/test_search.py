@@ -300,6 +300,24 @@ def test_a_review_that_changes_nothing_leaves_the_plant_at_the_model_that_it_fou
     assert plant.seen.terms == result.model.terms
 
 
+def test_a_model_is_fitted_along_its_run_once_for_every_effect_that_is_added():
+    class Running(Columns):
+        """A plant that notes what it has fitted along the run."""
+
+        def __init__(self, truth):
+            super().__init__(truth)
+            self.ran = []
+
+        def along_the_run(self, model):
+            self.ran.append({t.name for t in model.terms})
+            return replace(model, bent=True)
+
+    plant = Running({"b": 1.0, "c": 0.6})
+    result = Search(plant, np.random.default_rng(0), 0.01, 5).run(Regression())
+    assert plant.ran == [{"b"}, {"b", "c"}]
+    assert result.model.bent
+
+
 def test_an_effect_is_needed_where_the_others_without_it_would_be_unphysical():
     class Picky(Columns):
         """A plant whose ``b`` is unphysical without ``a``."""

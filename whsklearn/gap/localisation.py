@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -72,18 +73,45 @@ class Bins:
     def between(self, values: Array) -> float:
         """Share of the variance of values that lies between the bins."""
         centred = values - values.mean()
-        return float(
-            np.sum(self.sums(centred) ** 2 / np.maximum(self.count, 1)) / max(float(centred @ centred), 1e-300)
-        )
+        return float(self._share(self.sums(centred)[:, None], centred)[0])
+
+    def _share(self, sums: Array, centred: Array) -> Array:
+        """The same from sums of shape (bins, m)."""
+        power = np.sum(sums**2 / np.maximum(self.count, 1)[:, None], axis=0)
+        return np.asarray(power / max(float(centred @ centred), 1e-300))
+
+    @cached_property
+    def _indicators(self) -> Array:
+        """Fourier transforms of the indicators of the bins."""
+        return np.fft.rfft(self.at == np.arange(self.count.size)[:, None], axis=1)
+
+    def shifted(self, values: Array, shifts: NDArray[np.intp]) -> Array:
+        """`between` of the values rolled by each shift, all at once: the sums are circular correlations.
+
+        Examples
+        --------
+        >>> x, y = np.random.default_rng(0).standard_normal((2, 300))
+        >>> bins = Bins(x)
+        >>> bool(np.allclose(bins.shifted(y, np.array([0, 7])), [bins.between(y), bins.between(np.roll(y, 7))]))
+        True
+        """
+        centred = values - values.mean()
+        every = np.fft.irfft(self._indicators * np.conj(np.fft.rfft(centred)), centred.size, axis=1)
+        return self._share(every[:, shifts], centred)
 
     def chance(
         self, paths: tuple[Array, ...], rng: np.random.Generator, *, along_time: bool, n_blocks: int = N_BLOCKS
     ) -> tuple[float, float]:
         """(sum of the shares of paths between the bins, its p-value under rearrangements of short segments)."""
-        observed = sum(map(self.between, paths))
-        orders = _rearranged(paths[0].size, along_time, n_blocks, rng)
-        larger = sum(sum(self.between(p[o]) for p in paths) >= observed for o in orders)
-        return observed, (1 + larger) / (1 + N_SHIFTS)
+        observed, n = sum(map(self.between, paths)), paths[0].size
+        if along_time:
+            orders = _rearranged(n, n_blocks, rng)
+            drawn = np.array([sum(self.between(p[o]) for p in paths) for o in orders])
+        else:
+            least = max(1, n // 50)
+            shifts = rng.integers(least, n - least, N_SHIFTS)
+            drawn = np.sum([self.shifted(p, shifts) for p in paths], axis=0)
+        return observed, float(1 + np.sum(drawn >= observed)) / (1 + N_SHIFTS)
 
 
 def _one_axis(name: str, x: Array, unit: str, gap: Array, rng: np.random.Generator) -> Place:
@@ -99,16 +127,12 @@ def _one_axis(name: str, x: Array, unit: str, gap: Array, rng: np.random.Generat
     )  # fmt: skip
 
 
-def _rearranged(n: int, along_time: bool, n_blocks: int, rng: np.random.Generator) -> Iterator[NDArray[np.intp]]:
+def _rearranged(n: int, n_blocks: int, rng: np.random.Generator) -> Iterator[NDArray[np.intp]]:
     """Permutations of the samples that keep short segments whole but not their neighbours."""
-    least = max(1, n // 50)
     for _ in range(N_SHIFTS):
-        if along_time:
-            starts = rng.integers(0, max(1, n // n_blocks)) + np.arange(0, n, max(1, n // n_blocks))
-            parts = np.split(np.arange(n), starts[starts < n])
-            yield np.concatenate([parts[i] for i in rng.permutation(len(parts))])
-        else:
-            yield np.roll(np.arange(n), rng.integers(least, n - least))
+        starts = rng.integers(0, max(1, n // n_blocks)) + np.arange(0, n, max(1, n // n_blocks))
+        parts = np.split(np.arange(n), starts[starts < n])
+        yield np.concatenate([parts[i] for i in rng.permutation(len(parts))])
 
 
 def _densest(power: Array, count: Array) -> tuple[int, int]:

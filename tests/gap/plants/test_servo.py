@@ -10,9 +10,10 @@ import pandas as pd
 import pytest
 
 from whsklearn import ServoAxis
-from whsklearn.effects import Coulomb, Viscous
+from whsklearn.datasets import make_servo_log
+from whsklearn.effects import Coulomb, Stribeck, Viscous
 from whsklearn.gap import VERDICTS, GapFinder
-from whsklearn.gap.plants import servo_run, servo_stop
+from whsklearn.gap.plants import servo_own, servo_run, servo_stop
 from whsklearn.gap.plants.servo import ServoPlant
 from whsklearn.gap.plants.servo_candidates import candidate
 from whsklearn.gap.plants.servo_model import ServoTerm
@@ -202,6 +203,20 @@ def test_a_repair_is_judged_beside_its_own_artefacts():
     plant, base, model = plant_with("gravity_imbalance", frame=record(gravity=0.6, counts=2000))
     plant.looks(base, np.random.default_rng(0))
     assert rms(plant.alone(model)) < rms(plant.errors(model))
+
+
+def test_a_fit_along_the_run_leaves_a_poor_minimum_and_never_a_good_one():
+    """Shapes fitted with the artefacts of another model; here simply wrong ones."""
+    true = Stribeck(0.3, 0.1)
+    log = make_servo_log([true], duration=12.0, random_state=3)
+    plant, _, model = plant_with("stribeck", frame=log)
+    at = model.terms[-1]
+    wrong = plant.inverse.fit(model.with_terms((*model.terms[:-1], at.with_slot(1, 6.0 * true.velocity))))
+    plant.inverse.own = servo_own.own(plant.inverse, wrong, np.random.default_rng(0))[0]
+    found = plant.along_the_run(wrong)
+    assert found.terms[-1].q[1] == pytest.approx(true.velocity, rel=0.2)
+    left = [plant.rms(plant.errors(m)) for m in (found, plant.along_the_run(found))]
+    assert left[1] <= left[0]
 
 
 def test_a_search_in_vain_at_higher_frequencies_leaves_the_plant_as_it_was():
