@@ -8,14 +8,15 @@ import numpy as np
 import pytest
 
 from benchmarks.blind_logs import servo
-from whsklearn.effects import LearnedTorque
+from tests.gap.plants.example_servo import opened, record_of
+from whsklearn.effects import Cogging, LearnedTorque
 from whsklearn.export.axis_code import torque_code
 from whsklearn.export.languages import C
 from whsklearn.filtering.records import CUTOFF_SIGMA, filtered, gaussian_derivatives
 from whsklearn.gap import GapFinder
 from whsklearn.gap.plants.servo import ServoPlant
 from whsklearn.gap.plants.servo_candidates import ColumnSignals, catalogue
-from whsklearn.gap.plants.servo_learned import thinned
+from whsklearn.gap.plants.servo_learned import CurveProblem, Form, forms, thinned
 from whsklearn.gap.proof import prove
 from whsklearn.gap.record import ServoRecord
 from whsklearn.gap.report import as_model
@@ -83,12 +84,24 @@ def test_nothing_is_learned_where_nothing_is_missing():
 def test_a_thinned_record_looks_the_same_behind_the_filter():
     dt, cutoff = 1e-4, 30.0
     view = SimpleNamespace(every=60, g=gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * cutoff), dt)[0])
+    view.at = np.arange(0, 600, 7)  # both ends of the record among them, where the filter repeats a sample
     t = np.arange(40_000) * dt
     q = 1.3 * np.sin(2.1 * t)
-    s, kernel, every = thinned(view, ColumnSignals(t, q, np.gradient(q, dt), t, t, 100.0))
+    s, smoother = thinned(view, ColumnSignals(t, q, np.gradient(q, dt), t, t, 100.0))
     assert s.time.size < t.size / 10
     whole, thin = (LearnedTorque(1.0, 0.4, 0.05).value(position=x) for x in (q, s.position))
-    np.testing.assert_allclose(filtered(thin, kernel, every), filtered(whole, view.g, view.every), atol=2e-3)
+    np.testing.assert_allclose(smoother @ thin, filtered(whole, view.g, view.every)[view.at], atol=2e-3)
+
+
+def test_hills_on_their_own_samples_are_those_along_the_whole_record():
+    inverse, _, base = opened(record_of((Cogging(0.1, 6.0),)))
+    problem = CurveProblem(inverse, base, inverse.torque(base))
+    for form in [*forms(inverse, inverse.torque(base)), Form("position", 2 * np.pi, 0.0, 2 * np.pi)]:
+        columns, centres, width = problem.hills(form, 12)
+        s, smoother = problem.seen
+        for column, c in zip(columns.T, centres, strict=True):
+            whole = form.kind.unit_columns((float(c), width, form.period), s)[:, 0]
+            np.testing.assert_allclose(column, smoother @ whole, atol=1e-12)
 
 
 def test_no_search_tries_it():

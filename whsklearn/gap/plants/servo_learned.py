@@ -17,10 +17,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag, solve
+from scipy.sparse import csc_array, csr_array
 
 from whsklearn.effects import LearnedTorque
 from whsklearn.effects.equations import hill
-from whsklearn.filtering.records import filtered
 from whsklearn.gap import least_squares as ols
 from whsklearn.gap.diagnosis import Curve
 from whsklearn.gap.plant import LEARNED_SHARE, PAYS, Learned
@@ -58,6 +58,13 @@ class Form(NamedTuple):
     def knots(self) -> tuple[int, ...]:
         """Numbers of hills to try: effects of position may be narrow, those of speed and drive are not."""
         return KNOTS if self.over.startswith("position") else KNOTS[:-1]
+
+    def along(self, s: ColumnSignals) -> Array:
+        """The signal over which the hills stand."""
+        if self.over == "speed":
+            return np.abs(s.velocity)
+        x = np.asarray(getattr(s, self.over.split()[0]))
+        return np.mod(x, self.period) if self.period else x
 
     @property
     def signals(self) -> tuple[str, ...]:
@@ -208,12 +215,21 @@ class CurveProblem:
         else:
             width = (form.high - form.low) / (n - 1)
             centres = form.low + width * np.arange(-1, n + 1)
-        s, kernel, every = self.seen
-        columns = np.empty((self.view.at.size, centres.size))
-        for i, c in enumerate(centres):  # one at a time, because a record of 100 s at 10 kHz has a million samples
-            raw = form.kind.unit_columns((float(c), width, form.period), s)[:, 0]
-            columns[:, i] = filtered(raw, kernel, every)[self.view.at]
-        return columns, centres, width
+        s, smoother = self.seen
+        x = form.along(s)
+        order = np.argsort(x)
+        rising = x[order]
+        ways = (-form.period, 0.0, form.period) if form.period else (0.0,)
+        rows, values = [], []
+        for c in centres:  # on its own samples only: a hill is four widths wide
+            ends = np.searchsorted(rising, [(c + way - 2.0 * width, c + way + 2.0 * width) for way in ways])
+            at = np.concatenate([order[a:b] for a, b in ends])
+            part = ColumnSignals(s.time[at], s.position[at], s.velocity[at], s.acceleration[at], s.drive[at], s.kappa)
+            values.append(form.kind.unit_columns((float(c), width, form.period), part)[:, 0])
+            rows.append(at)
+        first = np.cumsum([0, *(r.size for r in rows)])
+        raw = csc_array((np.concatenate(values), np.concatenate(rows), first), shape=(x.size, centres.size))
+        return (smoother @ raw).toarray(), centres, width
 
     def fitted(self, form: Form, n: int) -> CurveFit | None:
         """The curve of a form at its best smoothness; None if the record does not reach its hills."""
@@ -242,15 +258,19 @@ def scaled_solve(gram: Array, right: Array) -> Array:
     return np.asarray(scale * solve(gram * np.outer(scale, scale), scale * right, assume_a="pos"))
 
 
-def thinned(view: Any, s: ColumnSignals) -> tuple[ColumnSignals, Array, int]:
-    """(signals, Gaussian, samples between judged ones) at the lowest rate that the view's filter allows."""
+def thinned(view: Any, s: ColumnSignals) -> tuple[ColumnSignals, csr_array]:
+    """(signals at the lowest rate that the view's filter allows, its Gaussian from these to the judged samples)."""
     step = max(d for d in range(1, view.every + 1) if view.every % d == 0 and (d == 1 or view.every // d >= PER_SAMPLE))
     half = view.g.size // 2
     kernel = view.g[half % step :: step]
     kernel = kernel * (view.g.sum() / kernel.sum())
     time, position, velocity, acceleration, drive = (np.ascontiguousarray(x[::step]) for x in s[:5])
     thin = ColumnSignals(time, position, velocity, acceleration, drive, s.kappa)
-    return thin, kernel, view.every // step
+    reach = np.arange(kernel.size) - kernel.size // 2
+    taken = np.clip(view.at[:, None] * (view.every // step) + reach, 0, time.size - 1)
+    first = kernel.size * np.arange(view.at.size + 1)
+    weights = np.tile(kernel, view.at.size)
+    return thin, csr_array((weights, taken.ravel(), first), shape=(view.at.size, time.size))
 
 
 def second_differences(k: int, periodic: bool) -> Array:
