@@ -21,7 +21,7 @@ from tqdm import tqdm
 from benchmarks.blind_mujoco import COLUMNS, EFFECTS, accepted, build, make_case
 from whsklearn.gap import GapFinder
 from whsklearn.gap.record import ServoRecord, noise_level
-from whsklearn.logs.lattice import lattice
+from whsklearn.logs.check import lattice
 from whsklearn.simulators import MuJoCoSimulator
 
 # what MuJoCo can be given back by `MuJoCoSimulator`

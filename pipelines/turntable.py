@@ -6,7 +6,6 @@ Table 2's indices, draws Fig. 5 and Fig. 6, and says what the excitation cannot 
 
 from __future__ import annotations
 
-import warnings
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,7 @@ from whsklearn.cli.job import job, say_where, tracker_for, wrapped
 from whsklearn.cli.options import ORDERS, given, lags_of
 from whsklearn.plot import ConvergenceDisplay, TrackingDisplay
 from whsklearn.tracking import Run
-from whsklearn.validation import ExcitationWarning, check_excitation
+from whsklearn.validation import excitation
 
 # Section 5.2's theta(0) and P(0), for the orders and the law that it has.
 THETA_0 = [0.04, 0.06, 0.044, 0.0058, 0.001, 0.036, 0.001, 0.11, 0.01]
@@ -94,12 +93,9 @@ def excitation_advice(task: Task, lags: WienerHammersteinLags, outcomes: list[Ou
     rows = WienerHammersteinLags(**{**lags.get_params(), "theta": best.fitted.theta_}).fit(task.train.X)
     phi = rows.fit_transform(task.train.X, task.train.y)
     names = [str(n) for n in rows.get_feature_names_out()]
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", ExcitationWarning)
-        result = check_excitation(phi, names, tolerance=UNSEEN)
-    told = [str(w.message) for w in caught if issubclass(w.category, ExcitationWarning)]
-    if told:
-        return f"Excitation: {told[0]}"
+    result = excitation(phi, names, tolerance=UNSEEN)
+    if result.advice:
+        return f"Excitation: {result.advice}"
     return f"Excitation: all {result.n_params} directions are seen, condition {result.condition:.2g}."
 
 

@@ -85,7 +85,7 @@ def draw(
     shown = {k: o.predictions[0] for k, o in chosen.items() if k in judged or o.candidate.reading == "batch"}
     displays: dict[str, Any] = {
         "validation": TrackingDisplay(test[0].y, shown, window=slice(-120, None)).plot(),
-        "horizon": HorizonDisplay.from_estimators(judged, test[0].X, test[0].y),
+        "horizon": HorizonDisplay.from_estimator(judged, test[0].X, test[0].y),
         "residuals": ResidualDisplay.from_estimator(default.fitted, train.X, train.y),
     }
     for reading in ("pseudolinear", "full"):

@@ -52,6 +52,8 @@ def main(**options: Any) -> None:
 
     Example: whsklearn tune --log axis.csv --input torque_nm --output velocity_rad_s --p 1,2,4,8
     """
+    from sklearn import config_context
+
     from whsklearn import RMILSRegressor, WienerHammersteinLags
     from whsklearn.tracking.served import alias_of
 
@@ -62,7 +64,7 @@ def main(**options: Any) -> None:
         note(f"The log has holes; the model restarts in each of its {record.groups[-1] + 1} segments.")
     tracker = tracker_for("tune", options["track"], data=record.name, estimator="RMILSRegressor")
     with (
-        segments_known(record),
+        config_context(enable_metadata_routing=record.groups is not None),  # segments reach ``fit``: `with_segments`
         workers(options["backend"], options["scheduler"]),
         tracker.run(f"{options['kind']} on {record.name}") as parent,
     ):
@@ -87,15 +89,6 @@ def main(**options: Any) -> None:
             parent.log_model(search.best_estimator_, record.X, registered_name=name, alias=alias)
             click.echo(f"\nThe best model, fitted to the whole record, is models:/{name}@{alias}.")
     say_where(tracker)
-
-
-@contextlib.contextmanager
-def segments_known(record: ComparedRecord) -> Iterator[None]:
-    """Let scikit-learn hand the segments of a record to ``fit``, as `with_segments` asks for."""
-    from sklearn import config_context
-
-    with config_context(enable_metadata_routing=record.groups is not None):
-        yield
 
 
 def with_segments(estimator: Any, record: ComparedRecord) -> tuple[Any, dict[str, Any]]:

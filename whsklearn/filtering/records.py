@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from whsklearn.logs.lattice import lattice
+from whsklearn.logs.check import lattice
 
 Array = NDArray[np.float64]
 

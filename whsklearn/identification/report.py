@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from whsklearn.identification.windows import horizons, lead, residual, rms_of, window_errors
+from whsklearn.logs.check import lattice
 from whsklearn.logs.files import atomic_write
-from whsklearn.logs.lattice import lattice
 from whsklearn.logs.units import UNKNOWN, own_units, respelled
 from whsklearn.models import AxisModel, ChainModel, LinearModel, save_model
 from whsklearn.plot.look import html_of

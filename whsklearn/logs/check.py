@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from whsklearn.logs.findings import SEVERITIES, Array, Finding, LogReport, finding
-from whsklearn.logs.lattice import lattice
 
 ALLOWED_JITTER = 0.01  # as a share of the period; derivatives of the position are wrong by the same share
 GAP = 1.5  # periods; a longer step has lost a sample, a shorter one is jitter
+# Differences of neighbouring values up to this multiple of the smallest one are one step of the grid: a difference of
+# two steps is none, and digits cut off in a file change one step a little.
+ONE_STEP = 1.5
+# Share of a step, times the root of their number, by which a difference may miss whole steps; and the share of all
+# differences that must not miss them.
+ON_GRID, MOSTLY = 0.02, 0.99
+# Distinct values per sample: above this, nearly every value occurs once, and a grid is no coarser than the noise.
+DISTINCT = 0.9
 
 
-def check_log(
-    time: Array,
-    signals: dict[str, Array],
-    rows: NDArray[np.intp] | None = None,
-) -> LogReport:
+def check_log(time: Array, signals: dict[str, Array], rows: NDArray[np.intp] | None = None) -> LogReport:
     """Check a log.
 
     Parameters
@@ -147,3 +150,26 @@ def _repeats(signals: dict[str, Array]) -> list[Finding]:
     text += "faster than the controller writes, so log at the controller's rate."
     rate = count / len(table)
     return [Finding("LOG006", "warning", text, tuple(int(s) for s in starts[short][:10]), rate)]
+
+
+def lattice(readings: ArrayLike, distinct: float = DISTINCT) -> float:
+    """Step of the grid on which all readings lie, 0 if there is none.
+
+    ``readings`` is (n,). ``distinct``: share of distinct values above which there is no grid worth knowing; 1 finds
+    also one finer than the noise.
+
+    >>> smooth = np.sin(np.arange(500.0))
+    >>> round(lattice(np.round(smooth / 0.01) * 0.01), 9), lattice(smooth)
+    (0.01, 0.0)
+    """
+    x = np.asarray(readings, dtype=float)
+    values = np.unique(x)
+    if values.size < 4 or values.size > distinct * x.size:
+        return 0.0
+    gaps = np.diff(values)
+    gaps = gaps[gaps > 1e-12 * (values[-1] - values[0])]  # rounding errors
+    step = float(np.median(gaps[gaps < ONE_STEP * gaps.min()]))
+    steps = np.round(gaps / step)
+    if np.mean(np.abs(gaps / step - steps) < ON_GRID * np.sqrt(np.maximum(steps, 1.0))) < MOSTLY:
+        return 0.0
+    return float(gaps.sum() / steps.sum())  # to all digits, even where a file rounds every step

@@ -335,41 +335,22 @@ class HorizonDisplay(Display):
         name: str | None = None,
         axes: Any = None,
     ) -> HorizonDisplay:
-        """Predict at every horizon with a fitted estimator.
+        """Predict at every horizon with a fitted estimator, or with several.
 
         Parameters
         ----------
-        estimator : fitted estimator
+        estimator : fitted estimator, or mapping of str to these
+            By their names in the legend.
         X, y : array-like of shape (n, n_features) and (n,)
         horizons : sequence of int
             In samples.
         name : str, optional
-            In the legend; the class by default.
+            Of a single estimator in the legend; the class by default.
         axes : matplotlib axes, optional
             Where to draw; a new figure by default.
         """
-        return cls.from_estimators({name or type(estimator).__name__: estimator}, X, y, horizons=horizons, axes=axes)
-
-    @classmethod
-    def from_estimators(
-        cls,
-        estimators: Mapping[str, Any],
-        X: ArrayLike,
-        y: ArrayLike,
-        *,
-        horizons: Sequence[int] = HORIZONS,
-        axes: Any = None,
-    ) -> HorizonDisplay:
-        """Predict at every horizon with several fitted estimators.
-
-        Parameters
-        ----------
-        estimators : mapping of str to fitted estimator
-            By their names in the legend.
-        X, y, horizons, axes
-            As for `from_estimator`.
-        """
-        curves = {name: error_against_horizon(model, X, y, horizons) for name, model in estimators.items()}
+        several = estimator if isinstance(estimator, Mapping) else {name or type(estimator).__name__: estimator}
+        curves = {name: error_against_horizon(model, X, y, horizons) for name, model in several.items()}
         errors = {name: curve.nmse for name, curve in curves.items()}
         return cls(sorted(set(horizons)), errors, {n: c.free_run_nmse for n, c in curves.items()}).plot(axes)
 

@@ -1,7 +1,7 @@
 """Is the data fit to identify from, is the model fit to be believed: tests that answer with figures."""
 
 from whsklearn.validation.convergence import convergence_bound
-from whsklearn.validation.excitation import Excitation, ExcitationWarning, check_excitation, excitation
+from whsklearn.validation.excitation import Excitation, excitation
 from whsklearn.validation.horizon import HorizonCurve, error_against_horizon
 from whsklearn.validation.residuals import (
     CorrelationTest,
@@ -15,10 +15,8 @@ from whsklearn.validation.splitters import memory_length, time_series_split
 __all__ = [
     "CorrelationTest",
     "Excitation",
-    "ExcitationWarning",
     "HorizonCurve",
     "WhitenessTest",
-    "check_excitation",
     "convergence_bound",
     "cross_correlation_test",
     "error_against_horizon",

@@ -7,7 +7,6 @@ directions in which it is practically zero are reported by the names of their pa
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -17,27 +16,6 @@ from numpy.typing import ArrayLike, NDArray
 from whsklearn._inputs import check_whole, real_array
 
 _MEMBER = 0.1  # a parameter belongs to an unseen direction if it is this share of it
-
-
-class ExcitationWarning(UserWarning):
-    """The data cannot show some of the parameters.
-
-    References
-    ----------
-    Ljung 1999, System Identification, 2nd ed., sec. 13.2, Informative experiments.
-
-    Examples
-    --------
-    >>> import warnings
-    >>> import numpy as np
-    >>> from whsklearn.validation import ExcitationWarning, check_excitation
-    >>> u = np.random.default_rng(0).normal(size=200)
-    >>> with warnings.catch_warnings(record=True) as caught:
-    ...     warnings.simplefilter("always")
-    ...     _ = check_excitation(np.c_[u, 2 * u], names=["viscous", "offset"])
-    >>> caught[0].category is ExcitationWarning
-    True
-    """
 
 
 @dataclass(frozen=True)
@@ -89,6 +67,20 @@ class Excitation:
         """Whether every direction is seen."""
         return self.rank == self.n_params
 
+    @property
+    def advice(self) -> str:
+        """What the data cannot show, by parameter, and what to do; empty if they show everything."""
+        if self.persistent:
+            return ""
+        alone = [next(iter(d)) for d in self.directions if len(d) == 1]
+        together = [" with ".join(d) for d in self.directions if len(d) > 1]
+        parts = [f"nothing about {', '.join(alone)}"] if alone else []
+        parts += [f"only combinations of {'; of '.join(together)}"] if together else []
+        return (
+            f"The data show {' and '.join(parts)} ({self.rank} of {self.n_params} directions are excited); "
+            "excite the system with more frequencies and amplitudes, or lower the orders."
+        )
+
 
 def excitation(phi: ArrayLike, names: Sequence[str] | None = None, p: int = 1, tolerance: float = 1e-6) -> Excitation:
     """Measure the persistence of excitation of regressors.
@@ -124,8 +116,11 @@ def excitation(phi: ArrayLike, names: Sequence[str] | None = None, p: int = 1, t
     >>> import numpy as np
     >>> from whsklearn.validation import excitation
     >>> u = np.random.default_rng(0).normal(size=100)
-    >>> excitation(np.c_[u, 2 * u, np.roll(u, 1)], names=["a", "b", "c"]).unseen
+    >>> found = excitation(np.c_[u, 2 * u, np.roll(u, 1)], names=["a", "b", "c"])
+    >>> found.unseen
     ('a', 'b')
+    >>> found.advice
+    'The data show only combinations of a with b (2 of 3 directions are excited); excite the system ...'
     """
     phi = _matrix(phi)
     n, n_params = phi.shape
@@ -154,35 +149,6 @@ def excitation(phi: ArrayLike, names: Sequence[str] | None = None, p: int = 1, t
         n_samples=n,
         n_params=n_params,
     )
-
-
-def check_excitation(
-    phi: ArrayLike, names: Sequence[str] | None = None, p: int = 1, tolerance: float = 1e-6
-) -> Excitation:
-    """As `excitation`, and warn with the names of the parameters that the data cannot show.
-
-    Parameters
-    ----------
-    phi, names, p, tolerance
-        As for `excitation`.
-
-    Warns
-    -----
-    ExcitationWarning
-        If a direction is unseen; the message says which parameters are in it and what to do.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from whsklearn.validation import check_excitation
-    >>> u = np.random.default_rng(0).normal(size=200)
-    >>> check_excitation(np.c_[u, np.roll(u, 1)]).rank
-    2
-    """
-    result = excitation(phi, names, p, tolerance)
-    if not result.persistent:
-        warnings.warn(_advice(result), ExcitationWarning, stacklevel=2)
-    return result
 
 
 def _matrix(phi: ArrayLike) -> NDArray[np.float64]:
@@ -218,18 +184,3 @@ def _sparse_basis(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
         rows[others] -= np.outer(rows[others, j], rows[i])
     norms = np.linalg.norm(rows, axis=1, keepdims=True)
     return rows / np.where(norms > 0, norms, 1.0)
-
-
-def _advice(result: Excitation) -> str:
-    """The one sentence that the warning says."""
-    alone = [next(iter(d)) for d in result.directions if len(d) == 1]
-    together = [" with ".join(d) for d in result.directions if len(d) > 1]
-    parts = []
-    if alone:
-        parts.append(f"nothing about {', '.join(alone)}")
-    if together:
-        parts.append(f"only combinations of {'; of '.join(together)}")
-    return (
-        f"The data show {' and '.join(parts)} ({result.rank} of {result.n_params} directions are excited); "
-        "excite the system with more frequencies and amplitudes, or lower the orders."
-    )

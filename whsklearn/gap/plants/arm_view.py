@@ -29,7 +29,7 @@ from whsklearn.identification.drive_lead import OLDEST
 from whsklearn.identification.payload import MASS
 from whsklearn.lags.axis_rows import DRY
 from whsklearn.lags.rigid_body import RigidBodyLags
-from whsklearn.logs.lattice import lattice
+from whsklearn.logs.check import lattice
 from whsklearn.systems._arm_kernels import N_BODY
 from whsklearn.systems.arm_files import STANDARD_GRAVITY, body_numbers
 

@@ -29,7 +29,7 @@ from whsklearn.effects.static import Power
 from whsklearn.gap.plant import FittedTerm, with_vectors
 from whsklearn.gap.plants.variant import WAVE_STEP, EffectVariant
 from whsklearn.gap.record import MAD, rms
-from whsklearn.logs.lattice import lattice
+from whsklearn.logs.check import lattice
 from whsklearn.recursion.batch.best_linear import filter_rows, stabilised
 from whsklearn.systems.chain import PackedChain, Ports, run
 

@@ -28,7 +28,7 @@ from whsklearn.gap.plants.servo_candidates import TWO_MASS, ColumnSignals
 from whsklearn.gap.plants.servo_model import ServoHypothesis, ServoTerm
 from whsklearn.gap.record import Array, ServoRecord, rms
 from whsklearn.identification.drive_lead import KNOWN, LATEST, OLDEST
-from whsklearn.logs.lattice import lattice
+from whsklearn.logs.check import lattice
 
 KEPT = 40  # columns cached, because a polish moves one shape and not the others
 # The sign of a velocity is unknown below so many standard deviations of its noise; for records without noise, below

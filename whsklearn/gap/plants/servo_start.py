@@ -17,7 +17,7 @@ from whsklearn.gap.plants.servo_model import FASTEST_COUPLING, HOLD, ServoHypoth
 from whsklearn.gap.plants.servo_run import ObserverView
 from whsklearn.gap.record import Array, ServoRecord, held_out_blocks, noise_level, rms
 from whsklearn.identification.drive_lead import drive_lead, earlier
-from whsklearn.logs.lattice import lattice
+from whsklearn.logs.check import lattice
 
 LOWEST_CUTOFF = 2.0  # Hz, of the search for the filter
 FIRST_CUTOFF = 8.0  # Hz, for the first guess of the inertia: above any reference, below most noise
