@@ -247,7 +247,7 @@ def compare_arms(
                 n = len(r.position)
                 raise ValueError(
                     f"{label}: Record too short. {n} samples over {n / r.sample_rate:.1f} s; at least "
-                    f" {FEWEST_SAMPLES} samples and {SHORTEST_RECORD:.0f} s are needed. Log longer."
+                    f"{FEWEST_SAMPLES} samples and {SHORTEST_RECORD:.0f} s are needed. Log longer."
                 )
         rows = arm_rows(records, arm, names)
     except ValueError as reason:
