@@ -220,8 +220,12 @@ def test_within_the_gap_the_motor_moves_alone_and_then_takes_the_load_along():
     assert record.velocity[-1] == pytest.approx(0.1 * 3.0 / 0.05, rel=0.02)
 
 
-def test_behind_a_play_the_load_takes_its_own_friction_along():
-    axis = ServoAxis(0.05, FREE, [Backlash(0.02, 0.6, load_coulomb=0.04)])
+@pytest.mark.parametrize(
+    "transmission", [Backlash(0.02, 0.6, load_coulomb=0.04), FlexibleCoupling(1e-3, 0.6, load_coulomb=0.04)],
+    ids=["play", "spring"],
+)  # fmt: skip
+def test_behind_a_transmission_the_load_takes_its_own_friction_along(transmission):
+    axis = ServoAxis(0.05, FREE, [transmission])
     record = axis.simulate_drive(0.1 * np.ones(3000))
     assert record.velocity[-1] - record.velocity[1999] == pytest.approx((0.1 - 0.04) / 0.05, rel=0.02)
 

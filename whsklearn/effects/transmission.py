@@ -77,7 +77,8 @@ class _TransmissionEffect(Effect):
     port = "block"
     column_kind = "none"
     finest = 2.5e-4
-    essential: ClassVar[tuple[str, ...]] = ("load_share",)  # a load without mass, or a motor without one, is one body
+    # a load without mass, or a motor without one, is one body; a load that the drive does not move is a spring
+    essential: ClassVar[tuple[str, ...]] = ("load_share", "load_coulomb")
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -118,7 +119,6 @@ class Backlash(_TransmissionEffect):
     needs = "reversals under load"
     reference = "Nordin, Gutman 2002, Automatica 38(10), 1633-1649"
     finest = 1.25e-4  # an impact lasts a few steps
-    essential = ("load_share", "load_coulomb")  # a load that the drive does not move is a spring
     code = codes.BACKLASH
 
 
@@ -173,6 +173,8 @@ class LoadSideCoulomb(Effect, catalogued=False):
 class FlexibleCoupling(_TransmissionEffect):
     """A spring between motor and load, T_c = (q_m - q_l) / C + c (v_m - v_l) (Nm).
 
+    Dry friction of the load, F_l sign(v_l), lets the motor twist the spring of a load at rest.
+
     See Also
     --------
     Backlash : transmits nothing while the play is crossed, whatever the torque.
@@ -181,7 +183,7 @@ class FlexibleCoupling(_TransmissionEffect):
     Examples
     --------
     >>> FlexibleCoupling(0.001).labelled()
-    {'compliance_rad_per_nm': 0.001, 'load_share': 0.5, 'damping_ratio': 0.03}
+    {'compliance_rad_per_nm': 0.001, 'load_share': 0.5, 'damping_ratio': 0.03, 'load_coulomb_nm': 0.0}
     """
 
     compliance: float = number(
@@ -189,9 +191,13 @@ class FlexibleCoupling(_TransmissionEffect):
     )
     load_share: float = number(0.5, "1", 0.05, 0.95, starts=(0.45,))
     damping_ratio: float = number(0.03, "1", 0.003, 1.0, starts=(0.06,))
+    load_coulomb: float = number(0.0, "Nm", 0.0, 1e3, span=(0.0, 1.0), starts=(0.0,), open_below=True)
 
     name = "flexible_coupling"
-    equation = "T_c = (q_m - q_l) / C + c (v_m - v_l), c = 2 zeta sqrt(J_r / C), J_r = J_m J_l / J"
+    equation = (
+        "T_c = (q_m - q_l) / C + c (v_m - v_l), c = 2 zeta sqrt(J_r / C), J_r = J_m J_l / J; "
+        "J_l dv_l/dt = T_c - F_l sign(v_l)"
+    )
     signature = "a resonance at a fixed frequency that the drive excites"
     needs = "energy near the resonance"
     reference = "Spong 1987, ASME J. Dyn. Syst. Meas. Control 109(4), 310-319"

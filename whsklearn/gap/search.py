@@ -265,7 +265,8 @@ class Search:
             rivals, same = self.rivals(taken, sound)
             common = next((f for f in sound if f.name in rivals and f.effect.name in taken.effect.commoner), None)
             if common is None:
-                return replace(taken, rivals=[*rivals, *self._as_good(taken, looks)], same=same)
+                rivals = list(dict.fromkeys([*rivals, *self._as_good(taken, looks)]))
+                return replace(taken, rivals=rivals, same=same)
             taken = common
         return None
 

@@ -323,6 +323,7 @@ def body_of(plant):
             else:
                 compliance += plant.p[i, 0]
                 ratio = plant.p[i, 2]
+                dry += plant.p[i, 3]
     if share == 0.0:
         return Body(inertia, 0.0, 0.0, 0.0, 0.0, parts[KAPPA], 0.0)
     reduced = inertia * share * (1.0 - share)

@@ -10,6 +10,7 @@ from whsklearn.effects import (
     Backlash,
     Cogging,
     DeadZone,
+    FlexibleCoupling,
     GravityImbalance,
     HardeningSpring,
     InputDelay,
@@ -177,6 +178,15 @@ def test_a_play_is_found_before_a_load_that_rubs():
     found = GapFinder("servo").fit(log).effects_[0]
     assert found.name == "backlash"
     assert found.effect.gap == pytest.approx(hidden.gap, rel=0.2)
+    assert found.effect.load_coulomb == pytest.approx(hidden.load_coulomb, rel=0.3)
+
+
+def test_a_spring_before_a_load_that_rubs_is_no_play():
+    hidden = FlexibleCoupling(0.02, 0.6, 0.05, load_coulomb=0.08)
+    log = make_servo_log([hidden], duration=20.0, random_state=2)
+    found = GapFinder("servo").fit(log).effects_[0]
+    assert found.name == "flexible_coupling"
+    assert found.effect.compliance == pytest.approx(hidden.compliance, rel=0.1)
     assert found.effect.load_coulomb == pytest.approx(hidden.load_coulomb, rel=0.3)
 
 

@@ -195,8 +195,9 @@ def couplings(scene: Scene, kind: Candidate) -> Blocks:
     scales = scene.view.scene
     gaps = 0.5 * scales.torque / scales.inertia * CROSSINGS**2
     dry = sum(t.q[0] for t in scene.model.terms if t.name == "coulomb")
-    every = product(gaps, CONTACTS, IMPACTS, {share * dry for share in LOAD_DRY})
-    for g, f, zeta, held in every if play else product((0.0,), ANTIRESONANCES, (0.05,), (0.0,)):
+    held_back = {share * dry for share in LOAD_DRY}
+    ways = (gaps, CONTACTS, IMPACTS) if play else ((0.0,), ANTIRESONANCES, (0.05,))
+    for g, f, zeta, held in product(*ways, held_back):
         if f < 0.2 / scales.dt and g < scales.reach:
             term = two_mass.start(scene.model, kind, g, f, zeta, held)
             yield [term], scene.columns(term), 1.0
@@ -343,7 +344,7 @@ def explained_acceleration(view: Any, model: ServoHypothesis, grown: ServoHypoth
 CROSSINGS = 0.004 * np.sqrt(2.0) ** np.arange(11)
 CONTACTS = (6.0, 12.0, 25.0, 60.0, 100.0)  # Hz, of the antiresonance in contact
 IMPACTS = (0.15, 0.5)  # damping ratios of the contact: half of the speed is left after one impact, and hardly any
-LOAD_DRY = (0.0, 0.25, 0.5)  # of the dry friction that is behind a play, where half of the inertia is
+LOAD_DRY = (0.0, 0.25, 0.5)  # of the dry friction that is behind a transmission, where half of the inertia is
 ANTIRESONANCES = np.geomspace(0.8, 65.0, 20)  # Hz
 N_LIMITS = 40  # of the drive, and ages of it, over the plausible range: limits are an eighth apart
 # Rounds over the shape numbers.  The step shrinks by 0.55 in each, to a tenth of the spacing of the starts, and a

@@ -239,8 +239,8 @@ def settled_play(view: Any, model: ServoHypothesis) -> ServoHypothesis:
 
 def _variants(view: ObserverView, q: tuple[float, ...]) -> list[tuple[float, ...]]:
     """Starts with other load shares (and contact frequencies), because the two trade off against each other."""
-    if len(q) == 3:  # compliance, share, damping
-        return [(q[0], share, q[2]) for share in (0.25, 0.45, 0.7)]
+    if len(q) == 4:  # compliance, share, damping, dry friction of the load
+        return [(q[0], share, *q[2:]) for share in (0.25, 0.45, 0.7)]
     top = view.scene.resonance
     loads = ((0.3, 0.7 * top), (0.5, 0.9 * top))
     # within a factor of 1.4 of the gap the fit ends in it; from 1 and 2 alone, rounding decided

@@ -72,9 +72,9 @@ def contact(model: ServoHypothesis, t: ServoTerm) -> tuple[float, float, float, 
         gap, share, hz, zeta, dry = t.q
         w = 2 * np.pi * hz * np.sqrt(1 - share)
         return gap, w, zeta * np.sqrt(1 - share), dry / (model.inertia * share)
-    compliance, share, zeta = t.q[:3]
+    compliance, share, zeta, dry = t.q
     w = np.sqrt(1.0 / (compliance * model.inertia * share))
-    return 0.0, w, zeta * np.sqrt(1 - share), 0.0
+    return 0.0, w, zeta * np.sqrt(1 - share), dry / (model.inertia * share)
 
 
 def from_load(view: Any, t: ServoTerm, torque: Array | None) -> Array:
@@ -142,7 +142,7 @@ def with_sizes(view: Any, model: ServoHypothesis, solved: Array) -> ServoHypothe
             if t.kind.code == k.BACKLASH:
                 q = (gap, share, float(w / (2 * np.pi) / np.sqrt(1 - share)), float(held), slowed * load)
             else:
-                q = (float(1.0 / ((motor + load) * share * w * w)), share, float(held))
+                q = (float(1.0 / ((motor + load) * share * w * w)), share, float(held), slowed * load)
             terms.append(dataclasses.replace(t, q=q))
         else:
             terms.append(dataclasses.replace(t, q=(*map(float, solved[i : i + t.kind.linear]), *t.q[t.kind.linear :])))
@@ -157,4 +157,4 @@ def start(model: ServoHypothesis, kind: Any, gap: float, hz: float, zeta: float,
     held = zeta / np.sqrt(1 - share)
     if kind.code == k.BACKLASH:
         return ServoTerm(kind, (gap, share, hz / np.sqrt(1 - share), held, dry))
-    return ServoTerm(kind, (1.0 / (model.inertia * share * w * w), share, held))
+    return ServoTerm(kind, (1.0 / (model.inertia * share * w * w), share, held, dry))
