@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks._twins import SILVERBOX_RATE, make_silverbox
+from benchmarks.which_structure import mujoco_axis
 from tests.recursion.axis_log import TRUTH, axis_log, slow_drive
 from whsklearn import ServoAxis
 from whsklearn.datasets import make_servo_log
@@ -35,11 +36,18 @@ from whsklearn.identification.axis_fit import (
     white,
     without_step,
 )
-from whsklearn.identification.axis_numbers import position_effects, position_weights, shooting_log
+from whsklearn.identification.axis_numbers import axis_theta, position_effects, position_weights, shooting_log
 from whsklearn.identification.view import view
 from whsklearn.identification.windows import residual
 from whsklearn.models import AxisModel
-from whsklearn.recursion.batch.axis_free_run import AxisForm, axis_motion, dissipates, fit_pieces, rising_at_last
+from whsklearn.recursion.batch.axis_free_run import (
+    AxisForm,
+    axis_motion,
+    dissipates,
+    fit_pieces,
+    rising_at_last,
+    settled,
+)
 from whsklearn.systems.servo_parts import PIDController
 
 U = slow_drive(3000, 1)
@@ -169,6 +177,19 @@ def test_standard_errors_of_the_wave_are_those_of_its_draws():
     errors = standard_errors(np.r_[1.0, 0.0, 0.0, 0.0, forces], covariance, view(U, VELOCITY, 0.005, "velocity"), form)
     told = errors["gravity_imbalance"], errors["gravity_imbalance__phase"]
     assert told == pytest.approx(spread, rel=0.05)
+
+
+def test_a_weight_is_fitted_to_the_minimum_of_its_run():
+    """From pieces alone it ended elsewhere, and a cubic force, which was fitted to the run, looked better."""
+    pytest.importorskip("mujoco")
+    u, q, dt, truth = mujoco_axis(np.random.default_rng([4127, 5, 7]))
+    log = view(u, q, dt, "position").part(0, 4200)
+    whole = shooting_log(log, np.inf, AxisForm(hangs=True))
+    known = [truth[name] for name in ("inertia", "viscous", "coulomb")]
+    least = fit_pieces(np.array([*known, 0.0, truth["gravity_imbalance"], 0.0]), whole)
+    theta, _ = axis_theta(fit_hanging_axis(log))
+    error = whole.target - axis_motion(theta, settled(theta, whole))
+    assert error @ error <= 1.02 * least.cost
 
 
 def test_gravity_that_is_next_to_nothing_is_refused():

@@ -204,3 +204,21 @@ def test_gravity_over_little_travel_is_not_replaced_by_a_cubic_that_imitates_it(
     found = identify(u, y, dt=0.01, logged="position", units={"input": "Nm", "output": "rad"})
     assert found.recommended.name == "axis with gravity", found.reason
     assert "gravity is the best" in next(c.failure for c in found.models if "over position" in c.name)
+
+
+def test_of_one_kind_the_simpler_is_kept_where_windows_differ_by_chance():
+    rng = np.random.default_rng(3)
+    trivial = Compared("constant velocity", "trivial", {}, "-", score=10.0)
+
+    def pair(kind, gain):
+        squares = rng.chisquare(2.0, 24)
+        simple = Compared("simple", kind, {}, "-", score=1.1, test={"nmse": 0.1}, squares={50: squares})
+        better = squares * rng.exponential(1.0, 24) ** 2 if gain == "here and there" else squares / 1.1**2
+        best = Compared("best", "axis", {}, "-", score=1.0, test={"nmse": 0.1}, squares={50: better})
+        return recommend([simple, best], trivial)
+
+    chosen, reason = pair("axis", "here and there")
+    assert chosen.name == "simple"
+    assert "best is no better than the choice of windows makes it by chance" in reason
+    assert pair("axis", "everywhere")[0].name == "best"
+    assert pair("arx", "here and there")[0].name == "best"

@@ -31,6 +31,30 @@ def test_a_wrapped_angle_goes_on(load, name, turn, low):
     assert "LOG012" in log.report.codes
 
 
+@pytest.mark.parametrize("clock", ["restarts", "goes on"])
+def test_a_run_that_is_there_twice_counts_once(load, clock):
+    """Its second half would be held out, and is what was fitted."""
+    table = columns(1000)
+    twice = {k: np.r_[v, v] for k, v in table.items()}
+    if clock == "goes on":
+        twice["time_s"] = np.arange(2000) * (table["time_s"][1] - table["time_s"][0])
+    with pytest.warns(LogWarning, match="From row 1000 on, 1000 rows repeat the log"):
+        log = load(twice)
+    assert np.array_equal(log.y, table["position_rad"])
+    other = {k: v if k == "time_s" else np.r_[table[k], -table[k]] for k, v in twice.items()}
+    with pytest.warns(LogWarning):
+        assert load(other).y.size == 2000
+
+
+def test_a_simulated_motion_that_repeats_itself_is_kept(load):
+    t = np.arange(2000)
+    turn = {"torque_nm": np.round(np.cos(2 * np.pi * (t % 200) / 200), 6),
+            "position_rad": np.round(np.sin(2 * np.pi * (t % 200) / 200), 6)}  # fmt: skip
+    log = load({"time_s": t / 200, **turn})
+    assert log.y.size == 2000
+    assert "LOG006" not in log.report.codes
+
+
 def test_what_is_not_wrapped_is_left(load):
     table = turning()
     assert turn_in(table["position_rad"], "rad") is None

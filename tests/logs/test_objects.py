@@ -22,9 +22,13 @@ NESTED = [{"t": r["time_s"], "joint": {"effort": r["torque_nm"], "state": [0.0, 
         (json.dumps(ROWS), ("time_s", "torque_nm", "position_rad")),
         (json.dumps({"run": {k: v.tolist() for k, v in TABLE.items()}}), tuple(f"run.{k}" for k in TABLE)),
         (json.dumps({"data": [list(r.values()) for r in ROWS]}), ("data.0", "data.1", "data.2")),
+        (
+            json.dumps({"columns": list(TABLE), "index": [], "data": [list(r.values()) for r in ROWS]}),
+            ("time_s", "torque_nm", "position_rad"),
+        ),
         ("\ufeff" + json.dumps(NESTED), ("t", "joint.effort", "joint.state.1")),
     ],
-    ids=["lines", "records", "vectors", "matrix", "nested"],
+    ids=["lines", "records", "vectors", "matrix", "as pandas splits it", "nested"],
 )
 def test_every_shape_gives_the_same_log(tmp_path, text, names):
     (tmp_path / "axis.json").write_text(text, encoding="utf-8")

@@ -68,7 +68,7 @@ def test_a_lerobot_folder_is_one_segment_an_episode(tmp_path):
     for episode in range(2):
         t = np.arange(90) / 30
         frame = pd.DataFrame({"timestamp": t, "episode_index": episode})
-        frame["action"] = [[np.sin(x), 0.0] for x in t]
+        frame["action"] = [[np.sin((1 + episode) * x), 0.0] for x in t]
         frame["observation.state"] = [[np.sin(x - 0.1), 1.0] for x in t]
         frame.to_parquet(folder / "data" / "chunk-000" / f"episode_{episode:06d}.parquet")
     with pytest.warns(UserWarning, match="time jumps back"):

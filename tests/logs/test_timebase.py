@@ -176,5 +176,46 @@ def test_rows_that_were_shuffled_are_one_run_and_two_runs_are_two(load):
         log = load({k: v[order] for k, v in table.items()})
     assert log.groups.max() == 0
     np.testing.assert_allclose(log.y, table["position_rad"], atol=1e-9)
+    other = table | {"torque_nm": -table["torque_nm"], "position_rad": -table["position_rad"]}
     with pytest.warns(LogWarning, match="time jumps back"):
-        assert load({k: np.r_[v, v] for k, v in table.items()}).groups.max() == 1
+        assert load({k: np.r_[v, other[k]] for k, v in table.items()}).groups.max() == 1
+
+
+@pytest.mark.filterwarnings("ignore::whsklearn.logs.LogWarning")
+def test_a_freeze_is_filled_where_the_signals_pass_over_it_and_cuts_where_they_do_not(load):
+    """A logger that stops for 20 ms in every 0.9 s left segments of 0.9 s, too short for a diagnosis."""
+    t = np.arange(6000) / 500
+    table = {"time_s": t, "torque_nm": np.cos(2 * t) + np.sin(5 * t), "position_rad": np.sin(2 * t)}
+    there = t % 0.9 > 0.02
+    log = load({k: v[there] for k, v in table.items()})
+    assert log.groups.max() == 0
+    rows = slice(round(500 * t[there][0]), None)
+    assert np.abs(log.y - table["position_rad"][rows][: log.y.size]).max() < 1e-6
+    assert np.abs(log.X[:, 0] - table["torque_nm"][rows][: log.y.size]).max() < 0.01
+    assert any("13 hole(s) of up to 0.024 s were filled" in f.explanation for f in log.report.findings)
+    table["torque_nm"] = np.random.default_rng(0).normal(size=t.size)
+    assert load({k: v[there] for k, v in table.items()}).groups.max() == 13
+    table["torque_nm"] = np.cos(2 * t) + np.sin(5 * t)
+    there = np.abs(t - 6.0) > 0.8
+    assert load({k: v[there] for k, v in table.items()}).groups.max() == 1
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e3, 1e6])
+def test_the_time_of_day_goes_on_over_midnight(load, unit):
+    table = columns(1000)
+    table["time_s"] = (
+        np.round((86397.0 + table["time_s"]) * unit) % (86400 * unit)
+        if unit > 1
+        else ((86397.0 + table["time_s"]) % 86400)
+    )
+    name = {1.0: "time_s", 1e3: "time_ms", 1e6: "time_us"}[unit]
+    log = load({name if k == "time_s" else k: v for k, v in table.items()}, time=name)
+    assert log.groups.max() == 0
+    assert log.sample_rate == pytest.approx(RATE, rel=1e-6)
+
+
+def test_a_zone_behind_the_date_is_no_part_of_it(load):
+    table = columns(300)
+    stamps = pd.Timestamp("2026-05-21 10:00") + pd.to_timedelta(table["time_s"], unit="s")
+    table["time_s"] = stamps.strftime("%Y-%m-%d %H:%M:%S.%f CEST")
+    assert load(table).sample_rate == pytest.approx(RATE, rel=1e-6)

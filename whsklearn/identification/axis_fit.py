@@ -362,7 +362,7 @@ def standard_errors(theta: Array, covariance: Array, log: View, form: AxisForm) 
 
 
 def _best_minimum(log: View, form: AxisForm, start: Start, best: AxisFit, least: float) -> tuple[float, AxisFit]:
-    """Score and fit by multiple shooting over short and long pieces, and by one free run, from a fit with its score.
+    """Score and fit from a fit with its score: a position over short pieces, long ones and as one run, else as one run.
 
     If gravity is large compared with the inertia, the free run from a slightly wrong start diverges within a second,
     and its least squares end anywhere. Therefore the best start is first fitted over sufficiently short pieces, and
@@ -370,7 +370,8 @@ def _best_minimum(log: View, form: AxisForm, start: Start, best: AxisFit, least:
     """
     fits: list[Callable[[Array], AxisFit]] = [functools.partial(fit_axis, log=axis_log(log, form))]
     if log.logged == "position":
-        fits += [functools.partial(fit_pieces, log=shooting_log(log, seconds, form)) for seconds in SHOOTING]
+        pieces = [shooting_log(log, seconds, form) for seconds in (*SHOOTING, np.inf)]
+        fits = [functools.partial(fit_pieces, log=piece) for piece in pieces]
     for fit in fits:
         ended = fit(best.theta)
         if np.isfinite(ended.cost) and start.holds(ended.theta):

@@ -94,6 +94,8 @@ class Compared:
         Why it could not be fitted; empty if it was.
     by_drive : float
         ``score`` as a share of that of the same model with its drive held at the mean.
+    squares : dict of int to ndarray
+        Mean squared error of each window by its length in samples.
 
     References
     ----------
@@ -121,6 +123,7 @@ class Compared:
     test: dict[str, float] = field(default_factory=dict)
     failure: str = ""
     by_drive: float = 0.0
+    squares: dict[int, Array] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def size(self) -> int:
@@ -432,7 +435,7 @@ def recommend(tried: list[Compared], trivial: Compared, *, steady: bool = False)
     turned = [c for c in better if c.kind == "axis" and c.score * OVER_THE_TOP < min(c.score for c in among)]
     among = turned or among
     first, best = (min(some, key=lambda c: c.score) for some in (good, among))
-    chosen = next(c for c in among if c.score <= AS_GOOD * best.score)
+    chosen = next(c for c in among if c.score <= AS_GOOD * best.score or _no_worse(c, best))
     ratio = chosen.score / trivial.score
     reason = f"{chosen.name} leaves {ratio:.3g} of the error of a {trivial.name} over held-out windows"
     others = [c for c in good if c.kind != chosen.kind]
@@ -440,7 +443,9 @@ def recommend(tried: list[Compared], trivial: Compared, *, steady: bool = False)
         rival = min(others, key=lambda c: c.score)
         reason += f", the best of another kind ({rival.name}) {rival.score / trivial.score:.3g}"
     if chosen is not best:
-        reason += f"; {best.name} is no better than {100 * (AS_GOOD - 1):.3g} % and has more parameters"
+        near = chosen.score <= AS_GOOD * best.score
+        by = f"than {100 * (AS_GOOD - 1):.3g} %" if near else "than the choice of windows makes it by chance"
+        reason += f"; {best.name} is no better {by} and has more parameters"
     if first is not best:
         why = (
             f"its free run is further off than the mean of the output ({_told(first.test)})"
@@ -466,6 +471,23 @@ def recommend(tried: list[Compared], trivial: Compared, *, steady: bool = False)
     elif not driven:
         reason += "; no model predicts better with the drive than with the drive held at its mean"
     return chosen, reason + "."
+
+
+def _no_worse(simple: Compared, best: Compared) -> bool:
+    """Whether a simpler structure of the same kind is within one standard error of the best over the same windows.
+
+    Breiman et al. 1984, Classification and Regression Trees, 3.4.3.  Where every structure leaves far more than the
+    noise, as the creep of a simulator's friction does, a cubic force is a tenth better than the weight that is there on
+    one stretch, and a tenth worse on the next.  Errors of different lengths overlap, so their deviations add up.
+    """
+    if simple.kind != best.kind:
+        return False
+    pairs = [(simple.squares[h], best.squares[h]) for h in simple.squares.keys() & best.squares.keys()]
+    apart = [a / a.mean() - b / b.mean() for a, b in pairs if a.size > 1]
+    if not apart:
+        return False
+    spread = np.mean([0.5 * np.std(d, ddof=1) / np.sqrt(d.size) for d in apart])
+    return bool(np.log(simple.score / best.score) <= spread)
 
 
 def _alike(chosen: Compared, good: list[Compared]) -> str:
@@ -563,7 +585,9 @@ def _score(compared: Compared, log: View) -> None:
     longest = log.longest.u.size
     before = lead(longest, log.dt)
     lengths = horizons(longest - before, log.dt)
-    compared.windows = {h: rms_of(window_errors(compared.model, log, h, before)) for h in lengths}
+    errors = {h: window_errors(compared.model, log, h, before) for h in lengths}
+    compared.windows = {h: rms_of(e) for h, e in errors.items()}
+    compared.squares = {h: np.mean(e**2, axis=1) for h, e in errors.items()}
     scale = float(np.fmax(log.floor, 1e-6 * np.std(log.y)))
 
     def score(record: View, windows: list[float]) -> float:

@@ -20,7 +20,7 @@ from whsklearn.logs.formats import open_source
 from whsklearn.logs.heads import drive_unit
 from whsklearn.logs.roles import guess
 from whsklearn.logs.source import Column, Source
-from whsklearn.logs.timebase import LONG_GAP, even, in_order, to_seconds
+from whsklearn.logs.timebase import LONG_GAP, bridged, even, in_order, to_seconds
 from whsklearn.logs.units import (
     OTHER_NAMES,
     ROLES,
@@ -36,7 +36,20 @@ from whsklearn.logs.units import (
     written_unit,
 )
 
-_MENDED = {"LOG001", "LOG002", "LOG003", "LOG004", "LOG010", "LOG011", "LOG013", "LOG014", "LOG018", "LOG023", "LOG024"}
+_MENDED = {
+    "LOG001",
+    "LOG002",
+    "LOG003",
+    "LOG004",
+    "LOG006",
+    "LOG010",
+    "LOG011",
+    "LOG013",
+    "LOG014",
+    "LOG018",
+    "LOG023",
+    "LOG024",
+}
 FEWEST = 3  # rows
 _STAMPS = {"LOG001", "LOG002", "LOG003", "LOG004", "LOG010"}
 
@@ -392,9 +405,13 @@ def _mended(name: str, table: _Table) -> Bunch:
         signals = {k: v[place] for k, v in signals.items()}
     found += stamps.findings
     raw = check_log(stamps.time, signals, rows=stamps.rows)
+    clock, segment = stamps.time, stamps.segment
+    out, cut = mend.again(signals, segment)
+    if cut is not None:
+        found.append(cut)
+        clock, signals, segment = _without(out, clock, signals, segment)
     signals, more = _motions(signals, table.units)
     found += more
-    clock, segment = stamps.time, stamps.segment
     if "velocity" in signals and "position" not in signals:
         signals["position"], more_one = _summed(clock, signals["velocity"], segment)
         found.append(more_one)
@@ -417,6 +434,8 @@ def _mended(name: str, table: _Table) -> Bunch:
         if jump is not None:
             signals["position"], more_one = mend.without_jumps(signals["position"], jump)
             found.append(more_one)
+    segment, more = bridged(clock, signals, segment)
+    found += more
     done = even(clock, signals, segment)
     if done.finding is not None:
         found.append(done.finding)

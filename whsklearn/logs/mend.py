@@ -16,6 +16,7 @@ TINY = 1e-100  # a signal that never exceeds this is zero or in a wrong unit
 NONE = (999.0, 9999.0, 99999.0, 999999.0)  # what loggers write for a missing value
 APART = 0.1  # as a share of such a value; all others are below it
 HELD_SECONDS, HELD_ROWS = 1.0, 100  # time for which drive and position do not change in any digit: not controlled
+AGAIN = 50  # rows; a repetition of fewer may be chance where signals are coarse
 LIVELY = 0.5  # share of rows in which the drive changes while the loop is closed
 FEW_COUNTS = 50.0  # a range of fewer whole numbers is that of a mode or a switch
 MOST_JUMPS = 10  # of an encoder in one log, and one in 500 rows; more are no faults of it but its way of reading
@@ -124,6 +125,39 @@ def unwrap(role: str, values: Array, turn: float) -> tuple[Array, Finding]:
         f"The {role} jumps by a turn of {turn:.6g} at {leaps.size} rows, the first is row {leaps[0]}; it was unwrapped."
     )
     return out, finding("LOG012", "info", leaps, text, turn)
+
+
+def again(signals: dict[str, Array], segment: NDArray[np.int64]) -> tuple[NDArray[np.bool_], Finding | None]:
+    """Rows that repeat the log from its first row on, in every digit: the same run, saved or joined twice.
+
+    Its samples would count twice, and those held out would be those of the fit.  It is looked for where the clock
+    restarts and at the largest steps of the signals: a simulated motion without noise repeats itself too, but goes on
+    without a step, and is kept.
+
+    >>> path = np.linspace(0.0, 1.0, 300) ** 2
+    >>> out, _ = again({"position": np.r_[path, path]}, np.zeros(600, dtype=np.int64))
+    >>> out[:300].any(), out[300:].all()
+    (np.False_, np.True_)
+    """
+    n = len(segment)
+    out, begins = np.zeros(n, dtype=bool), []
+    leaps = [np.argsort(np.abs(np.diff(v)))[-MOST_JUMPS:] for v in signals.values()]
+    for row in np.unique(np.r_[np.flatnonzero(np.diff(segment)), *leaps]) + 1:
+        length = min(row, n - row)
+        joined = segment[row] != segment[row - 1] or any(
+            abs(v[row] - v[row - 1]) > 2.0 * np.abs(np.diff(v[:row])).max() for v in signals.values() if row > 1
+        )
+        same = joined and all(np.array_equal(v[row : row + length], v[:length]) for v in signals.values())
+        if same and length >= AGAIN and not out[row] and any(np.ptp(v[:length]) > 0 for v in signals.values()):
+            out[row : row + length] = True
+            begins.append(row)
+    if not begins:
+        return out, None
+    text = (
+        f"From row {begins[0]} on, {out.sum()} rows repeat the log from its first row in every digit: it has the same "
+        "run more than once. It counts once."
+    )
+    return out, finding("LOG006", "warning", np.array(begins), text, float(out.sum()))
 
 
 def jumps_in(time: Array, position: Array, segment: NDArray[np.int64]) -> Array | None:

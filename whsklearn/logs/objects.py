@@ -72,7 +72,9 @@ def _lines(text: str, name: str, notes: list[str]) -> list[Any]:
 
 def _vectors(data: Any, prefix: str = "") -> Iterator[tuple[str, list[Any]]]:
     """Vectors by joined names."""
-    if isinstance(data, dict):
+    if isinstance(data, dict) and isinstance(data.get("columns"), list) and isinstance(data.get("data"), list):
+        yield from _vectors([dict(zip(map(str, data["columns"]), row, strict=False)) for row in data["data"]], prefix)
+    elif isinstance(data, dict):
         for key, value in data.items():
             yield from _vectors(value, f"{prefix}{key}.")
     elif isinstance(data, list) and len(data) >= FEWEST:

@@ -26,6 +26,7 @@ _SINCE_1970 = (  # stamps between 2001 and 2100, by the unit that they count
 _DAYS = (2e4, 8e4)  # days since 1900, as in spreadsheets, between 1954 and 2119
 _FASTEST = 2e-6  # s; smaller steps are counted in a longer unit
 _COUNTERS = (2.0**16, 2.0**24, 2.0**32)  # ticks at which a counter overflows
+_DAY = (86400.0, 86400e3, 86400e6)  # s, ms and us of a day, whose count begins again at midnight
 _FILETIME = (1e17, 2e17, 1e-7)  # 100 ns since 1601, between 1917 and 2234: stamps of Windows and TwinCAT
 SLOWEST = 0.05  # s; no axis is logged more slowly, so integers with larger steps count ms or us
 
@@ -105,15 +106,24 @@ def _whole_numbers(values: Array, column: str) -> tuple[str, tuple[Finding, ...]
 
 
 def _unwound(values: Array, column: str) -> tuple[Array, tuple[Finding, ...]]:
-    """Unwrap the ticks of a counter of 16, 24 or 32 bits that overflowed."""
+    """Unwrap the ticks of a counter of 16, 24 or 32 bits that overflowed, and the time of day over midnight.
+
+    >>> _unwound(np.array([86399.98, 86399.99, 0.0, 0.01]), "t")[0]
+    array([86399.98, 86399.99, 86400.  , 86400.01])
+    """
     step = np.diff(values)
     falls = np.flatnonzero(step < 0)
     if not falls.size or not np.all(np.isfinite(values)):
         return values, ()
     usual = float(np.median(step))
-    for size in _COUNTERS:
+    for size in (*_COUNTERS, *_DAY):
         if values.min() >= 0 and values.max() < size and np.all(np.abs(step[falls] + size - usual) <= 5.0 * usual):
-            text = f"Column {column!r} is a counter that overflows at {size:.0f}, first at row {falls[0] + 1}."
+            what = (
+                "counts from midnight, which is"
+                if size in _DAY
+                else f"is a counter that overflows at {size:.0f}, first"
+            )
+            text = f"Column {column!r} {what} at row {falls[0] + 1}."
             out = values + size * np.r_[0.0, np.cumsum(step < 0)]
             return out, (finding("LOG015", "info", falls + 1, text),)
     return values, ()
@@ -134,6 +144,7 @@ def _dates(values: NDArray[Any], column: str) -> tuple[Array, tuple[Finding, ...
     if len(values) and hasattr(values[0], "isoformat"):
         return _from_first(pd.to_datetime(pd.Series(values), utc=True).dt.tz_localize(None).to_numpy()), ()
     text = pd.Series(values, dtype="string").str.strip().str.replace(",", ".", regex=False)
+    text = text.str.replace(r"\s+(?![AP]M$)[A-Z]{3,4}$", "", regex=True)  # CEST: only differences count
     text = text.str.replace(r"(:\d\d):(\d{3}|\d{6})$", r"\1.\2", regex=True)  # 10:00:00:005, as LabVIEW and PLCs write
     attempts: tuple[dict[str, Any], ...] = ({"format": "ISO8601"}, {"format": "mixed", "dayfirst": True})
     sample = text.dropna().iloc[0] if text.notna().any() else ""
@@ -295,6 +306,72 @@ def _sorted(time: Array, rows: NDArray[np.intp], period: float) -> tuple[Array, 
         f"{at.size} rows have an earlier stamp than the row before, the first is row {rows[at[0]]}; they were sorted."
     )
     return time[order], rows[order], [finding("LOG004", "warning", rows[at], text, float(at.size))]
+
+
+# --- short holes ------------------------------------------------------------------------------------------------------
+# Of the rms drive and of the way in a hole, over the whole log: interpolation that leaves less hides no force that a
+# structure is judged by (`LEAST_FORCE` of `whsklearn.identification`)
+BRIDGED = 0.01
+TRIED = 256  # places at which a hole is tried
+BESIDE = 8  # samples on either side of it that the spline uses
+
+
+def bridged(
+    time: Array, signals: dict[str, Array], segment: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], list[Finding]]:
+    """The segments joined over holes that interpolation fills, as the log itself shows where nothing is missing.
+
+    Signals are interpolated over stretches as long as the hole elsewhere in the log, and what that leaves, times the
+    root of the share of samples that such holes take, must be `BRIDGED` at most.  A slow drive passes over 20 ms, noise
+    over none.
+
+    >>> t = np.delete(np.arange(2000) / 500, slice(900, 908))
+    >>> signals = {"drive": np.cos(3 * t), "position": np.sin(3 * t)}
+    >>> int(bridged(t, signals, (np.arange(t.size) >= 900).astype(np.int64))[0].max())
+    0
+    >>> signals["drive"] = np.random.default_rng(0).normal(size=t.size)
+    >>> int(bridged(t, signals, (np.arange(t.size) >= 900).astype(np.int64))[0].max())
+    1
+    """
+    period = _period(time)
+    lengths = np.round(np.diff(time) / period).astype(int)
+    holes = (np.diff(segment) > 0) & (lengths >= LONG_GAP)
+    length = 0
+    for tried in np.unique(lengths[holes])[::-1].tolist():
+        share = float(np.sum(lengths[holes & (lengths <= tried)] - 1)) / time.size
+        if all(np.sqrt(share) * _off(v, lengths, tried, k) <= BRIDGED for k, v in signals.items()):
+            length = tried
+            break
+    if not length:
+        return segment, []
+    filled = holes & (lengths <= length)
+    text = (
+        f"{filled.sum()} hole(s) of up to {length * period:.3g} s were filled: over stretches as long elsewhere in the "
+        f"log, interpolation is off by less than {100 * BRIDGED:g} % of the signals."
+    )
+    joined = segment - np.r_[0, np.cumsum(filled)]
+    return joined, [finding("LOG011", "info", np.flatnonzero(filled) + 1, text, float(filled.sum()))]
+
+
+def _off(values: Array, lengths: NDArray[np.int64], length: int, role: str) -> float:
+    """What interpolation over ``length`` samples leaves where they are there, as a share of the signal or its way."""
+    from scipy.interpolate import CubicSpline
+
+    whole = np.r_[0, np.cumsum(lengths > 1)]  # runs without a lost sample
+    first = np.arange(BESIDE - 1, values.size - length - BESIDE)
+    first = first[whole[first - BESIDE + 1] == whole[first + length + BESIDE - 1]]
+    if not first.size:
+        return np.inf
+    first = first[np.linspace(0, first.size - 1, TRIED).astype(int)]
+    inside = np.arange(1, length)[:, None]
+    ends = values[first + length] - values[first]
+    if role in MOTIONS:
+        place = np.r_[np.arange(1 - BESIDE, 1), np.arange(length, length + BESIDE)]
+        guess, size = CubicSpline(place, values[first + place[:, None]])(inside[:, 0]), np.sqrt(np.mean(ends**2))
+    else:
+        guess, size = values[first] + ends * inside / length, np.std(values)
+    left = np.sqrt(np.mean((guess - values[first + inside]) ** 2))
+    return float(left / size) if size else (np.inf if left else 0.0)
 
 
 # --- an even grid, segment by segment -------------------------------------------------------------------------------
