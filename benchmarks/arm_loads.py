@@ -5,7 +5,8 @@
 Two made-up arms with published kinematics and masses (rounded) of a UR10e (six joints) and a Panda (seven), viscous and
 Coulomb friction, motors that the file does not name, and friction that grows with the torque (0.07) at joints 2 and 3.
 A pair of records has drawn sines of its own each, 20 s at 250 Hz, encoder noise of 1e-5 rad and drive noise of 3 % of
-each drive.  The load of 2.8 kg (0.9 kg for the Panda) sits at the last joint at a drawn place.
+each drive.  The load of 2.8 kg (0.9 kg for the Panda) sits at the last joint at a drawn place.  With ``--places`` it is
+known and gives the gains, but its place is given 0, 2 and 5 cm from the true one: is that told, and what gains follow?
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import dataclasses
 import json
 import tempfile
 import time
+import warnings
 from pathlib import Path
 
 import click
@@ -21,12 +23,14 @@ import numpy as np
 import pandas as pd
 from click.testing import CliRunner
 
-from whsklearn import Arm
+from whsklearn import Arm, RigidBodyLags
 from whsklearn.cli.gap import main as gap
 from whsklearn.datasets import make_arm_log
 from whsklearn.effects import Coulomb, LoadFriction, Viscous
 from whsklearn.export.robots import arm_mjcf
+from whsklearn.identification import gains_from_load
 from whsklearn.identification.arm_fit import N_LEFT_OUT
+from whsklearn.systems.arm_files import body_numbers
 
 RATE, GROWS, NOISE = 250.0, 0.07, 0.03
 H = np.pi / 2
@@ -62,34 +66,65 @@ def made(rows: list) -> tuple[Arm, Arm]:
     return dataclasses.replace(arm, armature=[r[4] for r in rows]).with_effects(law), arm
 
 
-def write(arm: Arm, path: Path, seed: int) -> Path:
-    """One record as a file."""
+def record(arm: Arm, seed: int) -> pd.DataFrame:
+    """One record."""
     log = make_arm_log(arm, duration=20.0, sample_rate=RATE, amplitude=0.9, noise=1e-5, random_state=seed)
     rng = np.random.default_rng(seed + 9)
     drives = [c for c in log if c.endswith("torque_nm")]
     log[drives] += NOISE * log[drives].std().to_numpy() * rng.standard_normal(log[drives].shape)
-    pd.DataFrame(log).to_csv(path, index=False)
+    return log
+
+
+def write(arm: Arm, path: Path, seed: int) -> Path:
+    """One record as a file."""
+    record(arm, seed).to_csv(path, index=False)
     return path
+
+
+def drawn_place(seed: int) -> np.ndarray:
+    """Where the load of a pair is."""
+    return np.random.default_rng(seed).uniform([-0.05, -0.05, 0.02], [0.05, 0.05, 0.12])
+
+
+def places(arm: Arm, told: Arm, mass: float, seed: int) -> None:
+    """What is told of a known load that is given beside its place, and the gains, which are one in truth."""
+    place, way = drawn_place(seed), np.random.default_rng(seed).standard_normal(3)
+    pair = []
+    for k, one in enumerate((arm, arm.with_body(arm.joints[-1], mass, place))):
+        log = record(one, 2 * seed + k)
+        pair.append([log[[c for c in log if c.endswith(end)]].to_numpy() for end in ("position_rad", "torque_nm")])
+    for off in (0.0, 0.02, 0.05):
+        numbers = body_numbers(mass, place + off * way / np.linalg.norm(way), np.zeros((3, 3)))
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always", UserWarning)
+            found = gains_from_load(RigidBodyLags(told, RATE), *pair, joint=arm.joints[-1], numbers=numbers)
+        gains = " ".join(f"{gain:.2f}+-{error:.2f}" for gain, error in found.values())
+        text = "; ".join(str(w.message) for w in said)
+        print(f"{seed} {100 * off:.0f} cm off: {gains}; {text or 'nothing told'}", flush=True)
 
 
 @click.command()
 @click.option("--pairs", default=12)
 @click.option("--seed", default=52100, help="Of the first pair.")
 @click.option("--robot", type=click.Choice(list(ROBOTS)), default="ur10e")
-def main(pairs: int, seed: int, robot: str) -> None:
+@click.option("--places", "beside", is_flag=True, help="A known load, given beside its place.")
+def main(pairs: int, seed: int, robot: str, beside: bool) -> None:
     from scipy.stats import t as student
 
     rows, mass = ROBOTS[robot]
     arm, told = made(rows)
+    if beside:
+        for k in range(seed, seed + pairs):
+            places(arm, told, mass, k)
+        return
     half = float(student.isf(0.025, N_LEFT_OUT - 1))
     off, inside, first = [], 0, 0
     for k in range(seed, seed + pairs):
         with tempfile.TemporaryDirectory() as folder:
             out = Path(folder)
             (out / "arm.xml").write_text(arm_mjcf(told)[0])
-            place = np.random.default_rng(k).uniform([-0.05, -0.05, 0.02], [0.05, 0.05, 0.12])
             empty = write(arm, out / "empty.csv", 2 * k)
-            loaded = write(arm.with_body(arm.joints[-1], mass, place), out / "loaded.csv", 2 * k + 1)
+            loaded = write(arm.with_body(arm.joints[-1], mass, drawn_place(k)), out / "loaded.csv", 2 * k + 1)
             begun = time.process_time()
             asked = [empty, "--loaded", loaded, "--robot", out / "arm.xml", "--report", out / "gap", "--no-track"]
             done = CliRunner().invoke(gap, [str(a) for a in asked])

@@ -132,7 +132,7 @@ def test_what_is_wrong_is_told_in_one_sentence(folder, log, more, said):
         (
             {"p1": lambda t: np.rad2deg(t["p1"]), "p2": lambda t: np.rad2deg(t["p2"])},
             [],
-            "for degrees, give --unit position=deg",
+            "taken as degrees; give --unit position=deg",
         ),
         ({"u1": lambda t: t["u2"], "u2": lambda t: t["u1"]}, [], "The drives fit far better in another order"),
         ({"p2": lambda t: 0.3}, [], "pitch does not move"),
@@ -307,6 +307,25 @@ def test_gap_refuses_half_a_load_in_a_sentence(folder):
         gap, out / "arm.csv", "--robot", out / "arm.xml", "--gains", "hip:1", "--report", out / "g", "--no-track"
     )
     assert "names 'hip'" in " ".join(done.output.split())
+    for load in ("-2", "nan", "2.8:0,0"):
+        pair = ["--load", load, "--loaded", out / "arm.csv"]
+        done = run(gap, out / "arm.csv", "--robot", out / "arm.xml", *pair, "--report", out / "g", "--no-track")
+        assert done.exit_code == 2
+        assert "expected KG or KG:X,Y,Z" in " ".join(done.output.split())
+
+
+def test_a_torque_has_no_gain_and_options_of_an_arm_need_its_file(folder):
+    out, _ = folder
+    make_arm_log(duration=5.0).to_csv(out / "stated.csv", index=False)
+    pair = ["--load", "2", "--loaded", out / "stated.csv"]
+    done = run(gap, out / "stated.csv", "--robot", out / "arm.xml", *pair, "--report", out / "g", "--no-track")
+    assert done.exit_code == 2
+    assert "is in Nm, so no gain in Nm per A applies" in " ".join(done.output.split())
+    of_arms = (gap, "--loaded", out / "arm.csv"), (gap, "--joints", "a:b,c"), (identify, "--gains", "a:1")
+    for command, *more in of_arms:
+        done = run(command, out / "arm.csv", *more, "--no-track")
+        assert done.exit_code == 2
+        assert "is for arms; give the robot's file with --robot" in " ".join(done.output.split())
 
 
 def records(path, kind):

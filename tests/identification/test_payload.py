@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -83,3 +85,31 @@ def test_a_known_load_tells_the_gain_of_every_joint_that_it_moves():
     for (gain, error), truth in zip(found.values(), gains, strict=True):
         assert gain == pytest.approx(truth, rel=0.02)
         assert 0 < error < 0.05 * truth
+
+
+def told_of(place, pair):
+    numbers = body_numbers(2.8, place, np.zeros((3, 3)))
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always", UserWarning)
+        gains_from_load(RigidBodyLags(ARM, 500.0), *pair, joint="j2", numbers=numbers)
+    return [str(w.message) for w in said]
+
+
+def test_a_known_load_that_is_given_at_another_place_is_told():
+    pair = [log(ARM, 0), log(ARM.with_body("j2", 2.8, CENTRE), 1)]
+    assert told_of(CENTRE, pair) == []
+    (text,) = told_of((0.1, 0.05, 0.15), pair)
+    assert "(0.10, 0.05, 0.20) m of j2" in text
+    assert "(0.10, 0.05, 0.15)" in text
+
+
+def test_friction_of_which_the_fit_knows_nothing_widens_the_interval_of_a_gain():
+    arm = ARM.with_effects({**FRICTION, "j1": (*FRICTION["j1"], LoadFriction(0.1))})
+    pair = [log(arm, 0), log(arm.with_body("j2", 2.8, CENTRE), 1)]
+    numbers = body_numbers(2.8, CENTRE, np.zeros((3, 3)))
+    plain, hidden = (
+        gains_from_load(RigidBodyLags(ARM, 500.0), *logs, joint="j2", numbers=numbers)
+        for logs in ([log(ARM, 0), log(ARM.with_body("j2", 2.8, CENTRE), 1)], pair)
+    )
+    assert all(abs(gain - 1.0) < 4.0 * error for gain, error in hidden.values())
+    assert hidden["j1"][1] > 3.0 * plain["j1"][1]

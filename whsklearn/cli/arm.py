@@ -74,14 +74,15 @@ def gains_by_load(options: dict[str, Any], arm: Arm) -> str:
     try:
         numbers = body_numbers(float(mass), [float(x) for x in (place or "0,0,0").split(",")], np.zeros((3, 3)))
     except ValueError:
-        raise ColumnError(
-            f"--load is {options['load']!r}; expected KG or KG:X,Y,Z, such as 2.8 or 2.8:0,0,0.1."
-        ) from None
+        numbers = np.zeros(1)
+    if not (numbers[0] > 0.0 and np.isfinite(numbers).all()):
+        raise ColumnError(f"--load is {options['load']!r}; expected KG or KG:X,Y,Z, such as 2.8 or 2.8:0,0,0.1.")
     raw = options | {"gains": ";".join(f"{j}:1" for j in arm.joints)}
     pair = [long_segments(read_arm(options[name], raw, arm)) for name in ("log_file", "loaded")]
     lags = RigidBodyLags(arm, pair[0].sample_rate)
     empty, loaded = ((log.y, log.X, log.groups) for log in pair)
-    found = gains_from_load(lags, empty, loaded, joint=arm.joints[-1], numbers=numbers)
+    with warnings_as_notes():
+        found = gains_from_load(lags, empty, loaded, joint=arm.joints[-1], numbers=numbers)
     if untold := [j for j, (g, _) in found.items() if g != g]:
         note(f"The load does not change the drive of {', '.join(untold)}; each keeps its own unit.")
     return ";".join(f"{j}:{g:.6g}+-{e:.3g}" if g == g else f"{j}:1" for j, (g, e) in found.items())

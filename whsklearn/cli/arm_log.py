@@ -169,6 +169,11 @@ def to_si(joint: str, slides: bool, position: str, drive: str, gains: Mapping[st
 
     place, force = ("m", "N") if slides else ("rad", "Nm")
     if joint in gains:
+        if drive not in UNSTATED and not drive.endswith("A"):
+            raise ColumnError(
+                f"The drive of {joint} is in {drive}, so no gain in {force} per A applies to it; leave out --gains, or "
+                "--load, which finds gains."
+            )
         return factor_between(position, place), gains[joint][0] * factor_between(drive, "A")
     if drive not in UNSTATED and drive.endswith("A"):
         raise ColumnError(
@@ -226,6 +231,10 @@ def read_arm(path: str, options: Mapping[str, Any], arm: Arm) -> Bunch:
     first, rows = logs[0][0], common_rows([log.time for log, *_ in logs])
     if not options.get("joints") and not all(_owner([j], c) for j, pair in given.items() for c in pair):
         note(f"Columns in the robot's order: {'; '.join(f'{j}: {q} and {u}' for j, (q, u) in given.items())}.")
+    unknown = [u for j, (_, u) in given.items() if u in unstated and set(DRIVES[0]) & set(words_and_numbers(u))]
+    if unknown:
+        note(f"{unknown[0]} is taken as a current: without --gains the numbers of a joint are in its unit, not in Nm.")
+    unstated = [c for c in unstated if c not in unknown]
     if unstated:
         which = ", ".join(unstated[:4]) + (f" and {len(unstated) - 4} more" if len(unstated) > 4 else "")
         note(f"No unit is known for {which}; rad and Nm (m and N) are assumed. State it in the column's name.")

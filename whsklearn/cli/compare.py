@@ -14,7 +14,16 @@ import click
 
 from whsklearn.cli.gap import as_record, read_log
 from whsklearn.cli.job import UNUSABLE, job, say_where, table, tracker_for, wrapped, writable_folder
-from whsklearn.cli.options import FOLDER, LOG, PROBABILITY, axis_options, given, reading_options, robot_options
+from whsklearn.cli.options import (
+    FOLDER,
+    LOG,
+    PROBABILITY,
+    axis_options,
+    given,
+    reading_options,
+    refuse_without_robot,
+    robot_options,
+)
 from whsklearn.cli.records import TWICE, liveliest, long_segments, longest, names_of, note, note_assumed, refuse_shared
 
 if TYPE_CHECKING:
@@ -73,8 +82,7 @@ def comparison_of(options: dict[str, Any], files: tuple[str, ...], labels: list[
     from whsklearn.compare import ArmLog, compare_arms, compare_records
 
     if not options["robot"]:
-        if options["joints"] or options["gains"]:
-            raise click.UsageError("--joints and --gains are for arms; give the robot file with --robot.")
+        refuse_without_robot(options)
         logs = [log_of(options, file) for file in files]
         for first, second in itertools.combinations(logs, 2):
             refuse_shared(first, second, TWICE)

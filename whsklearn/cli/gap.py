@@ -24,6 +24,7 @@ from whsklearn.cli.options import (
     effects_option,
     given,
     reading_options,
+    refuse_without_robot,
     robot_options,
 )
 from whsklearn.cli.records import (
@@ -108,6 +109,7 @@ def main(**options: Any) -> None:
         again = options | {"log_file": options["second"], "load": None, "loaded": None}
         second = gap_log(again) if options["second"] else None
     else:
+        refuse_without_robot(options)
         if options["effects"]:
             from whsklearn.cli.own_effects import load_effects  # this compiles, and --help must not
 

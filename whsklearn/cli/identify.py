@@ -22,7 +22,16 @@ from whsklearn.cli.job import (
     wrapped,
     writable_folder,
 )
-from whsklearn.cli.options import FOLDER, LOG, given, logged_option, reading_options, robot_options, system_options
+from whsklearn.cli.options import (
+    FOLDER,
+    LOG,
+    given,
+    logged_option,
+    reading_options,
+    refuse_without_robot,
+    robot_options,
+    system_options,
+)
 from whsklearn.cli.records import TWICE, liveliest, names_of, note, note_assumed, read_system, refuse_shared
 
 if TYPE_CHECKING:
@@ -66,6 +75,7 @@ def main(**options: Any) -> None:
 
         arm.identify(options)
         return
+    refuse_without_robot(options)
 
     from whsklearn.identification.report import write
 

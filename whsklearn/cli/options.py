@@ -88,6 +88,14 @@ joint_options = _together(
 robot_options = _together(
     click.option("--robot", type=FILE, help="URDF, MJCF or model.json: a log of an arm."), joint_options
 )
+
+
+def refuse_without_robot(options: Mapping[str, Any]) -> None:
+    """Raise UsageError for options of an arm without its file."""
+    if of_arm := [name for name in ("joints", "gains", "load", "loaded") if options.get(name)]:
+        raise click.UsageError(f"--{of_arm[0]} is for arms; give the robot's file with --robot.")
+
+
 # A recursive estimator, see `build_model`.
 model_options = _together(
     click.option("--estimator", type=click.Choice(sorted(ESTIMATORS)), default="rmils", help="Estimator."),

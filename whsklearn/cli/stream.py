@@ -19,7 +19,7 @@ import click
 from click.core import ParameterSource
 
 from whsklearn.cli.job import job, root
-from whsklearn.cli.options import FILE, NEW_FILE, build_model, joint_options, model_options
+from whsklearn.cli.options import FILE, NEW_FILE, build_model, joint_options, model_options, refuse_without_robot
 
 OF_A_CHAIN = ("inputs", "output", "estimator", "orders", "law", "p")  # options that do not apply to an arm
 
@@ -75,6 +75,7 @@ def main(**options: Any) -> None:
         max_step, hole = min(max_step, arm.max_step), "restart"
         compare: Any = at_an_alarm_of(arm.arm, arm.dt, timed)
     else:
+        refuse_without_robot(options)
         model = build_model(options)
         columns = [*([options["time_column"]] if timed else []), *options["inputs"], options["output"]]
         compare = at_an_alarm(columns) if timed else None

@@ -115,7 +115,8 @@ def identify_arm(
     Raises
     ------
     ValueError
-        If the record or the robot cannot be used.
+        If the record or the robot cannot be used, and if the drives fit far better with the positions taken as degrees
+        or with the columns of the joints in another order.
     """
     q, torque = np.asarray(position, dtype=float), np.asarray(drive, dtype=float)
     lags = RigidBodyLags(robot, sample_rate=1.0 / dt, **settings)
@@ -127,7 +128,9 @@ def identify_arm(
             lags.set_params(effects=effects)
             rows = lags.joint_rows(q, torque, groups)
     phi, target, keep = rows
-    for text in (*suspicions(lags.arm_, q, torque), *swapped(lags, q, torque, rows, groups)):
+    if wrong := in_degrees(lags, q, torque, rows, groups) or swapped(lags, q, torque, rows, groups):
+        raise ValueError(wrong[0])
+    for text in suspicions(lags.arm_, q, torque):
         warnings.warn(text, UserWarning, stacklevel=3)
     if "reversals" not in settings and (reversals := reversals_of(lags, q, torque, groups, rows)):
         lags.set_params(reversals=reversals)
@@ -654,7 +657,9 @@ def in_degrees(
     lags: RigidBodyLags, q: Array, torque: Array, rows: tuple[Array, Array, NDArray[np.bool_]],
     groups: ArrayLike | None = None,
 ) -> list[str]:  # fmt: skip
-    """A sentence if the drives of all joints that turn fit far better with their positions taken as degrees, else none.
+    """A sentence if the drives of joints that turn fit far better with their positions taken as degrees, else none.
+
+    Those of half of them have to, and all no worse in sum: the drive of a wrist is mostly friction, in any unit.
 
     The arguments are those of `swapped`.
     """
@@ -664,8 +669,8 @@ def in_degrees(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
         trial = clone(lags).set_params(cutoff=lags.cutoff_)
-        left = _left(*trial.joint_rows(np.where(turns, np.radians(q), q), torque, groups))
-    if (left[turns] > CLEARLY * _left(*rows)[turns]).any():
+        left, before = _left(*trial.joint_rows(np.where(turns, np.radians(q), q), torque, groups)), _left(*rows)
+    if 2 * np.sum((left <= CLEARLY * before)[turns]) < turns.sum() or left.sum() > before.sum():
         return []
     return ["The drives fit far better with the positions taken as degrees; give --unit position=deg."]
 
