@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 
 from tests.recursion.axis_log import TRUTH, axis_log, slow_drive
 from whsklearn.identification import Compared, identify
-from whsklearn.identification.compare import _better, recommend
+from whsklearn.identification.compare import _better, _indices, recommend
 from whsklearn.identification.view import view
 from whsklearn.models import AxisModel, LinearModel
 from whsklearn.recursion.batch.axis_free_run import axis_motion
@@ -222,3 +222,11 @@ def test_of_one_kind_the_simpler_is_kept_where_windows_differ_by_chance():
     assert "best is no better than the choice of windows makes it by chance" in reason
     assert pair("axis", "everywhere")[0].name == "best"
     assert pair("arx", "here and there")[0].name == "best"
+
+
+def test_a_slow_linear_model_is_not_judged_by_the_state_in_which_a_log_begins():
+    """A tank that is not empty when its log begins."""
+    u = np.random.default_rng(1).normal(size=600)
+    model = LinearModel([0.0, 0.02], [1.0, -0.98])
+    log = view(u, model.simulate(u) + 5.0 * 0.98 ** np.arange(600), 1.0, "output")
+    assert _indices(model, log, 0)["nmse"] < 1e-9

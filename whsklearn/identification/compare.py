@@ -303,7 +303,7 @@ def identify(
         skip = max(skip, lead(judged.longest.u.size, dt))
     for compared in tried:
         compared.train = _indices(compared.model, fitting, 0)
-        compared.test = (_continued if test is None else _indices)(compared.model, judged, skip)
+        compared.test = _indices(compared.model, judged, skip)
     is_white = white(residual(chosen.model, whole), whole)
     return Identification(tried, chosen, trivial, reason, whole.floor, whole, judged, np.size(y), is_white, own)
 
@@ -326,7 +326,7 @@ def _each_tried(
             if progress:
                 progress(compared.name)
             _score(_fitted(compared, fit, fitting, units), held_out)
-            compared.test = _continued(compared.model, held_out, lead(held_out.longest.u.size, held_out.dt))
+            compared.test = _indices(compared.model, held_out, lead(held_out.longest.u.size, held_out.dt))
         tried.append(compared)
     # noise of the output biases the poles of an ARX model: of two that are as large and as good it comes second
     return sorted(tried, key=lambda c: (c.size, c.criterion == "prediction", c.score))
@@ -615,19 +615,15 @@ def _whole_run(model: Any, log: View, before: int) -> Array:
     return np.concatenate([(p.y - model.simulate(p.u))[min(before, p.y.size // 2) :] for p in pieces])
 
 
-def _continued(model: Any, held_out: View, skip: int) -> dict[str, float]:
-    """`_indices` of a record that goes on from another: a slow linear model must not start from rest in it."""
-    if isinstance(model, LinearModel) and not held_out.starts:
-        before = lead(held_out.longest.u.size, held_out.dt)
-        return _of_error(*(x[max(skip - before, 0) :] for x in whole_errors(model, held_out, before)))
-    return _indices(model, held_out, skip)
-
-
 def _indices(model: Any, log: View, skip: int) -> dict[str, float]:
-    """NMSE and RMSE of the free run in the output's unit; its state is fitted if the record begins in motion."""
+    """NMSE and RMSE of the free run in the output's unit; only a chain that runs in one piece starts from rest.
+
+    The state of the others is fitted to the first samples, which do not count: a tank that was not empty when its log
+    began left an NMSE of 0.7 to a linear model that predicts it with 0.15.
+    """
     if model is None:
         return {}
-    if log.logged == "output" and model.kind != "axis" and not log.starts:
+    if log.logged == "output" and isinstance(model, ChainModel) and not log.starts:
         error = (log.y - model.simulate(log.u))[skip:]
         known = log.y[skip:]
     else:
