@@ -13,11 +13,14 @@ import dataclasses
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.stats import norm
 
 from whsklearn.gap.calibration import N_DRAWS, coloured, n_effective, null_rows, smoothed_power
+from whsklearn.gap.diagnosis import ALPHA
 from whsklearn.gap.plants.servo_candidates import ColumnSignals as Motion
 from whsklearn.gap.plants.servo_model import HOLD, ServoHypothesis
 from whsklearn.gap.record import Array, rms
+from whsklearn.gap.search import HALF
 from whsklearn.identification.drive_lead import LATEST, OLDEST, earlier
 from whsklearn.systems._servo_kernel import DELAY, DRIVE, MEASURED, N_SIGNALS, RESOLUTION, How, PassInputs, run
 from whsklearn.systems.servo import FEWEST_STEPS
@@ -42,11 +45,13 @@ class Own(NamedTuple):
     apart: Array  # (k, n): how the own records differ: the part of the residual that is encoder noise
 
 
-def own_record(view: Any, model: ServoHypothesis, rng: np.random.Generator, feed: Array, delay: float) -> Any:
+def own_record(
+    view: Any, model: ServoHypothesis, rng: np.random.Generator, feed: Array, delay: float, *, held: bool = False
+) -> Any:
     """The record that the model makes in the experiment of ``view``.
 
     ``feed`` (n,): drive to which the loop adds. ``delay``: age of the drive in s when it acts; it is negative if the
-    drive was logged late.
+    drive was logged late. ``held``: whether the axis is held on the measured path by the drive that this takes.
     """
     record, dt = view.record, view.scene.dt
     old = abs(delay) + sum(float(t.q[0]) for t in model.terms if t.kind.delays)
@@ -61,18 +66,20 @@ def own_record(view: Any, model: ServoHypothesis, rng: np.random.Generator, feed
     plant.parts[RESOLUTION] = view.quantum
     path, speed = view.motion.position, view.motion.velocity
     noise = sigma * rng.standard_normal(len(record))
-    soft = (model.inertia * w * w, 0.0, 1.4 * model.inertia * w, 0.0, 1.0, np.inf, 0.0, 0.1 / w)
-    how = How(dt, max(FEWEST_STEPS, int(np.ceil(dt / model.longest_step))), closed=True)
-    out = run_by_piece(record, plant, soft, how, (path, speed, feed), noise)
-    drive, position = np.roll(out[DRIVE], late), out[MEASURED]
     # the torque that the model needs along the measured path
     motion = Motion(record.clock, path, speed, np.gradient(speed, dt), record.drive)
     asked = (t.effect.contribution(motion) for t in model.terms if t.effect.port in ("torque", "input"))
     needed = model.inertia * motion.acceleration + sum(asked)
+    if held:
+        return dataclasses.replace(record, drive=needed, position=path + noise)
+    soft = (model.inertia * w * w, 0.0, 1.4 * model.inertia * w, 0.0, 1.0, np.inf, 0.0, 0.1 / w)
+    how = How(dt, max(FEWEST_STEPS, int(np.ceil(dt / model.longest_step))), closed=True)
+    out = run_by_piece(record, plant, soft, how, (path, speed, feed), noise)
+    drive, position = np.roll(out[DRIVE], late), out[MEASURED]
     same = np.all(np.isfinite(position)) and np.abs(position - path).max() <= view.scene.reach
     # half the travel away it is a different experiment, and so it is with a drive that neither the log nor the path has
     if not (same and rms(drive) <= rms(record.drive) + rms(needed)):
-        drive, position = needed, path + sigma * rng.standard_normal(len(record))
+        drive, position = needed, path + noise
     return dataclasses.replace(record, drive=drive, position=position)
 
 
@@ -96,7 +103,29 @@ def own(view: Any, model: ServoHypothesis, rng: np.random.Generator) -> tuple[Ow
     The correction is that of indirect inference (Gourieroux, Monfort and Renault 1993, J. Applied Econometrics 8,
     S85-S118): if a fit behind filters finds an inertia that is 1 % too large in the model's own record, it does so in
     the log too.
+
+    If subtracting the mean of the records would leave more of the log's residual than it takes, the log tells that they
+    are of another experiment, and the axis is held on the measured path instead: where friction falls with the speed,
+    a loop that is softer than the real one lets the axis stick and slip.
     """
+    found, corrected, left = _own(view, model, rng)
+    share, error = _in_the_log(found.mean, left, found.n_effective)
+    if share + norm.isf(ALPHA) * error < HALF:
+        found, corrected, _ = _own(view, model, rng, held=True)
+    return found, corrected
+
+
+def _in_the_log(mean: Array, left: Array, n: float) -> tuple[float, float]:
+    """(size at which artefacts are found in a residual, where one is that of the records; its standard error)."""
+    power = float(mean @ mean) + 1e-300
+    share = float(left @ mean) / power
+    return share, float(np.sqrt(np.mean((left - share * mean) ** 2) / (n * power / mean.size)))
+
+
+def _own(
+    view: Any, model: ServoHypothesis, rng: np.random.Generator, *, held: bool = False
+) -> tuple[Own, ServoHypothesis, Array]:
+    """The same by simulation, or with the axis held on the path; and the residual of the log."""
     bare = view.bare()
     here, left = bare.fit_with_gap(model)
     asked = here.vector()
@@ -105,14 +134,14 @@ def own(view: Any, model: ServoHypothesis, rng: np.random.Generator) -> tuple[Ow
     # from the logged drive: the first residual contains the artefacts of the filters, which the first own record shows
     corrected, delay, feed = model, min(age - HOLD * dt, latest), view.record.drive
     for _ in range(2):  # with more passes they diverge if the drive has a limit, above which more drive changes nothing
-        made = bare.beside(own_record(view, corrected, rng, feed, delay))
+        made = bare.beside(own_record(view, corrected, rng, feed, delay, held=held))
         fitted, seen = made.fit_with_gap(model)
         corrected = model.with_vector(np.clip(corrected.vector() + asked - fitted.vector(), *model.bounds()))
         delay = float(np.clip(delay + age - made.age(fitted), -OLDEST, latest))
         feed = view.record.drive - bare.spread(left - seen)
     gaps = []
     for _ in range(N_RECORDS):
-        made = bare.beside(own_record(view, corrected, rng, feed, delay))
+        made = bare.beside(own_record(view, corrected, rng, feed, delay, held=held))
         gaps.append(made.fit_with_gap(model)[1])
     rows = np.array(gaps)
     mean = rows.mean(axis=0)
@@ -120,4 +149,5 @@ def own(view: Any, model: ServoHypothesis, rng: np.random.Generator) -> tuple[Ow
     rest = left - mean
     # n is that of the smoothed spectrum
     n = n_effective(coloured(smoothed_power(rest), (1, rest.size), np.random.default_rng(0))[0], view.n_effective)
-    return Own(mean, null_rows(rest, apart, N_DRAWS, rng), float(np.sqrt(np.mean(apart**2))), n, apart), corrected
+    found = Own(mean, null_rows(rest, apart, N_DRAWS, rng), float(np.sqrt(np.mean(apart**2))), n, apart)
+    return found, corrected, left
