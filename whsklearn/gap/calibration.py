@@ -220,6 +220,11 @@ def smoothed_power(x: Array) -> Array:
     return (total[high] - total[low]) / (high - low)
 
 
+def independent(x: Array, most: float) -> float:
+    """Independent samples in noise with the smoothed spectrum of ``x``, at most ``most`` (`n_effective`)."""
+    return n_effective(coloured(smoothed_power(x), (1, x.size), np.random.default_rng(0))[0], most)
+
+
 def null_rows(rest: Array, apart: Array, count: int, rng: np.random.Generator, share: float = 1.0) -> Array:
     """Residuals by chance with the colour of ``rest``, shape (count, n): encoder noise plus coloured noise.
 

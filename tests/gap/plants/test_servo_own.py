@@ -83,6 +83,23 @@ def test_a_shaken_axis_logged_late_makes_the_same_record():
     assert away < 0.3
 
 
+def test_an_axis_that_a_stiff_loop_moves_slower_than_its_friction_falls_is_held_on_its_path():
+    """Own records under a softer loop stuck and slipped, and left twenty times as much as the log."""
+    rate, law = 50.0, Stribeck(0.18, 0.0055)
+    t = np.arange(3000) / rate
+    q = 0.12 * np.sin(0.09 * t) + 0.02 * np.sin(0.4 * t + 1.0)
+    v = np.gradient(q, t)
+    u = 1.7 * np.gradient(v, t) + 1.8 * v + 0.33 * np.tanh(v / 1e-4) + law.value(velocity=v)
+    rng = np.random.default_rng(0)
+    record = ServoRecord(t, u + 1e-4 * rng.standard_normal(t.size), q + 4e-7 * rng.standard_normal(t.size))
+    view, base = start_of(record, ("viscous", "coulomb"), 0.004)
+    model = view.fit(base.with_term(ServoTerm(candidate("stribeck"), (0.18, 0.0055, 2.0))))
+    own, _ = servo_own.own(view, model, np.random.default_rng(0))
+    raw = view.gap(model)
+    assert view.rms(raw - own.mean) <= view.rms(raw)
+    assert own.floor < view.rms(raw)
+
+
 def test_null_rows_are_as_large_as_what_is_left(empty):
     view, model, own, _ = empty
     view.own = own

@@ -27,7 +27,7 @@ from whsklearn.effects import get_effect
 from whsklearn.effects.quantity import ONE_PERIOD
 from whsklearn.filtering.records import CUTOFF_SIGMA
 from whsklearn.gap import least_squares as ols
-from whsklearn.gap.calibration import N_DRAWS, coloured, gain, n_effective, null_rows, smoothed_power
+from whsklearn.gap.calibration import N_DRAWS, coloured, gain, independent, null_rows, smoothed_power
 from whsklearn.gap.least_squares import least_squares
 from whsklearn.gap.nameless import nameless
 from whsklearn.gap.plants import servo_stop as stop
@@ -325,17 +325,15 @@ def acceleration_tangent(view: Any, model: ServoHypothesis, rng: np.random.Gener
     is made, because a model without the force does not swing.
     """
     rest = acceleration_left(view, model)
-    power = smoothed_power(rest)
-    null = coloured(power, (N_DRAWS, rest.size), rng)
-    n = n_effective(coloured(power, (1, rest.size), np.random.default_rng(0))[0], view.n_effective)
+    null = coloured(smoothed_power(rest), (N_DRAWS, rest.size), rng)
+    n = independent(rest, view.n_effective)
     return Tangent(rest, null, regression(view, model)[1], n, stop.away(view, model))
 
 
 def explained_acceleration(view: Any, model: ServoHypothesis, grown: ServoHypothesis) -> tuple[float, float]:
     """(gain, share of the residual power removed) of the grown model, for the acceleration."""
     before, after = acceleration_left(view, model), acceleration_left(view, grown)
-    power = smoothed_power(before)
-    n = n_effective(coloured(power, (1, before.size), np.random.default_rng(0))[0], view.n_effective)
+    n = independent(before, view.n_effective)
     g = gain(float(before @ before), float(after @ after), n)
     return g, float(max(0.0, -np.expm1(-g / n)))
 

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.stats import norm
 
-from whsklearn.gap.calibration import N_DRAWS, coloured, n_effective, null_rows, smoothed_power
+from whsklearn.gap.calibration import N_DRAWS, independent, null_rows
 from whsklearn.gap.diagnosis import ALPHA
 from whsklearn.gap.plants.servo_candidates import ColumnSignals as Motion
 from whsklearn.gap.plants.servo_model import HOLD, ServoHypothesis
@@ -104,28 +104,34 @@ def own(view: Any, model: ServoHypothesis, rng: np.random.Generator) -> tuple[Ow
     S85-S118): if a fit behind filters finds an inertia that is 1 % too large in the model's own record, it does so in
     the log too.
 
-    If subtracting the mean of the records would leave more of the log's residual than it takes, the log tells that they
-    are of another experiment, and the axis is held on the measured path instead: where friction falls with the speed,
-    a loop that is softer than the real one lets the axis stick and slip.
+    Subtracting the mean of the records helps if more than half of it is in the log's residual.  If the log tells that
+    less is, the records are of another experiment, and the axis is held on the measured path instead: where friction
+    falls with the speed, a loop that is softer than the real one lets the axis stick and slip.
     """
-    found, corrected, left = _own(view, model, rng)
-    share, error = _in_the_log(found.mean, left, found.n_effective)
-    if share + norm.isf(ALPHA) * error < HALF:
-        found, corrected, _ = _own(view, model, rng, held=True)
-    return found, corrected
+    return _own(view, model, rng, held=False) or _own(view, model, rng, held=True)  # type: ignore[return-value]
 
 
-def _in_the_log(mean: Array, left: Array, n: float) -> tuple[float, float]:
-    """(size at which artefacts are found in a residual, where one is that of the records; its standard error)."""
+def contradicted(mean: Array, left: Array, most: float) -> bool:
+    """Whether artefacts, shape (n,), are not in a residual of at most ``most`` independent samples: see `own`.
+
+    Examples
+    --------
+    >>> mean, noise = np.random.default_rng(0).standard_normal((2, 1000))
+    >>> [contradicted(mean, size * mean + 0.3 * noise, 1000.0) for size in (0.0, 1.0)]
+    [True, False]
+    >>> contradicted(0.01 * mean, noise, 1000.0)  # too small to tell
+    False
+    """
     power = float(mean @ mean) + 1e-300
-    share = float(left @ mean) / power
-    return share, float(np.sqrt(np.mean((left - share * mean) ** 2) / (n * power / mean.size)))
+    share, n = float(left @ mean) / power, independent(left, most)
+    error = np.sqrt(np.mean((left - share * mean) ** 2) * mean.size / (n * power))
+    return bool(share + norm.isf(ALPHA) * error < HALF)
 
 
 def _own(
-    view: Any, model: ServoHypothesis, rng: np.random.Generator, *, held: bool = False
-) -> tuple[Own, ServoHypothesis, Array]:
-    """The same by simulation, or with the axis held on the path; and the residual of the log."""
+    view: Any, model: ServoHypothesis, rng: np.random.Generator, *, held: bool
+) -> tuple[Own, ServoHypothesis] | None:
+    """`own` by simulation, None if the log contradicts it, or with the axis held on the path."""
     bare = view.bare()
     here, left = bare.fit_with_gap(model)
     asked = here.vector()
@@ -146,8 +152,10 @@ def _own(
     rows = np.array(gaps)
     mean = rows.mean(axis=0)
     apart = (rows - mean) * np.sqrt(N_RECORDS / (N_RECORDS - 1.0))
+    if contradicted(mean, left, view.n_effective):
+        if not held:
+            return None
+        mean = np.zeros_like(mean)
     rest = left - mean
-    # n is that of the smoothed spectrum
-    n = n_effective(coloured(smoothed_power(rest), (1, rest.size), np.random.default_rng(0))[0], view.n_effective)
-    found = Own(mean, null_rows(rest, apart, N_DRAWS, rng), float(np.sqrt(np.mean(apart**2))), n, apart)
-    return found, corrected, left
+    n = independent(rest, view.n_effective)
+    return Own(mean, null_rows(rest, apart, N_DRAWS, rng), float(np.sqrt(np.mean(apart**2))), n, apart), corrected
