@@ -143,7 +143,7 @@ def main() -> None:
         rng = np.random.default_rng([options.seed, i])
         u, y, dt, expected = (drawn_axis if i % 2 == 0 else drawn_chain)(rng)
         results.append(told(f"drawn {i}", identify(u, y, dt=dt), expected))
-    right, no_worse = np.sum(results, axis=0)
+    right, no_worse = np.sum(results or [(0, 0)], axis=0)
     print(f"right class {right} of {len(results)}, no worse than ARX {no_worse} of {len(results)}\n")
     if options.mujoco and importlib.util.find_spec("mujoco"):
         of_mujoco(options.mujoco, options.seed)

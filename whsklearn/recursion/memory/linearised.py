@@ -110,7 +110,8 @@ class Signs(NamedTuple):
 
     def doubt(self, covariance: Array) -> Array:
         """|dx| in standard deviations for a given covariance of (a, b)."""
-        return np.abs(self.dx) / deviation(np.ascontiguousarray(self.gradient), np.ascontiguousarray(covariance))
+        # copies: those of a state are read-only, for which the kernel would be compiled once more
+        return np.abs(self.dx) / deviation(np.array(self.gradient), np.ascontiguousarray(covariance))
 
 
 def jumps(codes: Integers) -> Bools:

@@ -28,10 +28,12 @@ LONGEST_TRANSIENT = 256  # samples of constant input after which forgetting stop
 MOVING, IDLE, STILL = range(3)
 
 
-@part
 def relative_sharpness(seen, sharpest):
     """kappa times the root mean square of dx, which rises with the samples seen from 1 to ``sharpest``."""
     return min(max((seen / 32.0) ** 1.75, 1.0), sharpest)
+
+
+_relative_sharpness = part(relative_sharpness)  # of kernels; called from Python it would be compiled by itself too
 
 
 @njit(error_model="numpy", short=True)
@@ -232,7 +234,7 @@ def _run_model(model, line, samples, since, seen, schedule, law, p, frozen, stil
                 loss[1] = LOSS_FORGETTING * loss[1] + 1.0
         if learns and schedule.sharpest > 0.0:
             rms = np.sqrt(motion[0] / max(motion[1], 1.0))
-            sharpness[0] = relative_sharpness(seen, schedule.sharpest) / max(rms, 1e-12)
+            sharpness[0] = _relative_sharpness(seen, schedule.sharpest) / max(rms, 1e-12)
     return rate
 
 
