@@ -16,8 +16,7 @@ from threadpoolctl import threadpool_limits
 from whsklearn.effects import Coulomb, InputOffset, LoadFriction, Viscous
 from whsklearn.effects.base import Array
 from whsklearn.estimators.least_squares import RLSRegressor
-from whsklearn.filtering import Motion, zero_phase
-from whsklearn.lags.axis_rows import DRY, experiments, stack_columns
+from whsklearn.lags.axis_rows import experiments
 from whsklearn.lags.rigid_body import RigidBodyLags
 from whsklearn.models.arm import ArmModel
 from whsklearn.systems.arm import Arm
@@ -170,28 +169,20 @@ def reversals_of(
     (`python -m benchmarks.blind_arms --evidence`).
     """
     phi, target, keep = rows
-    weights, names, pieces = lags._weights(*rows), lags.base_.names, list(experiments(groups, len(q)))
+    weights, names = lags._weights(*rows), lags.base_.names
     predicted = lags._predicted(q, torque, fitted(phi, target, keep, weights)[0], groups)
     phi = with_ages(phi, keep, lags._rate(predicted, groups))[0]
-    moved = Motion(*(np.concatenate(x) for x in zip(*(lags._moved(q[s]) for s in pieces), strict=True)))
-    drive = np.concatenate([zero_phase(torque[s], lags.sample_rate, lags._fine) for s in pieces])
-    clock, out, others = np.zeros(len(q)), {}, Others(phi, target, keep, weights)
-    for k, joint in enumerate(lags.arm_.joints):
-        terms = tuple(t for t in lags._axes[joint][1] if isinstance(t, DRY) and f"{joint}.{t.name}" in names)
+    out, others = {}, Others(phi, target, keep, weights)
+    for k, (joint, (dry, speed, columns)) in enumerate(lags.dry_columns(q, torque, groups).items()):
         n = int(keep[:, k].sum())
-        if not terms or n < 2 * phi.shape[2]:
+        if not dry or n < 2 * phi.shape[2]:
             continue
-        at, along = [names.index(f"{joint}.{t.name}") for t in terms], Motion(*(x[:, k] for x in moved))
-        speed, error = float(np.sqrt(np.mean(along.velocity**2))), others.at(k, at)
+        at = [names.index(name) for name in dry]
+        error = others.at(k, at)
 
-        def seen(x: Array, along: Motion = along, terms: Any = terms, speed: float = speed, k: int = k) -> Array:
-            turning = (along.velocity + x[1] * along.acceleration) / (np.exp(x[0]) * speed)
-            columns = stack_columns(terms, along, drive[:, k], clock, turning)[:, 1:]
-            return np.concatenate([lags._filtered(columns[s])[lags._rows_of(s.stop - s.start)] for s in pieces])
-
-        def left(x: Array, error: Any = error, seen: Any = seen) -> float:
+        def left(x: Array, error: Any = error, columns: Any = columns, speed: float = speed) -> float:
             inside = REVERSES[0] <= x[0] <= REVERSES[1] and abs(x[1]) <= LEADS
-            return error(seen(x)) if inside else np.inf
+            return error(columns(float(np.exp(x[0])) * speed, float(x[1]))) if inside else np.inf
 
         leads = np.linspace(-0.5 * LEADS, 0.5 * LEADS, N_LEADS)
         best = min((np.array([np.log(w), lead]) for w in WIDTHS for lead in leads), key=left)

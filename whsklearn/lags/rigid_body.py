@@ -22,14 +22,14 @@ from whsklearn.effects import InputOffset, PreslidingHysteresis
 from whsklearn.effects.base import Array
 from whsklearn.filtering.records import Motion, central_difference, motion, motion_cutoff, velocity_noise, zero_phase
 from whsklearn.filtering.streams import causal_delay, causal_kernels, causal_motion, causal_window
-from whsklearn.lags.axis_rows import DRIVEN, column_names, effect_terms, experiments, sized_effects, stack_columns
+from whsklearn.lags.axis_rows import DRIVEN, DRY, column_names, effect_terms, experiments, sized_effects, stack_columns
 from whsklearn.models.files import as_arm
 from whsklearn.systems._arm_kernels import N_BODY
 from whsklearn.systems.arm import direction_of
 from whsklearn.systems.base_parameters import BaseParameters, base_parameters
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Callable, Iterator, Mapping
 
     from numpy.typing import ArrayLike, NDArray
 
@@ -288,6 +288,38 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         pieces = [self._advance(start, X[s], drive[s], target[s], rows=True)[:2] for s in experiments(groups, len(X))]
         phi, late = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
         return phi, late, np.ones(late.shape, dtype=bool)
+
+    def dry_columns(
+        self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None
+    ) -> dict[str, tuple[tuple[str, ...], float, Callable[[float, float], Array]]]:
+        """For each joint, the names of its columns of dry friction, its rms speed, and these columns at its rows.
+
+        The columns (m, k) are a function of how it reverses: of the speed (rad/s) and the lead (s) in `reversals`.
+
+        Parameters
+        ----------
+        X, y, groups
+            As for `joint_rows`, which must have been called with them.
+        """
+        X, drive = np.asarray(X, dtype=float), np.asarray(y, dtype=float)
+        pieces = list(experiments(groups, len(X)))
+        moved = Motion(*map(np.concatenate, zip(*(self._moved(X[s]) for s in pieces), strict=True)))
+        smooth = np.concatenate([zero_phase(drive[s], self.sample_rate, self._fine) for s in pieces])
+        out: dict[str, Any] = {}
+        for k, joint in enumerate(self.arm_.joints):
+            terms = [t for t in self._axes[joint][1] if isinstance(t, DRY) and f"{joint}.{t.name}" in self.base_.names]
+            along = Motion(*(x[:, k] for x in moved))
+
+            def at(
+                speed: float, lead: float, terms: Any = terms, along: Motion = along, u: Array = smooth[:, k]
+            ) -> Array:
+                turning = (along.velocity + lead * along.acceleration) / speed
+                columns = stack_columns(terms, along, u, np.zeros(len(u)), turning)[:, 1:]
+                return np.concatenate([self._filtered(columns[s])[self._rows_of(s.stop - s.start)] for s in pieces])
+
+            names = tuple(f"{joint}.{t.name}" for t in terms)
+            out[joint] = names, float(np.sqrt(np.mean(along.velocity**2))), at
+        return out
 
     def _views(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> FilteredRecords:
         """Experiments behind the filters: their unweighted rows, and the motion from which they are computed."""

@@ -379,6 +379,19 @@ def test_beside_known_numbers_a_fitted_effect_explains_what_its_look_did(empty):
     assert plant.size(plant.errors(model), plant.errors(grown)) < 0.97 * look.size
 
 
+def test_beside_a_found_effect_what_the_arms_own_record_leaves_has_no_name(empty):
+    heavier = dataclasses.replace(ARM, armature=ARM.armature + np.array([0.0, 0.02]))
+    plant = arm_plant(empty.model, record({"pitch": [Coulomb(0.2)]}, robot=heavier), law=None, tolerance=0.004)
+    plant.check()
+    model = plant.base(np.random.default_rng(0))
+    for name in ("joint_inertia at pitch", "coulomb at pitch"):
+        look = next(k for k in plant.looks(model, np.random.default_rng(0)) if k.name == name)
+        before, model = model, plant.refine(model, look)
+    assert plant.objection(before, model) == ""
+    plant.known = plant.known._replace(unexplained={"yaw": 0.0, "pitch": 2.0 * plant.view.drive_rms[1]})
+    assert "the arm's own record may leave" in plant.objection(before, model)
+
+
 def test_an_effect_of_one_number_is_not_refused_for_a_friction_of_one(empty):
     r = record()
     late = ArmRecord(r.time, r.position, np.vstack([r.drive[4:], np.repeat(r.drive[-1:], 4, axis=0)]))

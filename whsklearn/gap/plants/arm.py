@@ -352,6 +352,9 @@ class ArmPlant(Plant):
                 if beyond < max(min(self.tolerance, most), STILL * most, min(stays, LEAST_SHARE**0.5 * most)):
                     return f"{c.name.replace('_', ' ')} explains as much with fewer numbers"
         at = [view.arm.joints.index(j) for j in t.kind.place or view.arm.joints]
+        rest = self._shares(self.errors(model))[at]
+        if model.terms and self.known is not None and self.known.unexplained and np.all(rest <= QUIET * self.floor[at]):
+            return "before it, no more was left at its joint than the arm's own record may leave"
         there = float(self._shares(self.errors(model.with_terms(())))[at].max())
         if model.terms and self._explains(model, grown, t.kind.place)[1] < STILL * there:
             return "it explains no more than may stay without a name beside the effects already found"
@@ -360,7 +363,7 @@ class ArmPlant(Plant):
             return "on blocks of the record that were not fitted, the error is no smaller with it"
         asked = view.by_joint(view.contribution(t))  # all joints carry a mass, and gravity is always large
         closed = view.by_joint(view.left(view.fit(model))) ** 2 - view.by_joint(view.left(grown)) ** 2
-        j = int(np.argmax(closed / np.maximum(view.drive_rms, 1e-300) ** 2))
+        j = int(np.argmax(closed / np.maximum(view.drive_rms**2, 1e-300)))  # a joint at rest has no rows
         if t.kind.place and asked[j] > CANCELS * np.sqrt(max(closed[j], 0.0)):
             return f"it would add {asked[j]:.3g} to remove {np.sqrt(max(closed[j], 0.0)):.3g}: other terms cancel it"
         return ""
@@ -611,7 +614,7 @@ class ArmPlant(Plant):
             "runs": {k: x.reshape(-1, n)[:, j] for k, x in runs.items()},
             "held": self.measured()[1].reshape(-1, n)[:, j], "gap_time": rows, "usable": view.keep[:, j],
             "floor": float(self.floor[j]), "axes": self._signals(j), "units": self.units,
-            "what": f"{self.gap_word} of {view.arm.joints[j]}",
+            "what": f"{self.gap_word} of {view.arm.joints[j]}, as a share",
             "joints": {
                 name: (rows, view.target[:, i], *(np.where(view.keep[:, i], g[:, i], np.nan) for g in gaps))
                 for i, name in enumerate(view.arm.joints)
