@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 
+import pandas as pd
 import pytest
 from click.testing import CliRunner
 
@@ -73,3 +74,19 @@ def test_the_same_log_twice_is_refused(logs, tmp_path):
     result = run(logs / "day0.csv", tmp_path / "copy.csv", "--out", tmp_path / "out", "--no-track")
     assert result.exit_code != 0
     assert "would count twice" in " ".join(result.output.split()) + str(result.exception)
+
+
+def without_units(path, to):
+    """The same log with columns whose names state no unit."""
+    names = {"torque_nm": "torque", "position_rad": "position"}
+    pd.read_csv(path).rename(columns=names).to_csv(to, index=False)
+    return to
+
+
+def test_a_unit_that_one_log_does_not_state_is_si_as_the_note_says(logs, tmp_path):
+    bare = [without_units(logs / f"day{k}.csv", tmp_path / f"bare{k}.csv") for k in range(2)]
+    result = run(logs / "day0.csv", bare[1], "--out", tmp_path, "--no-track")
+    assert result.exit_code == 0, result.output
+    assert json.loads((tmp_path / "compare.json").read_text(encoding="utf-8"))["verdict"] == "nothing"
+    both = run(*bare, "--out", tmp_path, "--no-track")
+    assert both.output.count("The unit of the drive is not stated and is taken to be SI") == 1, both.output

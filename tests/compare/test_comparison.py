@@ -23,6 +23,13 @@ def test_rivals_and_a_turn_are_told():
     assert change.as_dict()["between"] == ["a", "b"]
 
 
+def test_what_is_said_of_the_size_is_the_interval_of_the_file():
+    change = Change("coulomb", 0.05, 0.08, 0.002, 10.0, "Nm", 1e-4, [], 0.1)
+    low, high = change.interval
+    assert f"difference {low:.3g} to {high:.3g} with 95 %" in str(change)
+    assert str(Change("mass at wrist", 0.0, 0.5, 0.01, 10.0, "kg", 1e-4, [], 0.1)).endswith("kg with 95 %)")
+
+
 def test_the_file_has_the_fields_of_the_contract():
     change = Change("coulomb", 0.05, 0.08, 0.002, 10.0, "Nm", 1e-4, ["viscous"], 0.1)
     data = Comparison("moved", "", ["a", "b"], [change], {"coulomb": 0.01}).as_dict()

@@ -114,6 +114,8 @@ def test_nothing_moved_and_what_would_have_shown(plain):
     inertia = next(r["mean"] for r in found.numbers if r["name"] == "inertia")
     assert found.smallest_seen["inertia"] < 0.1 * inertia
     assert "would have been detected" in found.sentence
+    assert f"{found.smallest_seen['input_offset']:.2g} Nm of input offset" in found.sentence
+    assert " s of delay" in found.sentence
 
 
 def test_numbers_are_told_in_the_units_of_the_log(plain):

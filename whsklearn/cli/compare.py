@@ -86,6 +86,7 @@ def comparison_of(options: dict[str, Any], files: tuple[str, ...], labels: list[
         logs = [log_of(options, file) for file in files]
         for first, second in itertools.combinations(logs, 2):
             refuse_shared(first, second, TWICE)
+        share_units(logs)
         records = [as_record(options | AN_AXIS, log)[0] for log in logs]
         return lambda: compare_records(records, labels, alpha=options["alpha"], random_state=options["seed"])
     from whsklearn.cli.arm_log import read_arm, robot_of  # it loads pandas, which the help does without
@@ -103,12 +104,24 @@ def log_of(options: dict[str, Any], file: str) -> Bunch:
     return log
 
 
+def share_units(logs: list[Bunch]) -> None:
+    """Give a log that does not state the unit of a column the SI unit that the others state, as `note_assumed` says."""
+    from whsklearn.logs.units import UNSTATED, factor_of
+
+    for role, si in (("drive", {"Nm", "N"}), ("position", {"rad", "m"})):
+        stated = {factor_of(log.units[role])[1] for log in logs if log.units.get(role, "") not in UNSTATED}
+        if len(stated) == 1 and stated <= si:
+            for log in logs:
+                if log.units.get(role) in UNSTATED:
+                    log.units = {**log.units, role: next(iter(stated))}
+
+
 def numbers_of(found: Comparison) -> str:
     """A table with one line per number and one column per record; of many records, the first and the last ones."""
     from whsklearn.compare.comparison import spoken
 
     shown = range(len(found.labels)) if len(found.labels) <= 4 else (0, 1, -2, -1)
-    header = ["number", *(found.labels[k] for k in shown), "±", "unit"]
+    header = ["number", *(found.labels[k] for k in shown), "std error", "unit"]
     rows = []
     for r in found.numbers:
         if "." in r["name"]:  # combinations of an arm's links are in the report only

@@ -117,8 +117,12 @@ def read(source: Source, options: Mapping[str, Any], quiet: tuple[str, ...] = ()
 
 
 def note(text: str) -> None:
-    """Print a note on stderr, separate from the result."""
-    click.echo(f"Note: {text}", err=True)
+    """Print a note on stderr, separate from the result; once in a command, however many logs call for it."""
+    context = click.get_current_context(silent=True)
+    said: set[str] = context.meta.setdefault(f"{__name__}.said", set()) if context is not None else set()
+    if text not in said:
+        said.add(text)
+        click.echo(f"Note: {text}", err=True)
 
 
 @contextlib.contextmanager

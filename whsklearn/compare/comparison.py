@@ -57,7 +57,7 @@ class Change:
     --------
     >>> change = Change("coulomb", 0.05, 0.065, 0.001, 12.0, "Nm", 1e-6, [], 0.1)
     >>> print(change)
-    coulomb rose 30 % (0.05 to 0.065 Nm, difference 0.015 ± 0.001)
+    coulomb rose 30 % (0.05 to 0.065 Nm, difference 0.0128 to 0.0172 with 95 %)
     >>> [round(x, 4) for x in change.interval]
     [0.0128, 0.0172]
     """
@@ -85,10 +85,16 @@ class Change:
         half = float(student.isf(SHOWN / 2.0, max(self.degrees, 1.0))) * self.standard_error
         return self.change - half, self.change + half
 
+    @property
+    def _likely(self) -> str:
+        """The interval as a reader sees it."""
+        low, high = self.interval
+        return f"{low:.3g} to {high:.3g}"
+
     def __str__(self) -> str:
         name, unit = self.name.replace("_", " "), "" if self.unit == "1" else f" {self.unit}"
         if name.startswith(("mass at ", "moment at ")):  # of a link only the change is known
-            text = f"{name} {self.change:+.3g} ± {self.standard_error:.2g}{unit}"
+            text = f"{name} {self.change:+.3g}{unit} ({self._likely}{unit} with 95 %)"
             return self._with_rest(text)
         least = 2.0 * self.standard_error
         if abs(self.before) <= least < abs(self.after):
@@ -100,11 +106,10 @@ class Change:
         else:
             share = 100.0 * (abs(self.after) / abs(self.before) - 1.0) if self.before else float("inf")
             how = f"{'rose' if share > 0.0 else 'fell'} {abs(share):.3g} %"
-        text = f"{name} {how} ({self.before:.3g} to {self.after:.3g}{unit}, difference {self.change:.3g} ± "
-        text += f"{self.standard_error:.2g})"
+        text = f"{name} {how} ({self.before:.3g} to {self.after:.3g}{unit}, difference {self._likely} with 95 %)"
         if self.direction is not None and abs(self.direction[0]) > 2.0 * self.direction[1]:
             turn, error = np.degrees(self.direction)
-            text += f" and turned by {turn:.3g} ± {error:.2g} deg"
+            text += f" and turned by {turn:.3g} ± {error:.2g} deg (standard error)"
         return self._with_rest(text)
 
     def _with_rest(self, text: str) -> str:

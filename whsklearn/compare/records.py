@@ -193,7 +193,7 @@ def compare_records(
     names = _labels(records, labels)
     kinds = {r.units for r in records}
     if len(kinds) > 1:
-        told = " and ".join(f"{u} over {m}" for u, m in sorted(kinds))
+        told = " and ".join(f"{'a drive without a unit' if u == 'drive' else u} over {m}" for u, m in sorted(kinds))
         raise ValueError(f"The records hold {told}; compare records of one kind of drive and motion.")
     found = _compared(records, names, alpha, np.random.default_rng(random_state))
     found.alpha, found.seconds = alpha, time.perf_counter() - began
@@ -455,6 +455,8 @@ def sentence(found: Comparison, d: Difference) -> str:
     if masses:  # the lightest that shows, of all places a hand may carry it
         name = min(masses, key=lambda n: masses[n])
         seen.append(f"{masses[name]:.2g} kg at {name.removeprefix('mass at ')}")
+    around_zero = [row for row in found.smallest_rows if row["name"] in ("input_offset", "delay")]  # no share of it
+    seen += [f"{row['smallest']:.2g} {row['unit']} of {spoken(row)}" for row in around_zero]
     hidden = by_effect({n: np.nan for n, s in sizes.items() if found.smallest_seen[n] >= SEEN * s})
     text = f"These records show no change. A change of {', '.join(seen)} would have been detected."
     return text + (f" A change of {' or '.join(hidden)} by less than half would not." if hidden else "")
