@@ -364,7 +364,7 @@ def polished(view: Any, model: ServoHypothesis, term: ServoTerm) -> ServoHypothe
     if term.kind in stop.KINDS:
         return stop.settled(view, model, term)
     grown = downhill(view, view.fit(model.with_term(term)), len(model.terms))
-    return jointly(view, grown, len(model.terms)) if term.kind.later else grown
+    return jointly(view, grown, len(model.terms)) if term.kind.later or term.kind.code in TWO_MASS else grown
 
 
 def settled(view: Any, model: ServoHypothesis) -> ServoHypothesis:
