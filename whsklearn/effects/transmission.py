@@ -190,7 +190,7 @@ class FlexibleCoupling(_TransmissionEffect):
         1e-3, "rad/Nm", 1e-7, 1e1, log=True, span=(0.5, 1e4), starts=(2.25, 6.6, 20.0, 56.0, 165.0, 506.0)
     )
     load_share: float = number(0.5, "1", 0.05, 0.95, starts=(0.45,))
-    damping_ratio: float = number(0.03, "1", 0.003, 1.0, starts=(0.06,))
+    damping_ratio: float = number(0.03, "1", 0.003, 1.0, starts=(0.06,), open_below=True)
     load_coulomb: float = number(0.0, "Nm", 0.0, 1e3, span=(0.0, 1.0), starts=(0.0,), open_below=True)
 
     name = "flexible_coupling"
@@ -201,4 +201,5 @@ class FlexibleCoupling(_TransmissionEffect):
     signature = "a resonance at a fixed frequency that the drive excites"
     needs = "energy near the resonance"
     reference = "Spong 1987, ASME J. Dyn. Syst. Meas. Control 109(4), 310-319"
+    essential = (*_TransmissionEffect.essential, "damping_ratio")  # a coupling that does not ring is no spring
     code = codes.FLEXIBLE_COUPLING

@@ -346,8 +346,8 @@ def bridged(
         return segment, []
     filled = holes & (lengths <= length)
     text = (
-        f"{filled.sum()} hole(s) of up to {length * period:.3g} s were filled: over stretches as long elsewhere in the "
-        f"log, interpolation is off by less than {100 * BRIDGED:g} % of the signals."
+        f"{filled.sum()} hole(s) of up to {length * period:.3g} s were filled. Tried on stretches as long elsewhere, "
+        f"interpolation changes less than {100 * BRIDGED:g} % of the signals of the whole log."
     )
     joined = segment - np.r_[0, np.cumsum(filled)]
     return joined, [finding("LOG011", "info", np.flatnonzero(filled) + 1, text, float(filled.sum()))]

@@ -364,7 +364,8 @@ def polished(view: Any, model: ServoHypothesis, term: ServoTerm) -> ServoHypothe
     if term.kind in stop.KINDS:
         return stop.settled(view, model, term)
     grown = downhill(view, view.fit(model.with_term(term)), len(model.terms))
-    return jointly(view, grown, len(model.terms)) if term.kind.later or term.kind.code in TWO_MASS else grown
+    together = term.kind.later or (term.kind.code in TWO_MASS and not term.kind.on_load)
+    return jointly(view, grown, len(model.terms)) if together else grown
 
 
 def settled(view: Any, model: ServoHypothesis) -> ServoHypothesis:
@@ -433,8 +434,8 @@ def downhill(view: Any, grown: ServoHypothesis, i: int) -> ServoHypothesis:
 def jointly(view: Any, grown: ServoHypothesis, i: int) -> ServoHypothesis:
     """The model with the free shape numbers of term ``i`` fitted together; the sizes are solved for at each step.
 
-    Distance and damping of bristles trade off against each other; moved one at a time, they stop halfway to the
-    minimum.
+    Distance and damping of bristles trade off against each other, and so do frequency, damping and friction behind a
+    coupling; moved one at a time, they stop halfway to the minimum.
     """
     first = grown.terms[i].kind.linear
     free = [(n, j, log) for n, (of, j, log) in enumerate(grown.free(), 2) if of == i and j >= first]
