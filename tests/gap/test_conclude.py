@@ -16,12 +16,13 @@ NAMELESS = SimpleNamespace(name="", p_value=1e-6, size=0.2, signal="")
 
 
 def verdict(
-    after, run, *, taken=("stribeck",), size=0.0, rivals=(), remainder=(), floor=0.01, exact=False, floors=1.0, gap=1.0
-):
+    after, run, *, taken=("stribeck",), size=0.0, rivals=(), remainder=(), floor=0.01, exact=False, floors=1.0, gap=1.0,
+    first=10.0,
+):  # fmt: skip
     """Of a record with such a gap, ``after`` of which is left where noise alone leaves ``floor``.
 
-    The free run closes by ``run``, and ends at so many of its own ``floors``; the looks say that each effect explains
-    ``size``.
+    The free run closes by ``run``, begins at ``first`` and ends at so many of its own ``floors``; the looks say that
+    each effect explains ``size``.
     """
     plant = SimpleNamespace(
         tolerance=0.004, scale=1.0, exact=exact,
@@ -35,7 +36,7 @@ def verdict(
         remainder=list(remainder),
         steps=[None],
     )
-    return verdict_of(plant, found, 0.01, {"closure": run, "after": floors, "floor": 1.0})
+    return verdict_of(plant, found, 0.01, {"closure": run, "before": first, "after": floors, "floor": 1.0})
 
 
 @pytest.mark.parametrize(
@@ -57,6 +58,12 @@ def test_a_name_for_sure_explains_most_of_the_gap_and_closes_most_of_the_run(aft
 def test_a_name_explains_a_quarter_of_what_follows_the_motion_whatever_noise_is_beside_it(rest, expected, name):
     other = SimpleNamespace(name=name, p_value=1e-6, size=rest, signal="")
     assert verdict(0.9, 0.9, remainder=[other] if rest else []) == expected  # it explains 0.19
+
+
+@pytest.mark.parametrize(("first", "expected"), [(1.01, "coloured_noise"), (10.0, "partial")])
+def test_a_run_that_noise_explains_already_is_no_evidence(first, expected):
+    """A dead zone that was not there explained a fifth of the drive, and 1.00 of a gap of 0.4 % of the run."""
+    assert verdict(0.9, 1.0, first=first) == expected
 
 
 @pytest.mark.parametrize(("rest", "expected"), [(0.0, "coloured_noise"), (0.1, "unknown")])

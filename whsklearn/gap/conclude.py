@@ -31,8 +31,8 @@ from whsklearn.gap.tangent import Look
 from whsklearn.logs.units import respelled
 
 UNFINISHED = ("unknown", "partial", "coloured_noise")  # verdicts beside which a nameless torque is learned
-# Multiple of the floor above which the free run must close `LEAST_SHARE` of the gap, for a plant whose own records are
-# exact: a floor is known to a few percent.
+# Multiple of the floor above which a free run shows a gap at all: a floor is known to a few percent. Where own records
+# are exact, `LEAST_SHARE` of it must be closed.
 ABOVE_FLOOR = 1.1
 # Rms of an effect, as a share of the drive, that a record must be able to show, or the effect is not testable.
 SHOWN = 0.02
@@ -281,7 +281,9 @@ def verdict_of(plant: Any, found: Found, alpha: float, run: dict[str, float]) ->
     explained = max(before**2 - after**2, sum((t.size * plant.scale) ** 2 for t in found.taken))
     if explained < LEAST_SHARE * (explained + follows**2):
         return "unknown"
-    if not plant.exact and max(explained / max(before**2, 1e-300), run["closure"]) < LEAST_SHARE:
+    # a run that noise alone explains before the repair shows no closure
+    shown = run["closure"] if run["before"] > ABOVE_FLOOR * run["floor"] else 0.0
+    if not plant.exact and max(explained / max(before**2, 1e-300), shown) < LEAST_SHARE:
         return "unknown" if follows > least else "coloured_noise"
     # Measured as in simulation: with half of the power gone 0.7 of the gap is left, as where two tones stand for a wave
     # of the position that a tone modulates.  Exact records: the errors are already those of a free run.

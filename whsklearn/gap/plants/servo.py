@@ -44,7 +44,7 @@ from whsklearn.gap.plants.servo_start import (
     with_earlier_drive,
 )
 from whsklearn.gap.record import SPLIT, Array, ServoRecord, rms
-from whsklearn.gap.search import HALF, SAME
+from whsklearn.gap.search import HALF, LEAST_SHARE, SAME
 from whsklearn.logs.units import inertia_unit
 
 OVER_LITTLE_TRAVEL = {"input_offset": ("gravity_imbalance",), "asymmetric_coulomb": ("gravity_imbalance",),
@@ -139,15 +139,15 @@ class ServoPlant(Plant):
         return min(kept, key=lambda m: servo_run.train_error(self.observer, m, self.headline))
 
     def contributes(self, base: ServoHypothesis, model: ServoHypothesis) -> bool:
-        """Whether the torque missing from the free runs is smaller with the effects than without.
+        """Whether the effects take `LEAST_SHARE` of the power of the torque that the free runs lack.
 
         Over a short horizon h a missing torque tau displaces an axis by tau h^2 / (2 J).  Where a slow force is
         missing, the base model compensates with an inertia that is far too large.  Such a sluggish axis leaves the
         path slowly whatever torque is missing, so a correct repair need not follow the path any better.
         """
         y, held = self.measured()
-        lacks = (m.inertia * rms((y - self.simulate(m, self.headline))[held]) for m in (model, base))
-        return next(lacks) < next(lacks)
+        after, before = (m.inertia * rms((y - self.simulate(m, self.headline))[held]) for m in (model, base))
+        return after**2 < (1.0 - LEAST_SHARE) * before**2
 
     def _from_load(self, model: ServoHypothesis) -> list[ServoHypothesis]:
         """The model with its transmission seen from the load, fitted along the run; empty if the fit drops it.
