@@ -177,6 +177,7 @@ def test_runs_are_compared_by_the_torque_that_they_lack():
     gravity = model.terms[-1]
     wrong = model.with_terms((*model.terms[:-1], dataclasses.replace(gravity, q=tuple(-x for x in gravity.q))))
     assert not plant.contributes(base, wrong)
+    assert not plant.contributes(base, dataclasses.replace(base, inertia=0.95 * base.inertia)), "hardly less is lacking"
     assert not plant.contributes(model, base)
 
 
