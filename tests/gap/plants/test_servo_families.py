@@ -19,8 +19,8 @@ from whsklearn.effects import (
     TorqueRipple,
 )
 from whsklearn.gap import GapFinder
-from whsklearn.gap.plants import servo_families, servo_own
-from whsklearn.gap.plants.servo_candidates import catalogue
+from whsklearn.gap.plants import servo_families, servo_own, servo_two_mass
+from whsklearn.gap.plants.servo_candidates import candidate, catalogue
 from whsklearn.gap.plants.servo_model import ServoTerm
 from whsklearn.gap.plants.servo_start import start_of
 from whsklearn.gap.record import ServoRecord
@@ -179,6 +179,18 @@ def test_a_play_is_found_before_a_load_that_rubs():
     assert found.name == "backlash"
     assert found.effect.gap == pytest.approx(hidden.gap, rel=0.2)
     assert found.effect.load_coulomb == pytest.approx(hidden.load_coulomb, rel=0.3)
+
+
+def test_the_shapes_of_a_coupling_are_fitted_together():
+    """Moved one at a time they stopped at five times the residual that the true ones leave."""
+    true = FlexibleCoupling(0.04, 0.65, 0.06, load_coulomb=0.02)
+    log = make_servo_log([true], duration=12.0, random_state=2)
+    view, base = start_of(ServoRecord.from_frame(log), ("viscous", "coulomb"), 0.004)
+    kind = candidate("flexible_coupling")
+    start = servo_two_mass.start(base, kind, 0.0, 4.0, 0.05)
+    found = servo_families.polished(view, base, start).terms[-1].effect
+    assert found.compliance == pytest.approx(true.compliance, rel=0.05)
+    assert found.load_share == pytest.approx(true.load_share, rel=0.05)
 
 
 def test_a_spring_before_a_load_that_rubs_is_no_play():
