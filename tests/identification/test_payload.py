@@ -104,12 +104,15 @@ def test_a_known_load_that_is_given_at_another_place_is_told():
 
 
 def test_friction_of_which_the_fit_knows_nothing_widens_the_interval_of_a_gain():
+    """White errors would make the interval a third as wide, and five gains would be 2.7 of them off on average."""
     arm = ARM.with_effects({**FRICTION, "j1": (*FRICTION["j1"], LoadFriction(0.1))})
-    pair = [log(arm, 0), log(arm.with_body("j2", 2.8, CENTRE), 1)]
     numbers = body_numbers(2.8, CENTRE, np.zeros((3, 3)))
-    plain, hidden = (
-        gains_from_load(RigidBodyLags(ARM, 500.0), *logs, joint="j2", numbers=numbers)
-        for logs in ([log(ARM, 0), log(ARM.with_body("j2", 2.8, CENTRE), 1)], pair)
-    )
-    assert all(abs(gain - 1.0) < 4.0 * error for gain, error in hidden.values())
-    assert hidden["j1"][1] > 3.0 * plain["j1"][1]
+
+    def found(robot, seed):
+        pair = [log(robot, seed), log(robot.with_body("j2", 2.8, CENTRE), seed + 1)]
+        return gains_from_load(RigidBodyLags(ARM, 500.0), *pair, joint="j2", numbers=numbers)
+
+    hidden = [found(arm, seed) for seed in range(0, 10, 2)]
+    assert hidden[0]["j1"][1] > 3.0 * found(ARM, 0)["j1"][1]
+    off = [[(gain - 1.0) / error for gain, error in one.values()] for one in hidden]
+    assert np.sqrt(np.mean(np.square(off), axis=0)).max() < 2.0  # 99.9 % of five normal deviates
