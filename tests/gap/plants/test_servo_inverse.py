@@ -140,6 +140,17 @@ def test_a_drive_that_loses_all_its_effect_is_no_explanation(change, objected):
     assert bool(too_large(base.with_term(ServoTerm(gain, (change, 3.0))), len(base.terms))) is objected
 
 
+@pytest.mark.parametrize("name", ["cogging", "load_friction"], ids=["of the motion", "of the model's own torque"])
+def test_a_fit_with_its_gap_is_the_fit_and_its_gap(name):
+    r = log_of()
+    view, base = start_of(ServoRecord(r.time, r.drive, r.position), ("viscous",), 0.004)
+    kind = candidate(name)
+    grown = base.with_term(ServoTerm(kind, (*([0.0] * kind.linear), *kind.starts(base.scene)[0])))
+    fitted, left = view.fit_with_gap(grown)
+    np.testing.assert_array_equal(fitted.vector(), view.fit(grown).vector())
+    np.testing.assert_allclose(left, view.gap(view.fit(grown)), atol=1e-12)
+
+
 @pytest.mark.parametrize(("lost", "objected"), [(0.6, False), (0.95, True)], ids=["self-locking screw", "locked"])
 def test_a_gear_may_lose_more_than_half_of_its_torque_but_not_nearly_all(lost, objected):
     r = log_of()
