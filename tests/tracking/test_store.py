@@ -57,6 +57,17 @@ def test_a_folder_that_takes_no_store_names_the_way_out(monkeypatch, tmp_path):
         open_tracker("x", root=tmp_path)
 
 
+def test_a_file_that_sqlite_cannot_open_is_told_at_once(monkeypatch, tmp_path):
+    """MLflow itself would try for minutes; the second name leaves no room for that of the file in the making."""
+    (tmp_path / "folder.db").mkdir()
+    for name in ("folder.db", "m" * 253):
+        monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{tmp_path / name}")
+        monkeypatch.setattr(store, "import_mlflow", lambda: SimpleNamespace(MlflowClient=pytest.fail))
+        with pytest.raises(TrackingError, match=r"cannot be opened \(unable to open database file\)"):
+            open_tracker("x")
+    assert [f.name for f in tmp_path.iterdir()] == ["folder.db"]
+
+
 def test_missing_mlflow_names_the_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "mlflow", None)
     with pytest.raises(ImportError, match=r"whsklearn\[mlflow\]"):

@@ -16,6 +16,7 @@ import os
 import re
 import signal
 import socket
+import sqlite3
 import sys
 import threading
 import time
@@ -90,17 +91,28 @@ def experiment_id(client: Any, name: str, location: str | None) -> str:
 
 
 def initialise(database: Path) -> None:
-    """Migrate a new database under another name, so that two first users do not interfere."""
+    """Migrate a new database under another name, so that two first users do not interfere.
+
+    Raises sqlite3.Error at once if the file cannot be opened; MLflow would try again for minutes.
+    """
     if database.exists():
+        _open_file(database)
         return
     database.parent.mkdir(parents=True, exist_ok=True)
     fresh = database.with_name(f"{database.name}.{os.getpid()}")
+    _open_file(fresh)
     try:
         import_mlflow().MlflowClient(f"sqlite:///{fresh}").search_experiments(max_results=1)
         with contextlib.suppress(FileExistsError):
             os.link(fresh, database)
     finally:
         fresh.unlink(missing_ok=True)
+
+
+def _open_file(database: Path) -> None:
+    """Open a database as MLflow would, but only once."""
+    with contextlib.closing(sqlite3.connect(database)) as opened:
+        opened.execute("PRAGMA schema_version")
 
 
 def probe(uri: str, seconds: float = _PROBE_SECONDS) -> None:
