@@ -25,6 +25,14 @@ def test_half_a_row_at_the_end_waits_until_it_is_whole(tmp_path):
     assert carried(tmp_path / "log.csv.whs")["last"] == [float(v) for v in lines[50].split(",")]
 
 
+def test_a_log_without_a_line_feed_is_refused(tmp_path):
+    log = tmp_path / "log.csv"
+    log.write_bytes("".join(rows(50)).replace("\n", "\r").encode())
+    done = run(log)
+    assert done.exit_code == 3
+    assert "has no complete line; a stream reads lines that end with LF or CR LF" in done.stderr
+
+
 def test_what_cannot_be_written_is_said_before_the_first_row(tmp_path):
     log = write(tmp_path / "log.csv", rows(50))
     for option in ("--out", "--checkpoint"):

@@ -122,6 +122,8 @@ def test_a_rise_of_friction_raises_the_alarm_and_is_named(tmp_path):
     assert change["alarm_row"] == alarm["row"]
     assert len(change["changes"]) == 1
     assert change["changes"][0].startswith("coulomb rose")
+    assert f"row {alarm['row']}: alarm change: the errors are not what they were." in done.stderr
+    assert f"row {change['row']}: change since row {change['since_row']}: {change['changes'][0]}." in done.stderr
     # the forgetting settles again, so the estimate is no noisier than one of the new regime alone
     assert records(tmp_path / "out.jsonl", "estimate")[-1]["parameters"]["coulomb"] == pytest.approx(0.84, abs=0.03)
 

@@ -252,6 +252,8 @@ def _run(stream: StreamMonitor, files: Files, place: dict[str, Any], keeper: Kee
     )
     if c.bad and not c.rows and not stopper.by:
         raise LogError(f"None of the {c.bad} lines of {files.source} is a row; see above what is wrong with them.")
+    if lines.left and not lines.offset and not stopper.by:
+        raise LogError(f"{files.source} has no complete line; a stream reads lines that end with LF or CR LF.")
     return bool(stopper.by)
 
 
@@ -339,10 +341,16 @@ def _to(writer: Out, run: BesideRun, say: Say) -> Callable[[Record], None]:
             metrics = {"moved": float(record["verdict"] == "moved")}
         elif record["kind"] == "alarm":
             metrics = {"alarm" if record["cause"] == "change" else record["cause"]: 1.0}
-            if record["cause"] != "change":
+            if record["cause"] == "change":
+                at = f" at {record['joint']}" if "joint" in record else ""
+                sometimes("change alarm", f"row {record['row']}: alarm change: the errors{at} are not what they were.")
+            else:
                 sometimes(
                     f"{record['cause']} alarm", f"line {record['line']}: alarm {record['cause']}: {record['reason']}."
                 )
+        elif record["kind"] == "change":
+            text = ", ".join(record["changes"]) or "no parameter moved by more than --smallest-change"
+            sometimes("change", f"row {record['row']}: change since row {record['since_row']}: {text}.")
         if metrics:
             run.log_metrics(metrics, step=record["row"])
 
