@@ -82,6 +82,12 @@ def test_a_unit_that_the_format_lacks_is_told_of_the_signal_that_has_it():
     assert "right for a position in counts alone" in loss.reason
 
 
+def test_a_current_of_a_linear_axis_is_scaled_to_a_force():
+    (loss,) = Exported(units={"input": "A", "output": "mm"}).foreign()
+    assert loss.reason.startswith("the format is in N:")
+    assert loss.reason.endswith("by the force constant")
+
+
 def row(name, values, error=0.001, si=1.0):
     mean, apart, p = spread(np.array(values), np.full(len(values), error**2))
     return {"name": name, "unit": "", "values": list(values), "mean": mean, "spread_between": apart,

@@ -15,7 +15,7 @@ from tests.gap.plants.test_servo_model import friction, started
 from tests.gap.plants.test_servo_model import model as axis_model
 from whsklearn import ServoAxis, WienerHammersteinSystem
 from whsklearn.datasets import default_arm, make_arm_log, make_servo_log
-from whsklearn.effects import Cogging, FlexibleCoupling, InputOffset, as_law
+from whsklearn.effects import Cogging, FlexibleCoupling, InputDelay, InputOffset, as_law
 from whsklearn.gap import Diagnosis, GapFinder, NamedEffect
 from whsklearn.gap.diagnosis import VERDICTS
 from whsklearn.gap.plants.arm import ArmRecord, arm_plant
@@ -116,6 +116,15 @@ def test_an_axis_comes_back_with_its_units(tmp_path):
     assert model.units == {"input": "A", "output": "rad"}
     own = axis.simulate_drive(DRIVE, noise=False).position
     np.testing.assert_allclose(model.simulate(DRIVE), own, atol=1e-3 * np.std(own))  # four fine steps in place of 20
+
+
+def test_a_drive_as_young_as_its_fit_allows_has_no_delay_in_the_file():
+    def delays(age):
+        axis = ServoAxis(effects=[InputDelay(0.011)], drive=Drive(delay=age), sample_rate=500.0)
+        return [e.delay for e in as_model(axis).effects]
+
+    assert delays(2e-12) == [0.011]
+    assert delays(2e-6) == [0.011, 2e-6]
 
 
 KINDS = [c for c in catalogue() if c.cls.__module__.startswith("whsklearn")]  # other tests define more

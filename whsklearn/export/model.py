@@ -150,14 +150,16 @@ class Exported:
     def foreign(self) -> list[Loss]:
         """Units that a format in Nm or N and rad or m does not support: a current, counts, or an unknown unit."""
         out = []
+        force = ("N", "Nm") if self.linear else ("Nm", "N")
         for what, column, symbol, wanted in (
-            ("drive", "input", self.si[0], ("Nm", "N")),
+            ("drive", "input", self.si[0], force),
             ("position", "output", self.si[1], ("rad", "m")),
         ):
             if not self.units.get(column):
                 out.append(Loss(f"unit of the {what}", "not stated", f"taken to be {wanted[0]}, as in the format"))
             elif symbol not in wanted:
-                how = "by the torque constant" if symbol == "A" else f"to {wanted[0]} for each {symbol}"
+                constant = "force" if wanted[0] == "N" else "torque"
+                how = f"by the {constant} constant" if symbol == "A" else f"to {wanted[0]} for each {symbol}"
                 text = (
                     f"the format is in {wanted[0]}: numbers that have it are in {symbol} here, and right for a {what}"
                 )

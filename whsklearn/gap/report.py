@@ -35,6 +35,7 @@ SILENCE = {
     "them.",
     "partial": "The effects that were added explain only a part of the gap. Something else is missing too.",
 }
+LEAST_AGE = 1e-6  # samples; where the drive is not old, its fitted age ends at the bound of the fit, near 1e-9
 NO_PICTURES = (
     "The report has no pictures, because matplotlib is not installed; pip install 'whsklearn[plot]' and write it again."
 )
@@ -141,7 +142,8 @@ def as_model(system: Any, units: tuple[str, str] = ("Nm", "rad")) -> AxisModel |
     if isinstance(system, ArmModel):
         return system
     if isinstance(system, ServoAxis):
-        delay = (InputDelay(system.drive.delay),) if system.drive.delay else ()
+        aged = system.drive.delay * system.sample_rate > LEAST_AGE
+        delay = (InputDelay(system.drive.delay),) if aged else ()
         return AxisModel(
             system.inertia, system.law, (*system.effects, *delay), dt=1.0 / system.sample_rate, units=known,
             logged="position",
