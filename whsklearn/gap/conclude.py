@@ -149,8 +149,11 @@ def _closing(plant: Any, found: Found, rng: np.random.Generator, given: Any, alp
             found.model, rows = standing
             if (i := _unsound(plant, found, alpha)) is None:
                 return rows
-            found.model = plant.settled(fitted.without(found.model.n_base + i))
-            del found.taken[i]
+            found.model = fitted
+            while i is not None:
+                found.model = plant.settled(found.model.without(found.model.n_base + i))
+                del found.taken[i]
+                i = _unsound(plant, found, alpha)
             found.remainder = plant.looks(found.model, rng)
             continue
         step = found.steps[min(len(found.taken) - 1, len(found.steps) - 1)]

@@ -92,7 +92,7 @@ def _paint(painter: Callable[[Any, Diagnosis], bool], d: Diagnosis) -> str:
     from matplotlib.figure import Figure
 
     with matplotlib.rc_context({"svg.fonttype": "path", "svg.hashsalt": painter.__name__, "path.simplify": True}):
-        figure = Figure(figsize=(6.2, 3.3), layout="constrained")
+        figure = Figure(figsize=(6.2, 3.3), layout="tight")
         canvas = FigureCanvasSVG(figure)
         axes = figure.subplots()
         axes.spines[["top", "right"]].set_visible(False)

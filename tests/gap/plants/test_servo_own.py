@@ -78,7 +78,9 @@ def test_the_correction_starts_anywhere_and_ends_at_the_record(factor):
 def test_a_shaken_axis_logged_late_makes_the_same_record():
     """The loop runs ahead of the log: without that, a drive that changes at every sample was 0.9 of itself away."""
     view, model = start_of(shaken(), ("viscous", "coulomb"), 0.004)
-    own = servo_own.own_record(view, model, np.random.default_rng(0), view.record.drive, -0.4 * view.scene.dt)
+    own = servo_own.own_record(
+        view, model, np.random.default_rng(0), view.record.drive, -0.4 * view.scene.dt, servo_own.needed(view, model)
+    )
     away = view.rms(own.drive - view.record.drive) / view.rms(view.record.drive)
     assert away < 0.3
 
@@ -121,6 +123,13 @@ def test_a_drive_that_was_never_logged_is_replaced_by_the_torque_along_the_path(
     view, model, *_ = empty
     alternating = view.scene.torque * (-1.0) ** np.arange(len(view.record))
     for size in (0.0, 30.0):
-        made = servo_own.own_record(view, model, np.random.default_rng(0), view.record.drive + size * alternating, 0.0)
+        made = servo_own.own_record(
+            view,
+            model,
+            np.random.default_rng(0),
+            view.record.drive + size * alternating,
+            0.0,
+            servo_own.needed(view, model),
+        )
         assert np.abs(made.position - view.motion.position).max() < view.scene.reach
         assert np.std(made.drive) < 1.2 * np.std(view.record.drive)

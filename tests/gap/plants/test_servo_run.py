@@ -11,7 +11,7 @@ from tests.gap.plants.example_servo import INERTIA, RATE, SECONDS, TIME, opened,
 from whsklearn.effects import Coulomb, GravityImbalance, Stribeck, Viscous
 from whsklearn.gap.plants.servo_candidates import candidate
 from whsklearn.gap.plants.servo_model import ServoTerm
-from whsklearn.gap.plants.servo_own import own_record
+from whsklearn.gap.plants.servo_own import needed, own_record
 from whsklearn.gap.plants.servo_run import (
     LONGEST_RUN,
     OFF_PATH,
@@ -60,7 +60,10 @@ def test_a_horizon_is_as_long_as_a_torque_that_is_worth_no_name_leaves_it(plain)
 def test_a_model_predicts_its_own_record_over_the_longest_horizon(plain):
     inverse, observer, base = plain
     model = observer.fit(base)
-    own = replace(observer, record=own_record(inverse, model, np.random.default_rng(0), observer.record.drive, 0.0))
+    own = replace(
+        observer,
+        record=own_record(inverse, model, np.random.default_rng(0), observer.record.drive, 0.0, needed(inverse, model)),
+    )
     assert predictable(own, model, LONGEST_RUN) == LONGEST_RUN
 
 

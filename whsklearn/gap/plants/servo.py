@@ -114,7 +114,8 @@ class ServoPlant(Plant):
 
     def made(self, model: ServoHypothesis, rng: np.random.Generator) -> ServoPlant:
         """The plant of a record that the model itself makes in the same experiment."""
-        record = servo_own.own_record(self.inverse, model, rng, self.record.drive, model.timing * self.record.dt)
+        ideal = servo_own.needed(self.inverse, model)
+        record = servo_own.own_record(self.inverse, model, rng, self.record.drive, model.timing * self.record.dt, ideal)
         other = ServoPlant(record, self.law, None, self.tolerance)
         other.observer = dataclasses.replace(self.observer, record=record)
         return other

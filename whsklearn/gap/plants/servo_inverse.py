@@ -34,8 +34,9 @@ KEPT = 40  # columns cached, because a polish moves one shape and not the others
 # The sign of a velocity is unknown below so many standard deviations of its noise; for records without noise, below
 # this share of the rms velocity.
 NOISY, SLOW = 3.0, 0.01
-# Judged samples; with fewer, rests are used too: a record at rest has no others. Ten numbers with ten samples each.
-FEWEST_JUDGED = 100
+# Judged samples, fewer than the numbers of a model with an effect; with fewer, rests are used too. Rests say little:
+# dry friction holds against any drive, so that a short log of a motor that stalls "lacked" a limit of its drive.
+FEWEST_JUDGED = 10
 # Multiple of the median power around it from which a peak is a line of the reference, where no tone is accepted; and
 # the widths, in bins (1 / duration), of the line and of its surroundings: a Hann window spreads a line over 1.5 bins
 # (`python -m benchmarks.real_axes --only so101`).

@@ -45,13 +45,22 @@ class Own(NamedTuple):
     apart: Array  # (k, n): how the own records differ: the part of the residual that is encoder noise
 
 
+def needed(view: Any, model: ServoHypothesis) -> Array:
+    """Drive that the model takes along the measured path, shape (n,)."""
+    record, path, speed = view.record, view.motion.position, view.motion.velocity
+    motion = Motion(record.clock, path, speed, np.gradient(speed, record.dt), record.drive)
+    asked = (t.effect.contribution(motion) for t in model.terms if t.effect.port in ("torque", "input"))
+    return np.asarray(model.inertia * motion.acceleration + sum(asked))
+
+
 def own_record(
-    view: Any, model: ServoHypothesis, rng: np.random.Generator, feed: Array, delay: float, *, held: bool = False
-) -> Any:
+    view: Any, model: ServoHypothesis, rng: np.random.Generator, feed: Array, delay: float, ideal: Array, *,
+    held: bool = False
+) -> Any:  # fmt: skip
     """The record that the model makes in the experiment of ``view``.
 
     ``feed`` (n,): drive to which the loop adds. ``delay``: age of the drive in s when it acts; it is negative if the
-    drive was logged late. ``held``: whether the axis is held on the measured path by the drive that this takes.
+    drive was logged late. ``ideal`` (n,): `needed`. ``held``: whether the axis is held on the measured path by it.
     """
     record, dt = view.record, view.scene.dt
     old = abs(delay) + sum(float(t.q[0]) for t in model.terms if t.kind.delays)
@@ -66,20 +75,16 @@ def own_record(
     plant.parts[RESOLUTION] = view.quantum
     path, speed = view.motion.position, view.motion.velocity
     noise = sigma * rng.standard_normal(len(record))
-    # the torque that the model needs along the measured path
-    motion = Motion(record.clock, path, speed, np.gradient(speed, dt), record.drive)
-    asked = (t.effect.contribution(motion) for t in model.terms if t.effect.port in ("torque", "input"))
-    needed = model.inertia * motion.acceleration + sum(asked)
     if held:
-        return dataclasses.replace(record, drive=needed, position=path + noise)
+        return dataclasses.replace(record, drive=ideal, position=path + noise)
     soft = (model.inertia * w * w, 0.0, 1.4 * model.inertia * w, 0.0, 1.0, np.inf, 0.0, 0.1 / w)
     how = How(dt, max(FEWEST_STEPS, int(np.ceil(dt / model.longest_step))), closed=True)
     out = run_by_piece(record, plant, soft, how, (path, speed, feed), noise)
     drive, position = np.roll(out[DRIVE], late), out[MEASURED]
     same = np.all(np.isfinite(position)) and np.abs(position - path).max() <= view.scene.reach
     # half the travel away it is a different experiment, and so it is with a drive that neither the log nor the path has
-    if not (same and rms(drive) <= rms(record.drive) + rms(needed)):
-        drive, position = needed, path + noise
+    if not (same and rms(drive) <= rms(record.drive) + rms(ideal)):
+        drive, position = ideal, path + noise
     return dataclasses.replace(record, drive=drive, position=position)
 
 
@@ -140,14 +145,14 @@ def _own(
     # from the logged drive: the first residual contains the artefacts of the filters, which the first own record shows
     corrected, delay, feed = model, min(age - HOLD * dt, latest), view.record.drive
     for _ in range(2):  # with more passes they diverge if the drive has a limit, above which more drive changes nothing
-        made = bare.beside(own_record(view, corrected, rng, feed, delay, held=held))
+        made = bare.beside(own_record(view, corrected, rng, feed, delay, needed(view, corrected), held=held))
         fitted, seen = made.fit_with_gap(model)
         corrected = model.with_vector(np.clip(corrected.vector() + asked - fitted.vector(), *model.bounds()))
         delay = float(np.clip(delay + age - made.age(fitted), -OLDEST, latest))
         feed = view.record.drive - bare.spread(left - seen)
-    gaps = []
+    gaps, ideal = [], needed(view, corrected)
     for _ in range(N_RECORDS):
-        made = bare.beside(own_record(view, corrected, rng, feed, delay, held=held))
+        made = bare.beside(own_record(view, corrected, rng, feed, delay, ideal, held=held))
         gaps.append(made.fit_with_gap(model)[1])
     rows = np.array(gaps)
     mean = rows.mean(axis=0)
