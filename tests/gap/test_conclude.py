@@ -150,12 +150,13 @@ class Runs:
     headline, exact = 2.0, False
 
     def __init__(self, closes, refitted=lambda m: m, objected=""):
-        self.closes, self.to_simulate, self.objected = closes, refitted, objected
+        self.closes, self.to_simulate, self.objected, self.looked = closes, refitted, objected, 0
 
     def objection(self, model, grown):
         return "at a limit" if grown[-1] in self.objected else ""
 
     def looks(self, model, rng):
+        self.looked += 1
         return []
 
     def linearised(self, model):
@@ -264,6 +265,7 @@ def test_of_two_unsound_effects_the_one_that_explains_less_goes_first(closing):
 def test_an_effect_goes_where_its_size_may_be_zero(closing):
     closes = Runs(lambda m: (0.9, 0.9))
     assert closing(closes, "abc", certainty="911")[1].taken == ["a"]
+    assert closes.looked == 1  # once both are gone
     assert closing(closes, "abc", certainty="333")[1].taken == ["a", "b", "c"]
     assert closing(closes, "a", certainty="1")[1].taken == []
     assert closing(closes, "a", certainty="3")[1].taken == ["a"]

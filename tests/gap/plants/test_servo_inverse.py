@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from benchmarks.blind_logs import servo
-from whsklearn.effects import GravityImbalance, LuGre
+from whsklearn.effects import Coulomb, GravityImbalance, LuGre, Viscous
 from whsklearn.gap import GapFinder
 from whsklearn.gap.plants.servo import ServoPlant
 from whsklearn.gap.plants.servo_candidates import candidate
@@ -60,6 +60,21 @@ def test_a_large_hidden_effect_is_found_first_and_the_base_numbers_stay_physical
     assert finder.effects_[0].effect.amplitude == pytest.approx(1.5, rel=0.05)
     assert finder.model_.inertia == pytest.approx(0.05, rel=0.1)
     assert finder.diagnosis_.closure > 0.8
+
+
+def test_what_a_short_log_shows_of_an_axis_that_stalls_is_what_it_shows_in_motion():
+    """At rest, dry friction holds against any drive: with rests, the gravity of 1.5 Nm was 1.41 Nm, and not all."""
+    time = np.arange(1140) / 190.0
+    drive = np.where(time < 2.2, 0.2 + time / 2.2, 1.2 + 0.35 * np.sin(0.9 * (time - 2.2)))
+    axis = ServoAxis(
+        inertia=0.02, law=[Viscous(0.8), Coulomb(0.2)], effects=[GravityImbalance(1.5)], sample_rate=190.0
+    )
+    r = axis.simulate_drive(drive, noise=3e-4 * np.random.default_rng(0).standard_normal(time.size))
+    view, _ = start_of(ServoRecord(r.time, r.drive, r.position), ("viscous", "coulomb"), 0.004)
+    assert not view.usable[view.time[:: view.every] > 5.0].any()  # it rests there
+    finder = GapFinder("servo").fit(ServoRecord(r.time, r.drive, r.position))
+    assert finder.verdict_ in ("named", "ambiguous")
+    assert finder.effects_[0].effect.amplitude == pytest.approx(1.5, rel=0.04)
 
 
 def test_friction_never_turns_negative(plain):
