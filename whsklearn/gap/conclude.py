@@ -281,7 +281,8 @@ def verdict_of(plant: Any, found: Found, alpha: float, run: dict[str, float]) ->
             return "not_testable" if asked and blind else "no_gap"
         return "unknown" if follows > least else "coloured_noise"
     # the drive's error shows little of free swings: there the looks along the run measure what an effect explains
-    explained = max(before**2 - after**2, sum((t.size * plant.scale) ** 2 for t in found.taken))
+    along = sum((t.size * plant.scale) ** 2 for t in found.taken if t.look.swapped)
+    explained = max(before**2 - after**2, along)
     if explained < LEAST_SHARE * (explained + follows**2):
         return "unknown"
     # a run that noise alone explains before the repair shows no closure

@@ -305,6 +305,8 @@ class Search:
         z = np.inf if whole else vuong(other.errors, taken.errors)
         if self.plant.exact:  # records simulated with the rival would cost a joint fit each, and blocks suffice
             return separable(lead, z, np.zeros(0), self.alpha)
+        if not whole and better > HALF * worse:
+            return False
         leads = self.plant.leads(taken, other, taken.before, self.rng)
         return separable(lead, z, leads, self.alpha) and self._still_apart(taken, other, whole)
 

@@ -334,6 +334,11 @@ class ServoPlant(Plant):
         """Residual of the model at the judged samples."""
         return self.inverse.gap(model)
 
+    def complete(self, before: Array, model: ServoHypothesis) -> bool:
+        """Whether a model leaves no more than noise and what is not worth naming."""
+        least = self.tolerance * self.scale
+        return self.rms(self.errors(model)) ** 2 <= (QUIET * self.own.floor) ** 2 + 2.0 * least**2
+
     def alone(self, model: ServoHypothesis) -> Array:
         """The model's residual, polished with the artefacts of its own records instead of those of its base."""
         view, kept = self.inverse, self.inverse.own
