@@ -22,7 +22,7 @@ from whsklearn.gap.diagnosis import (
     spoken,
 )
 from whsklearn.gap.pictures import pictures_in
-from whsklearn.gap.plant import LEARNED_SHARE, QUIET
+from whsklearn.gap.plant import LEARNED_SHARE, QUIET, quiet
 from whsklearn.gap.proof import closure, prove
 from whsklearn.gap.search import HALF, LEAST_SHARE, STILL, Found, Named, meet
 from whsklearn.gap.sentences import next_experiment, summary
@@ -270,12 +270,11 @@ def verdict_of(plant: Any, found: Found, alpha: float, run: dict[str, float]) ->
     follows = max((k.size for k in found.remainder if k.p_value <= alpha), default=0.0)
     # what only a refused name explains has no name either; looks at exact records are not so sharp
     before, after, floor, still = plant.figures(found.base, found.model, nameless if plant.exact else follows)
-    # doubled after one empty record of a test; to be calibrated
-    quiet = after**2 <= (QUIET * floor) ** 2 + 2.0 * least**2
+    silent = quiet(after, floor, least)
     if plant.exact:  # own records that lack nothing but an effect need no margin
-        quiet = quiet and nameless <= least
+        silent = silent and nameless <= least
     if not found.taken:
-        if quiet or not found.steps:
+        if silent or not found.steps:
             asked = {k.name for k in found.remainder if k.name}
             blind = len(_unseen(plant, found, alpha)) > HALF * len(asked)
             return "not_testable" if asked and blind else "no_gap"

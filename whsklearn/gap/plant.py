@@ -43,6 +43,17 @@ LEARNED_SHARE = 0.1
 PAYS = least_lead(ALPHA)
 
 
+def quiet(left: Any, floor: Any, least: Any) -> Any:
+    """Whether a residual is no more than noise, of the rms ``floor``, and what is not worth naming, ``least``.
+
+    Examples
+    --------
+    >>> quiet(1.2, 1.0, 0.0), quiet(1.5, 1.0, 0.0), quiet(1.5, 1.0, 0.5)
+    (True, False, True)
+    """
+    return left**2 <= (QUIET * floor) ** 2 + 2.0 * least**2  # twice: after one empty record of a test
+
+
 @dataclass(frozen=True)
 class FittedTerm:
     """A candidate with its numbers."""
@@ -276,7 +287,10 @@ class Plant(Protocol):
         return float(min((look.size / max(step.gap, 1e-300)) ** 2, 1.0))
 
     def complete(self, before: Array, model: Any) -> bool:
-        """Whether a model leaves nothing worth naming of these errors where its effects act; False: not known here."""
+        """Whether a model leaves nothing worth naming of these errors where its effects act.
+
+        By default this is not known, because the level of the noise is not.
+        """
         return False
 
     def alone(self, model: Any) -> Array:

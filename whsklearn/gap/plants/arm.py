@@ -23,7 +23,7 @@ from whsklearn.gap.calibration import p_value, rival_leads
 from whsklearn.gap.data_check import DataProblem
 from whsklearn.gap.filters import whiteness
 from whsklearn.gap.localisation import spectra
-from whsklearn.gap.plant import QUIET, Figures, Gap, Linearised, Plant, Told
+from whsklearn.gap.plant import QUIET, Figures, Gap, Linearised, Plant, Told, quiet
 from whsklearn.gap.plants import holes_in
 from whsklearn.gap.plants.arm_families import families, look_at_limit, nameless_at, polished
 from whsklearn.gap.plants.arm_terms import (
@@ -280,8 +280,8 @@ class ArmPlant(Plant):
     def complete(self, before: Array, model: ArmState) -> bool:
         """Whether what is left at the joints of its terms may stay without a name: see `whsklearn.gap.conclude`."""
         (first, last), here = (self._shares(e) for e in (before, self.errors(model))), self._acting(model)
-        quiet = last**2 <= (QUIET * self.floor) ** 2 + 2.0 * self.tolerance**2
-        return bool(np.all((quiet | (last <= STILL * first))[here]))
+        silent = quiet(last, self.floor, self.tolerance)
+        return bool(np.all((silent | (last <= STILL * first))[here]))
 
     def _moved(self, model: ArmState) -> float:
         """How far the numbers are from those of another record, squared, in the unit of the power of the errors."""
@@ -517,7 +517,7 @@ class ArmPlant(Plant):
         named, floor = self._acting(model), self.floor
         j = int(np.argmax(np.where(named, before**2 - after**2, -np.inf) if model.terms else after / floor))
         if self.known is not None and self.known.unexplained:
-            loud = after**2 > (QUIET * floor) ** 2 + np.where(named, 0.0, 2.0 * self.tolerance**2)
+            loud = ~quiet(after, floor, np.where(named, 0.0, self.tolerance))
             still = float(np.sqrt(np.max(np.where(loud, after**2 - floor**2, 0.0), initial=0.0)))
             if before[j] <= floor[j]:  # it was there before, and what explains it has no certain name
                 still = float(before[j])

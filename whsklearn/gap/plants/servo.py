@@ -20,7 +20,7 @@ from whsklearn.gap.diagnosis import NamedEffect
 from whsklearn.gap.filters import whiteness
 from whsklearn.gap.localisation import since_reversal, spectra
 from whsklearn.gap.pictures import DRAWN
-from whsklearn.gap.plant import PAYS, QUIET, Figures, Gap, Learned, Linearised, Plant, Reading, Told
+from whsklearn.gap.plant import PAYS, QUIET, Figures, Gap, Learned, Linearised, Plant, Reading, Told, quiet
 from whsklearn.gap.plants import (
     servo_families,
     servo_learned,
@@ -336,8 +336,7 @@ class ServoPlant(Plant):
 
     def complete(self, before: Array, model: ServoHypothesis) -> bool:
         """Whether a model leaves no more than noise and what is not worth naming."""
-        least = self.tolerance * self.scale
-        return self.rms(self.errors(model)) ** 2 <= (QUIET * self.own.floor) ** 2 + 2.0 * least**2
+        return bool(quiet(self.rms(self.errors(model)), self.own.floor, self.tolerance * self.scale))
 
     def alone(self, model: ServoHypothesis) -> Array:
         """The model's residual, polished with the artefacts of its own records instead of those of its base."""

@@ -31,7 +31,7 @@ from whsklearn.gap.calibration import GATE, gain, n_effective, p_value
 from whsklearn.gap.data_check import DataProblem, check_servo
 from whsklearn.gap.filters import WHITENING, autoregression, whiten, whiteness
 from whsklearn.gap.localisation import since_reversal, spectra
-from whsklearn.gap.plant import Figures, Gap, Linearised, Plant, Told
+from whsklearn.gap.plant import Figures, Gap, Linearised, Plant, Told, quiet
 from whsklearn.gap.plants.from_log import servo_record
 from whsklearn.gap.plants.simulator_look import (
     Errors,
@@ -268,6 +268,10 @@ class SimulatorPlant(Plant):
         values, units = (getattr(simulator, name, None) for name in ("parameters", "parameter_units"))
         known = units if isinstance(units, dict) else {}
         return {k: (float(v), known.get(k, "")) for k, v in values.items()} if isinstance(values, dict) else {}
+
+    def complete(self, before: Array, model: SimulatorModel) -> bool:
+        """Whether a model leaves no more than noise; a rival is then told by few instants, as of a stop, too."""
+        return bool(quiet(self.rms(self.errors(model)), self.noise, self.tolerance * self.scale))
 
     def figures(self, base: SimulatorModel, model: SimulatorModel, nameless: float = 0.0) -> Figures:
         """Rms of the errors, and the noise; the whole error above it is nameless if something follows the motion."""
