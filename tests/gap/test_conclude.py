@@ -17,7 +17,7 @@ NAMELESS = SimpleNamespace(name="", p_value=1e-6, size=0.2, signal="")
 
 def verdict(
     after, run, *, taken=("stribeck",), size=0.0, rivals=(), remainder=(), floor=0.01, exact=False, floors=1.0, gap=1.0,
-    first=10.0,
+    first=10.0, swapped=False,
 ):  # fmt: skip
     """Of a record with such a gap, ``after`` of which is left where noise alone leaves ``floor``.
 
@@ -28,7 +28,7 @@ def verdict(
         tolerance=0.004, scale=1.0, exact=exact,
         figures=lambda base, model, nameless: (gap, after, floor, nameless),
     )  # fmt: skip
-    look = SimpleNamespace(signal="velocity")
+    look = SimpleNamespace(signal="velocity", swapped=swapped)
     found = SimpleNamespace(
         base=None,
         model=None,
@@ -79,7 +79,12 @@ def test_an_effect_that_noise_nearly_hides_is_certain_where_all_of_it_is_closed(
 
 
 def test_what_a_free_swing_shows_along_the_run_has_a_name_but_not_for_sure():
-    assert verdict(0.9, 0.9, size=0.9) == "partial"
+    assert verdict(0.9, 0.1, size=0.9, swapped=True) == "partial"
+
+
+def test_what_a_look_promises_and_no_fit_has_taken_has_no_name():
+    """A play was given for a ripple above the cut-off: it took 20.83 to 20.81 % of the drive, and the look said 19."""
+    assert verdict(0.999, 0.1, size=0.9) == "coloured_noise"
 
 
 def test_rivals_make_it_ambiguous_and_what_follows_the_motion_partial():

@@ -66,9 +66,7 @@ def test_what_a_short_log_shows_of_an_axis_that_stalls_is_what_it_shows_in_motio
     """At rest, dry friction holds against any drive: with rests, the gravity of 1.5 Nm was 1.41 Nm, and not all."""
     time = np.arange(1140) / 190.0
     drive = np.where(time < 2.2, 0.2 + time / 2.2, 1.2 + 0.35 * np.sin(0.9 * (time - 2.2)))
-    axis = ServoAxis(
-        inertia=0.02, law=[Viscous(0.8), Coulomb(0.2)], effects=[GravityImbalance(1.5)], sample_rate=190.0
-    )
+    axis = ServoAxis(inertia=0.02, law=[Viscous(0.8), Coulomb(0.2)], effects=[GravityImbalance(1.5)], sample_rate=190.0)
     r = axis.simulate_drive(drive, noise=3e-4 * np.random.default_rng(0).standard_normal(time.size))
     view, _ = start_of(ServoRecord(r.time, r.drive, r.position), ("viscous", "coulomb"), 0.004)
     assert not view.usable[view.time[:: view.every] > 5.0].any()  # it rests there
