@@ -359,6 +359,32 @@ def test_a_name_that_explains_as_much_is_a_rival_though_chance_might_explain_it(
     assert search._as_good(replace(taken, gain=330.0), asked) == []
 
 
+@pytest.mark.parametrize(("exact", "whole", "left", "rivals"), [
+    (False, False, 1.3, ["other"]), (False, False, 1.5, []), (False, True, 1.3, []), (True, False, 1.3, []),
+])  # fmt: skip
+def test_what_neither_explains_may_favour_the_wrong_one(exact, whole, left, rivals):
+    """A spring left 0.77 of the power that the gravity of a pendulum left, beside friction that grows with the load."""
+    plant = Columns({})
+    plant.exact, plant.complete = exact, lambda before, model: whole
+    search = Search(plant, np.random.default_rng(0), alpha=0.01, max_effects=3)
+    taken, other = (Named(Look(n, 40.0, np.zeros(3)), None, np.ones(9), e * np.ones(9)) for n, e in
+                    (("taken", 1.0), ("other", left)))  # fmt: skip
+    assert search._unsettled(taken, [taken, other]) == rivals
+
+
+@pytest.mark.parametrize("whole", [True, False])
+def test_few_instants_tell_two_laws_apart_where_one_leaves_nothing(whole):
+    """A stop is touched a few times; gravity in its place leaves what blocks cannot tell from chance."""
+    plant, rng = Columns({}), np.random.default_rng(0)
+    plant.exact, plant.complete = True, lambda before, model: whole
+    noise, touches = rng.standard_normal(N), np.zeros(N)
+    touches[[100, 105, 600]] = 60.0
+    taken, other = (Named(Look(n, 40.0, np.zeros(3)), None, noise + 2.0 * touches, e, gain=g) for n, e, g in
+                    (("end_stop", noise, 900.0), ("gravity", noise + touches, 500.0)))  # fmt: skip
+    search = Search(plant, rng, alpha=0.01, max_effects=3)
+    assert search._told_apart(taken, other) is whole
+
+
 def test_a_review_leaves_an_effect_that_a_better_one_is_not_told_from():
     plant = Columns({"a": 0.5, "c": 0.3})
     search = Search(plant, np.random.default_rng(0), alpha=0.01, max_effects=3)

@@ -42,6 +42,13 @@ def test_numbers_that_can_be_set_have_errors_without_a_refit():
     assert 0 < next(iter(of_spring.values())) < 0.01 * spring.stiffness
 
 
+def test_a_simulator_that_lacks_nothing_more_leaves_noise():
+    plant = SimulatorPlant(Told(1.0), RECORD, tolerance=0.004)
+    base = plant.base(np.random.default_rng(0))
+    whole, half = (plant.fits.build((EffectTerm.of(CableSpring(k, 0.0)),)) for k in (0.3, 0.15))
+    assert [plant.complete(base.error, m) for m in (base, half, whole)] == [False, False, True]
+
+
 def test_series_are_of_one_length_and_runs_those_of_the_models():
     plant = SimulatorPlant(Told(1.0), RECORD, tolerance=0.004)
     base = plant.base(np.random.default_rng(0))
