@@ -45,7 +45,8 @@ def test_numbers_that_can_be_set_have_errors_without_a_refit():
 def test_a_simulator_that_lacks_nothing_more_leaves_noise():
     plant = SimulatorPlant(Told(1.0), RECORD, tolerance=0.004)
     base = plant.base(np.random.default_rng(0))
-    whole, half = (plant.fits.build((EffectTerm.of(CableSpring(k, 0.0)),)) for k in (0.3, 0.15))
+    half = plant.fits.build((EffectTerm.of(CableSpring(0.15, 0.0)),))
+    whole = plant.refine(base, Look("cable_spring", 1.0, np.zeros(2), (CableSpring(1.0, 0.0),)))
     assert [plant.complete(base.error, m) for m in (base, half, whole)] == [False, False, True]
 
 
