@@ -32,7 +32,7 @@ def test_an_absent_extra_is_one_sentence_with_the_line_that_installs_it(tmp_path
 
     def without(name, *rest, **options):
         if name.split(".")[0] == package:
-            raise ImportError(name)
+            raise ModuleNotFoundError(name=name)
         return real(name, *rest, **options)
 
     monkeypatch.setattr(builtins, "__import__", without)

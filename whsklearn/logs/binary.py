@@ -10,30 +10,19 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from whsklearn.logs.errors import LogError
+from whsklearn.logs.errors import LogError, damaged
 from whsklearn.logs.source import Column, Source
-
-
-def missing(path: Path, package: str, extra: str) -> ImportError:
-    """The error for an optional reader that is not installed."""
-    return ImportError(
-        f"Reading {path.name} needs {package}; install it with `pip install 'whsklearn[{extra}]'`, or export CSV."
-    )
 
 
 def open_parquet(path: Path) -> Source:
     """A Parquet file; a column of lists becomes one column per element, ``state.0``."""
-    try:
-        from pyarrow import ArrowException
-        from pyarrow.parquet import ParquetFile
-    except ImportError:
-        raise missing(path, "pyarrow", "parquet") from None
-    try:
+    from pyarrow import ArrowException
+    from pyarrow.parquet import ParquetFile
+
+    with damaged(path, "Parquet file", ArrowException, OSError):
         file = ParquetFile(path)
         schema = file.schema_arrow
         width = {n: _list_width(file, n) for n in schema.names if "list" in str(schema.field(n).type)}
-    except (ArrowException, OSError) as error:
-        raise _damaged(path, "Parquet", error) from None
     names = [n for n in schema.names if n not in width]
     names += [f"{n}.{i}" for n, k in width.items() for i in range(k)]
 
@@ -53,14 +42,10 @@ def open_parquet(path: Path) -> Source:
 
 def open_feather(path: Path) -> Source:
     """A Feather file, the Arrow format of version 2."""
-    try:
-        from pyarrow import ArrowException, feather
-    except ImportError:
-        raise missing(path, "pyarrow", "parquet") from None
-    try:
+    from pyarrow import ArrowException, feather
+
+    with damaged(path, "Feather file", ArrowException, OSError):
         table = feather.read_table(path)
-    except (ArrowException, OSError) as error:
-        raise _damaged(path, "Feather", error) from None
     return Source(
         path.name,
         list(table.column_names),
@@ -73,11 +58,6 @@ def _list_width(file: Any, name: str) -> int:
     return len(first[0] or [])
 
 
-def _damaged(path: Path, what: str, error: BaseException) -> LogError:
-    reason = (str(error).strip() or type(error).__name__).splitlines()[0].rstrip(".")
-    return LogError(f"{path.name} is not a complete {what} file ({reason[:160]}); copy or export it again.")
-
-
 def open_matlab(path: Path) -> Source:
     """A MATLAB file, including version 7.3; fields of structures are ``log.torque``, columns of a matrix ``data.0``."""
     with path.open("rb") as file:
@@ -86,10 +66,8 @@ def open_matlab(path: Path) -> Source:
     from scipy.io import loadmat
     from scipy.io.matlab import MatReadError
 
-    try:
+    with damaged(path, "MATLAB file", MatReadError, ValueError, TypeError, OSError, NotImplementedError):
         data = loadmat(path, squeeze_me=True, struct_as_record=False)
-    except (MatReadError, ValueError, TypeError, OSError, NotImplementedError) as error:
-        raise _damaged(path, "MATLAB", error) from None
     flat: dict[str, Any] = {}
     for name, value in data.items():
         if not name.startswith("__"):
@@ -131,21 +109,19 @@ def _of_arrays(path: Path, flat: dict[str, Any]) -> Source:
     """A source of arrays in memory."""
     if not flat:
         raise LogError(f"{path.name} holds no vector of numbers; save time, drive and position as vectors.")
-    return Source(path.name, list(flat), lambda wanted: {w: Column(np.asarray(flat[w])) for w in wanted})
+    return Source.of_arrays(path.name, flat)
 
 
 def open_numpy(path: Path) -> Source:
     """A NumPy archive of vectors, without pickled objects; the columns of a matrix are ``data.0``."""
     flat: dict[str, Any] = {}
-    try:
+    with damaged(path, "NumPy file", ValueError, OSError, EOFError, KeyError, BadZipFile):
         data = np.load(path, allow_pickle=False)
         if hasattr(data, "files"):
             with data:
                 parts = dict(data)
         else:
             parts = {"data": data}
-    except (ValueError, OSError, EOFError, KeyError, BadZipFile) as error:
-        raise _damaged(path, "NumPy", error) from None
     for name, value in parts.items():
         if value.dtype.names:
             flat.update({f: value[f] for f in value.dtype.names})
@@ -155,13 +131,9 @@ def open_numpy(path: Path) -> Source:
 
 
 def open_hdf5(path: Path) -> Source:
-    """An HDF5 file: data sets by their paths, the columns of a matrix are ``group/data.0``, as are fields of
-    records.
-    """
-    try:
-        import h5py
-    except ImportError:
-        raise missing(path, "h5py", "logs") from None
+    """An HDF5 file: data sets by their paths, columns of a matrix as ``group/data.0``, fields of records likewise."""
+    import h5py
+
     places: dict[str, tuple[str, Any]] = {}  # data set, and where in it
     units: dict[str, str] = {}
 
@@ -182,11 +154,8 @@ def open_hdf5(path: Path) -> Source:
         if name in places and unit:
             units[name] = unit.decode() if isinstance(unit, bytes) else str(unit)
 
-    try:
-        with h5py.File(path, "r") as file:
-            file.visititems(note)
-    except OSError as error:
-        raise _damaged(path, "HDF5", error) from None
+    with damaged(path, "HDF5 file", OSError), h5py.File(path, "r") as file:
+        file.visititems(note)
     if not places:
         raise LogError(f"{path.name} holds no vector of numbers; save time, drive and position as data sets.")
 
@@ -199,15 +168,10 @@ def open_hdf5(path: Path) -> Source:
 
 def open_tdms(path: Path) -> Source:
     """A TDMS file: channels are ``group/channel``, or ``channel`` if the name is unique."""
-    try:
-        from nptdms import TdmsFile
-    except ImportError:
-        raise missing(path, "npTDMS", "logs") from None
-    try:
-        with TdmsFile.read_metadata(path) as file:
-            channels = [(g.name, c.name, c.properties) for g in file.groups() for c in g.channels()]
-    except (ValueError, OSError, EOFError, KeyError) as error:
-        raise _damaged(path, "TDMS", error) from None
+    from nptdms import TdmsFile
+
+    with damaged(path, "TDMS file", ValueError, OSError, EOFError, KeyError), TdmsFile.read_metadata(path) as file:
+        channels = [(g.name, c.name, c.properties) for g in file.groups() for c in g.channels()]
     once = [c for _, c, _ in channels]
     where = {c if once.count(c) == 1 else f"{g}/{c}": (g, c) for g, c, _ in channels}
     units = {n: str(p["unit_string"]) for n, (_, _, p) in zip(where, channels, strict=True) if p.get("unit_string")}
@@ -231,18 +195,16 @@ def open_tdms(path: Path) -> Source:
 
 def open_mdf(path: Path) -> Source:
     """An MDF file, version 3 or 4: channels with the stamps of their group."""
-    try:
-        from asammdf import MDF
-    except ImportError:
-        raise missing(path, "asammdf", "logs") from None
+    from asammdf import MDF
+
     with path.open("rb") as raw:
         head = raw.read(68)
-    if b"HD" not in head[64:68]:  # asammdf would leave behind a partly built object, which raises when it is deleted
-        raise _damaged(path, "MDF", ValueError("no header block"))
-    try:
+    where: dict[str, tuple[int, int]] = {}
+    units: dict[str, str] = {}
+    with damaged(path, "MDF file", Exception):  # asammdf raises any error of its parser, such as a bare struct.error
+        if b"HD" not in head[64:68]:  # it would leave behind a partly built object, which raises when it is deleted
+            raise ValueError("no header block")
         with MDF(path) as file:
-            where: dict[str, tuple[int, int]] = {}
-            units: dict[str, str] = {}
             for g, group in enumerate(cast("Any", file.groups)):
                 master = file.masters_db.get(g)
                 for i, channel in enumerate(group.channels):
@@ -253,8 +215,6 @@ def open_mdf(path: Path) -> Source:
                     unit = getattr(channel, "unit", "") or getattr(getattr(channel, "conversion", None), "unit", "")
                     if unit:
                         units[name] = str(unit)
-    except Exception as error:  # asammdf raises any error of its parser, such as a bare struct.error
-        raise _damaged(path, "MDF", error) from None
     if not where:
         raise LogError(f"{path.name} has no channels; record the log again.")
 

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
+
 
 class LogError(ValueError):
     """A log that cannot be used; the message names the place and the remedy.
@@ -48,3 +52,13 @@ class LogWarning(UserWarning):
     >>> issubclass(LogWarning, UserWarning)
     True
     """
+
+
+@contextlib.contextmanager
+def damaged(path: Path, what: str, *failures: type[BaseException]) -> Iterator[None]:
+    """Turn these errors of a format's library into a `LogError`: the file is not a complete ``what``."""
+    try:
+        yield
+    except failures as error:
+        reason = (str(error).strip() or type(error).__name__).splitlines()[0].rstrip(".")
+        raise LogError(f"{path.name} is not a complete {what} ({reason[:160]}); copy or export it again.") from None

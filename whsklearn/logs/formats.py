@@ -29,6 +29,12 @@ _ENDINGS: dict[str, Callable[[Path], Source]] = {
     ".tdms": binary.open_tdms, ".mf4": binary.open_mdf, ".mdf": binary.open_mdf,
     ".mcap": robots.open_mcap, ".bag": robots.open_bag,
 }  # fmt: skip
+# Module of an optional reader -> its package, and the extra that installs it.
+_EXTRAS = {
+    "pyarrow": ("pyarrow", "parquet"), "h5py": ("h5py", "logs"), "nptdms": ("npTDMS", "logs"),
+    "asammdf": ("asammdf", "logs"), "mcap": ("mcap", "robots"), "mcap_ros2": ("mcap-ros2-support", "robots"),
+    "rosbags": ("rosbags", "robots"),
+}  # fmt: skip
 _SHEETS = {".xlsx", ".xls", ".ods"}
 _SCOPE = {".svdx", ".tcscopex", ".svbx"}  # no library can read them
 
@@ -65,7 +71,17 @@ def open_source(path: str | os.PathLike[str]) -> Source:
     ...     open_source(path).names
     ['time_s', 'torque_nm']
     """
-    return parts.with_nanoseconds(_opened(Path(path)))
+    file = Path(path)
+    try:
+        return parts.with_nanoseconds(_opened(file))
+    except ModuleNotFoundError as error:
+        module = (error.name or "").partition(".")[0]
+        if module not in _EXTRAS:
+            raise
+        package, extra = _EXTRAS[module]
+        raise ImportError(
+            f"Reading {file.name} needs {package}; install it with `pip install 'whsklearn[{extra}]'`, or export CSV."
+        ) from None
 
 
 def _opened(file: Path) -> Source:
@@ -88,13 +104,13 @@ def _opened(file: Path) -> Source:
     if packed.is_packed(head):
         return _unpacked(file, head)
     ending = _ENDINGS.get(file.suffix.lower())
+    if ending is binary.open_matlab and head:  # of version 4, without a signature
+        return ending(file)
     if ending is not None and ending is not binary.open_matlab:
         what = file.suffix.lower().lstrip(".")
         raise LogError(
             f"{file.name} is empty." if not head else f"{file.name} is not a {what} file: its first bytes differ."
         )
-    if ending is not None and head:
-        return binary.open_matlab(file)
     return _of_text(file)
 
 

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from whsklearn.logs.errors import LogError
+from whsklearn.logs.errors import damaged
 from whsklearn.logs.packed import DAMAGE, opened
-from whsklearn.logs.source import Column, Source
+from whsklearn.logs.source import Source
 from whsklearn.logs.units import symbol_of
 
 _PAIR = (
@@ -45,11 +45,8 @@ def open_labelled(path: Path) -> Source:
 
     Raises LogError if it is damaged.
     """
-    try:
-        with opened(path) as file:
-            lines = file.read().decode("utf-8-sig", errors="replace").splitlines()
-    except DAMAGE as error:
-        raise LogError(f"{path.name} is not a complete archive ({error}); copy or pack it again.") from None
+    with damaged(path, "archive", *DAMAGE), opened(path) as file:
+        lines = file.read().decode("utf-8-sig", errors="replace").splitlines()
     labels = [_labels(t) for t in lines]
     names = Counter(filter(None, labels)).most_common(1)[0][0]
     kept = [_PAIRS.findall(_MONITOR.sub("", t)) for t, n in zip(lines, labels, strict=True) if n == names]
@@ -59,13 +56,7 @@ def open_labelled(path: Path) -> Source:
     left = sum(bool(t.strip()) for t in lines) - len(kept)
     if left:
         notes.append(f"{left} line(s) with other labels or none were ignored.")
-    return Source(
-        path.name,
-        list(names),
-        lambda wanted: {w: Column(table[:, names.index(w)]) for w in wanted},
-        units=units,
-        notes=notes,
-    )
+    return Source.of_arrays(path.name, dict(zip(names, table.T, strict=True)), units=units, notes=notes)
 
 
 def _labels(line: str) -> tuple[str, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ from whsklearn.logs.formats import open_source
 from whsklearn.logs.heads import drive_unit
 from whsklearn.logs.roles import guess
 from whsklearn.logs.source import Column, Source
-from whsklearn.logs.timebase import LONG_GAP, bridged, even, in_order, to_seconds
+from whsklearn.logs.timebase import LONG_GAP, Even, bridged, even, in_order, to_seconds
 from whsklearn.logs.units import (
     OTHER_NAMES,
     ROLES,
@@ -36,20 +37,8 @@ from whsklearn.logs.units import (
     written_unit,
 )
 
-_MENDED = {
-    "LOG001",
-    "LOG002",
-    "LOG003",
-    "LOG004",
-    "LOG006",
-    "LOG010",
-    "LOG011",
-    "LOG013",
-    "LOG014",
-    "LOG018",
-    "LOG023",
-    "LOG024",
-}
+# Findings that say what was done to the samples, and are warned of.
+_MENDED = {f"LOG{number:03}" for number in (1, 2, 3, 4, 6, 10, 11, 13, 14, 18, 23, 24)}
 FEWEST = 3  # rows
 _STAMPS = {"LOG001", "LOG002", "LOG003", "LOG004", "LOG010"}
 
@@ -179,7 +168,10 @@ def load_log(
             f"{source.name} falls into {log.groups[-1] + 1} segments, and X and y alone do not tell where one ends; "
             "leave return_X_y out and pass groups."
         )
-    _warn(source.name, log.report)
+    told = [f for f in log.report.findings if f.severity == "warning" and f.code in _MENDED]
+    if told:
+        text = " ".join(f"{f.title}. {f.explanation}" for f in told)
+        warnings.warn(f"{source.name}: {text}", LogWarning, stacklevel=2)
     return (log.X, log.y) if return_X_y else log
 
 
@@ -237,14 +229,6 @@ def _as_torque(table: _Table, constant: TorqueConstant | None) -> None:
         table.findings.append(Finding("LOG022", "info", text))
 
 
-def _warn(name: str, report: LogReport) -> None:
-    said = " ".join(
-        f"{f.title}. {f.explanation}" for f in report.findings if f.severity == "warning" and f.code in _MENDED
-    )
-    if said:
-        warnings.warn(f"{name}: {said}", LogWarning, stacklevel=3)
-
-
 class _Table(Bunch):
     """Signals as logged, by role: ``time``, ``signals``, ``columns``, ``units``, ``findings``."""
 
@@ -259,7 +243,11 @@ def read_columns(
     values = {r: read[c].values if r == "time" else _floats(read[c].values, c, source.name) for r, c in columns.items()}
     stamps = None
     if "time" in columns:
-        _rate_of_ticks(columns["time"], units["time"], source.name)
+        if units["time"] == "counts":
+            raise ColumnError(
+                f"Column {columns['time']!r} of {source.name} counts ticks of unknown rate; add --unit "
+                "time=ticks/8000 for ticks of 8 kHz (an ODrive's), or leave --time out and give --rate."
+            )
         clock, more = to_seconds(values.pop("time"), units["time"], columns["time"])
         found += more
         clock, values = _in_turn(clock, values, columns, found)
@@ -285,17 +273,19 @@ def read_columns(
             mend.too_small(role, column, values[role])
         if role == "position" and units[role] == UNKNOWN and mend.counted(values[role]):
             units[role] = "counts"
-            text = f"Column {column!r} has whole numbers only; it is taken to be in counts. --unit {role}=UNIT states "
-            found.append(Finding("LOG019", "info", text + "another unit, or the counts of a turn: counts/4096."))
-        if units[role] == UNKNOWN and (known := drive_unit(column)):
+            told = f"Column {column!r} has whole numbers only; it is taken to be in counts. --unit {role}=UNIT states "
+            told += "another unit, or the counts of a turn: counts/4096."
+        elif units[role] == UNKNOWN and (known := drive_unit(column)):
             units[role] = known
-            text = (
-                f"Column {column!r} is taken to be in {known}, as an ODrive logs it (before firmware 0.5, in counts)."
+            told = (
+                f"Column {column!r} is taken to be in {known}, as an ODrive logs it (before firmware 0.5, in counts). "
             )
-            found.append(Finding("LOG019", "info", f"{text} --unit {role}=UNIT states another unit."))
-        if units[role] == UNKNOWN or (role == "time" and doubtful):
-            text = f"The unit of {role}, column {column!r}, is not known; --unit {role}=UNIT states it."
-            found.append(Finding("LOG019", "info", text))
+            told += f"--unit {role}=UNIT states another unit."
+        elif units[role] == UNKNOWN or (role == "time" and doubtful):
+            told = f"The unit of {role}, column {column!r}, is not known; --unit {role}=UNIT states it."
+        else:
+            continue
+        found.append(Finding("LOG019", "info", told))
     return _Table(time=clock, signals=values, columns=dict(columns), units=units, findings=found)
 
 
@@ -349,15 +339,6 @@ def _unit(role: str, column: str, read: Column, source: Source, given: Mapping[s
     return time_unit_of(column, inside) if role == "time" else unit_for(role, inside)
 
 
-def _rate_of_ticks(column: str, unit: str, name: str) -> None:
-    """Refuse ticks whose rate is not stated anywhere."""
-    if unit == "counts":
-        raise ColumnError(
-            f"Column {column!r} of {name} counts ticks of unknown rate; add --unit "
-            "time=ticks/8000 for ticks of 8 kHz (an ODrive's), or leave --time out and give --rate."
-        )
-
-
 def _floats(values: NDArray[Any], column: str, name: str) -> Array:
     """A column as floats; text is refused with its row and value."""
     import pandas as pd
@@ -386,10 +367,57 @@ def _refuse(name: str, table: _Table) -> None:
         raise LogError(f"{name}: {worst.title.lower()}. {worst.explanation} (resample=True does this while reading.)")
 
 
-def _mended(name: str, table: _Table) -> Bunch:
+@dataclass
+class _Mending:
+    """Signals (n,) by role on their clock, in segments, and what was found so far."""
+
+    clock: Array
+    signals: dict[str, Array]
+    segment: NDArray[np.int64]
+    found: list[Finding]
+
+    def leave_out(self, out: NDArray[np.bool_], told: Finding | None) -> None:
+        """Leave rows out, if a finding says why; a new segment begins after each long run of them."""
+        if told is None:
+            return
+        rows = np.flatnonzero(~out)
+        segment = self.segment[rows] + np.cumsum(np.diff(rows, prepend=rows[0]) >= LONG_GAP)
+        self.segment = np.unique(segment, return_inverse=True)[1].astype(np.int64)
+        self.clock, self.signals = self.clock[rows], {k: v[rows] for k, v in self.signals.items()}
+        self.found.append(told)
+
+
+def _mended(name: str, table: _Table) -> Log:
     """The log on an even grid, in segments, with its report."""
+    log, raw = _in_order(name, table)
+    log.leave_out(*mend.again(log.signals, log.segment))
+    _restore(log, table.units)
+    if "drive" in log.signals and "position" in log.signals:
+        log.leave_out(*mend.held(log.clock, log.signals["drive"], log.signals["position"]))
+    if "position" in log.signals and factor_of(table.units["position"])[1] in (*UNSTATED, "rad", "m", "counts"):
+        log.leave_out(*mend.frozen(log.signals["position"], log.segment))
+        _continue(log, table.units)
+    log.segment, more = bridged(log.clock, log.signals, log.segment)
+    log.found += more
+    done = even(log.clock, log.signals, log.segment)
+    if done.finding is not None:
+        log.found.append(done.finding)
+    if done.finding is None or not done.rounded:  # if stamps were merely rounded, no sample is lost
+        for f in raw.findings:
+            if f.code in _STAMPS:  # the problem without the remedy, which was applied
+                text = f.explanation.partition(";")[0].rstrip(".") + "."
+                log.found.append(Finding(f.code, "warning", text, f.rows, f.value))
+        if done.segment[-1] > 0:
+            log.found.append(Finding("LOG020", "info", f"There are {done.segment[-1] + 1} segments."))
+    every = [*log.found, *(f for f in raw.findings if f.code not in _STAMPS)]
+    every.sort(key=lambda f: -SEVERITIES.index(f.severity))
+    return _as_log(name, table, done, LogReport(tuple(every), raw.not_applicable, raw.jitter, raw.quantum))
+
+
+def _in_order(name: str, table: _Table) -> tuple[_Mending, LogReport]:
+    """The rows that have a number everywhere, in the order of time, and a check of them as they were logged."""
     found: list[Finding] = list(table.findings)
-    signals, time = table.signals, table.time
+    signals, time = dict(table.signals), table.time
     bad, hole = mend.missing_rows({"time": time, **signals}, table.columns)
     kept = np.flatnonzero(~bad)
     if hole is not None:
@@ -403,95 +431,48 @@ def _mended(name: str, table: _Table) -> Bunch:
     if not np.array_equal(stamps.rows, kept):
         place = np.searchsorted(kept, stamps.rows)
         signals = {k: v[place] for k, v in signals.items()}
-    found += stamps.findings
     raw = check_log(stamps.time, signals, rows=stamps.rows)
-    clock, segment = stamps.time, stamps.segment
-    out, cut = mend.again(signals, segment)
-    if cut is not None:
-        found.append(cut)
-        clock, signals, segment = _without(out, clock, signals, segment)
-    signals, more = _motions(signals, table.units)
-    found += more
-    if "velocity" in signals and "position" not in signals:
-        signals["position"], more_one = _summed(clock, signals["velocity"], segment)
-        found.append(more_one)
-        by, table.units["position"] = integral_of(table.units["velocity"])
-        signals["position"] *= by
-    if "drive" in signals and "position" in signals:
-        out, cut = mend.held(clock, signals["drive"], signals["position"])
-        if cut is not None:
-            found.append(cut)
-            clock, signals, segment = _without(out, clock, signals, segment)
-    if "position" in signals and factor_of(table.units["position"])[1] in (*UNSTATED, "rad", "m", "counts"):
-        out, cut = mend.frozen(signals["position"], segment)
-        if cut is not None:
-            found.append(cut)
-            clock, signals, segment = _without(out, clock, signals, segment)
-        jump = mend.jumps_in(clock, signals["position"], segment)
-        if jump is not None and table.units["position"] in UNSTATED and "drive" in signals:  # perhaps no motion
-            driven = mend.jumps_in(clock, signals["drive"], segment)
-            jump = jump if driven is None or not np.any(driven[jump != 0]) else None
-        if jump is not None:
-            signals["position"], more_one = mend.without_jumps(signals["position"], jump)
-            found.append(more_one)
-    segment, more = bridged(clock, signals, segment)
-    found += more
-    done = even(clock, signals, segment)
-    if done.finding is not None:
-        found.append(done.finding)
-    if done.finding is None or not done.rounded:  # if stamps were merely rounded, no sample is lost
-        for f in raw.findings:
-            if f.code in _STAMPS:  # the problem without the remedy, which was applied
-                text = f.explanation.partition(";")[0].rstrip(".") + "."
-                found.append(Finding(f.code, "warning", text, f.rows, f.value))
-        if done.segment[-1] > 0:
-            found.append(Finding("LOG020", "info", f"There are {done.segment[-1] + 1} segments."))
-    return _bunch(name, table, done, _report(raw, found, [f for f in raw.findings if f.code not in _STAMPS]))
+    return _Mending(stamps.time, signals, stamps.segment, [*found, *stamps.findings]), raw
 
 
-def _without(
-    out: NDArray[np.bool_], clock: Array, signals: dict[str, Array], segment: NDArray[np.int64]
-) -> tuple[Array, dict[str, Array], NDArray[np.int64]]:
-    """The log without some rows; a new segment begins after each long run of them."""
-    rows = np.flatnonzero(~out)
-    segment = segment[rows] + np.cumsum(np.diff(rows, prepend=rows[0]) >= LONG_GAP)
-    kept = {k: v[rows] for k, v in signals.items()}
-    return clock[rows], kept, np.unique(segment, return_inverse=True)[1].astype(np.int64)
-
-
-def _motions(signals: dict[str, Array], units: Mapping[str, str]) -> tuple[dict[str, Array], list[Finding]]:
-    """Unwrap wrapped angles, and restore the sign of a drive logged as unsigned."""
-    found, out = [], dict(signals)
+def _restore(log: _Mending, units: dict[str, str]) -> None:
+    """The sign of a drive logged as unsigned, wrapped angles, and a position of which only the velocity was logged."""
+    signals = log.signals
     if "drive" in signals:
-        out["drive"], told = mend.signed("drive", signals["drive"])
-        found += [told] if told is not None else []
+        signals["drive"], told = mend.signed("drive", signals["drive"])
+        log.found += [told] if told is not None else []
     for role in ("position", "reference", "command"):
         if role in signals and (turn := mend.turn_in(signals[role], units.get(role, UNKNOWN))) is not None:
-            out[role], text = mend.unwrap(role, signals[role], turn)
-            found.append(text)
-    return out, found
+            signals[role], text = mend.unwrap(role, signals[role], turn)
+            log.found.append(text)
+    if "velocity" in signals and "position" not in signals:
+        by, units["position"] = integral_of(units["velocity"])
+        speed, inside = signals["velocity"], np.diff(log.segment) == 0
+        step = np.where(inside, np.diff(log.clock) * 0.5 * (speed[1:] + speed[:-1]), 0.0)
+        signals["position"] = by * np.r_[0.0, np.cumsum(step)]
+        said = "Only the velocity is logged; its integral is taken as the position, whose origin and drift are unknown."
+        log.found.append(Finding("LOG018", "warning", said))
 
 
-def _summed(time: Array, velocity: Array, segment: NDArray[np.int64]) -> tuple[Array, Finding]:
-    """Integrate a velocity by the trapezoidal rule, from 0 in each segment."""
-    step = np.where(np.diff(segment) == 0, np.diff(time) * 0.5 * (velocity[1:] + velocity[:-1]), 0.0)
-    text = "Only the velocity is logged; its integral is taken as the position, whose origin and drift are unknown."
-    return np.r_[0.0, np.cumsum(step)], Finding("LOG018", "warning", text)
+def _continue(log: _Mending, units: Mapping[str, str]) -> None:
+    """The position without the jumps of its encoder."""
+    jump = mend.jumps_in(log.clock, log.signals["position"], log.segment)
+    if jump is not None and units["position"] in UNSTATED and "drive" in log.signals:  # perhaps no motion
+        driven = mend.jumps_in(log.clock, log.signals["drive"], log.segment)
+        jump = jump if driven is None or not np.any(driven[jump != 0]) else None
+    if jump is not None:
+        log.signals["position"], told = mend.without_jumps(log.signals["position"], jump)
+        log.found.append(told)
 
 
-def _report(raw: LogReport, found: list[Finding], keep: list[Finding]) -> LogReport:
-    every = sorted([*found, *keep], key=lambda f: -SEVERITIES.index(f.severity))
-    return LogReport(tuple(every), raw.not_applicable, raw.jitter, raw.quantum)
-
-
-def _bunch(name: str, table: _Table, done: Any, report: LogReport) -> Bunch:
+def _as_log(name: str, table: _Table, done: Even, report: LogReport) -> Log:
     import pandas as pd
 
     lead = done.signals.get("drive", done.signals.get("command"))
     assert lead is not None
     time = done.time - done.time[0]
     roles = [r for r in ("drive", "command", "position", "reference", "velocity") if r in done.signals]
-    frame = pd.DataFrame({"time": time, **{r: done.signals[r] for r in roles}}, copy=False)
+    frame: dict[str, Any] = {"time": time, **{r: done.signals[r] for r in roles}}
     return Log(
         X=lead[:, None],
         y=done.signals["position"],
@@ -502,7 +483,7 @@ def _bunch(name: str, table: _Table, done: Any, report: LogReport) -> Bunch:
         sample_rate=float(1.0 / done.period),
         units=dict(table.units),
         columns=dict(table.columns),
-        frame=frame,
+        frame=pd.DataFrame(frame, copy=False),
         report=report,
         notes=report.notes,
         name=name,

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from whsklearn.logs.errors import LogError
+from whsklearn.logs.errors import LogError, damaged
 from whsklearn.logs.packed import DAMAGE, opened
-from whsklearn.logs.source import Column, Source
+from whsklearn.logs.source import Source
 
 _BEGINS = re.compile(rb'\s*(?:\{\s*["}]|\[\s*[\[{])')
 FEWEST = 3  # rows, or elements of a vector
@@ -32,11 +32,8 @@ def open_json(path: Path) -> Source:
 
     Raises LogError if it is truncated or damaged, or contains no vectors.
     """
-    try:
-        with opened(path) as file:
-            text = file.read().decode("utf-8-sig")
-    except (UnicodeDecodeError, *DAMAGE) as error:
-        raise LogError(f"{path.name} is not a complete JSON file ({error}); export it again.") from None
+    with damaged(path, "JSON file", UnicodeDecodeError, *DAMAGE), opened(path) as file:
+        text = file.read().decode("utf-8-sig")
     notes: list[str] = []
     try:
         try:
@@ -50,7 +47,7 @@ def open_json(path: Path) -> Source:
         raise LogError(
             f"{path.name} has no vectors of at least {FEWEST} numbers; save time, drive and position as vectors."
         )
-    return Source(path.name, list(columns), lambda wanted: {w: Column(columns[w]) for w in wanted}, notes=notes)
+    return Source.of_arrays(path.name, columns, notes=notes)
 
 
 def _lines(text: str, name: str, notes: list[str]) -> list[Any]:

@@ -10,7 +10,7 @@ import zlib
 from pathlib import Path
 from typing import IO, Any, cast
 
-from whsklearn.logs.errors import LogError
+from whsklearn.logs.errors import LogError, damaged
 
 DAMAGE = (EOFError, gzip.BadGzipFile, lzma.LZMAError, zlib.error, zipfile.BadZipFile)
 _OPENERS: dict[bytes, Any] = {b"\x1f\x8b": gzip.open, b"BZh": bz2.open, b"\xfd7zXZ": lzma.open}
@@ -39,11 +39,8 @@ def members(path: Path) -> list[str]:
 
     Raises LogError if the archive is damaged.
     """
-    try:
-        with zipfile.ZipFile(path) as archive:
-            names = [i.filename for i in archive.infolist() if not i.is_dir()]
-    except DAMAGE as error:
-        raise LogError(f"{path.name} is not a complete ZIP archive ({error}); copy or pack it again.") from None
+    with damaged(path, "ZIP archive", *DAMAGE), zipfile.ZipFile(path) as archive:
+        names = [i.filename for i in archive.infolist() if not i.is_dir()]
     return [n for n in names if not n.startswith("__MACOSX/") and not Path(n).name.startswith(".")]
 
 

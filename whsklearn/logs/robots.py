@@ -11,13 +11,14 @@ import json
 import struct
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from whsklearn.logs.binary import _damaged, missing, open_parquet
-from whsklearn.logs.errors import LogError
+from whsklearn.logs.binary import open_parquet
+from whsklearn.logs.errors import LogError, damaged
 from whsklearn.logs.source import Column, Source
 
 _PEEK = 20  # messages of a topic from which its columns are determined
@@ -28,79 +29,57 @@ Message = tuple[str, int, Any]  # topic, recorder's stamp in ns, decoded message
 
 def open_mcap(path: Path) -> Source:
     """An MCAP file with JSON or ROS 2 messages."""
-    try:
-        from mcap.exceptions import McapError
-        from mcap.reader import make_reader
-    except ImportError:
-        raise missing(path, "mcap", "robots") from None
-    failures: tuple[type[BaseException], ...] = (McapError, OSError, ValueError, KeyError, EOFError, struct.error)
+    from mcap.exceptions import McapError
+    from mcap.reader import make_reader
 
     def messages() -> Iterator[Message]:
+        ros2 = cache(_ros2_decoders)  # of this file: they know its schemas by number
         with path.open("rb") as file:
-            reader = make_reader(file, decoder_factories=_decoders())
-            for schema, channel, message in reader.iter_messages():
-                content = _decoded(path, schema, channel, message, reader)
-                yield channel.topic, message.log_time, content
+            for schema, channel, message in make_reader(file).iter_messages():
+                yield channel.topic, message.log_time, _decoded(schema, channel.message_encoding, message.data, ros2)
 
-    return _of_messages(path, messages, failures)
+    return _of_messages(path, messages, McapError, OSError, ValueError, KeyError, EOFError, struct.error)
 
 
-def _decoders() -> list[Any]:
-    """The decoder of ROS 2 messages, if it is installed."""
-    try:
-        from mcap_ros2.decoder import DecoderFactory
-    except ImportError:
-        return []
-    return [DecoderFactory()]
+def _ros2_decoders() -> Any:
+    from mcap_ros2.decoder import DecoderFactory
+
+    return DecoderFactory()
 
 
-def _decoded(path: Path, schema: Any, channel: Any, message: Any, reader: Any) -> Any:
+def _decoded(schema: Any, encoding: str, data: bytes, ros2: Callable[[], Any]) -> Any:
     """The content of a message; None for an unsupported encoding."""
-    if channel.message_encoding == "json":
+    if encoding == "json":
         try:
-            return json.loads(message.data)
+            return json.loads(data)
         except RecursionError:
             raise ValueError("a JSON message is nested too deeply") from None
-    factories = reader._decoder_factories
-    if channel.message_encoding == "cdr" and not factories:
-        raise missing(path, "mcap-ros2-support", "robots")
-    for factory in factories:
-        decoder = factory.decoder_for(channel.message_encoding, schema)
-        if decoder is not None:
-            return decoder(message.data)
-    return None
+    decoder = ros2().decoder_for(encoding, schema) if encoding == "cdr" else None
+    return decoder(data) if decoder is not None else None
 
 
 def open_bag(path: Path) -> Source:
     """A ROS 1 bag, or the folder of a ROS 2 bag."""
-    try:
-        from rosbags.highlevel import AnyReader, AnyReaderError
-        from rosbags.typesys import Stores, get_typestore
-    except ImportError:
-        raise missing(path, "rosbags", "robots") from None
-    failures: tuple[type[BaseException], ...] = (AnyReaderError, OSError, ValueError, KeyError, struct.error)
+    from rosbags.highlevel import AnyReader, AnyReaderError
+    from rosbags.typesys import Stores, get_typestore
 
     def messages() -> Iterator[Message]:
         with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:
             for connection, stamp, raw in reader.messages():
                 yield connection.topic, stamp, reader.deserialize(raw, connection.msgtype)
 
-    return _of_messages(path, messages, failures)
+    return _of_messages(path, messages, AnyReaderError, OSError, ValueError, KeyError, struct.error)
 
 
-def _of_messages(
-    path: Path, messages: Callable[[], Iterable[Message]], failures: tuple[type[BaseException], ...]
-) -> Source:
+def _of_messages(path: Path, messages: Callable[[], Iterable[Message]], *failures: type[BaseException]) -> Source:
     """A source of the numbers in messages; the file is read once for names and once for values."""
     names: dict[str, None] = {}
     seen: dict[str, int] = {}
-    try:
+    with damaged(path, "recording", *failures):
         for topic, _, content in messages():
             seen[topic] = seen.get(topic, 0) + 1
             if seen[topic] <= _PEEK:
                 names.update(dict.fromkeys(f"{topic}.{k}" for k in numbers_of(content)))
-    except failures as error:
-        raise _damaged(path, "recording", error) from None
     if not names:
         raise LogError(
             f"{path.name} holds no message with numbers that can be read; record joint states, or export CSV."
@@ -199,10 +178,9 @@ def open_lerobot(path: Path) -> Source:
     Columns are ``action.NAME`` and ``observation.state.NAME`` with the names of the motors; each episode restarts the
     clock, which the reader treats as a new experiment.
     """
-    try:
-        info = json.loads((path / "meta" / "info.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        raise _damaged(path / "meta" / "info.json", "LeRobot description", error) from None
+    description = path / "meta" / "info.json"
+    with damaged(description, "LeRobot description", OSError, ValueError, RecursionError):
+        info = json.loads(description.read_text(encoding="utf-8"))
     files = sorted((path / "data").rglob("*.parquet"))
     if not files:
         raise LogError(f"{path.name} holds no episode in data/; download the data set again, with its Parquet files.")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -90,6 +90,21 @@ class Source:
 
     def __post_init__(self) -> None:
         self.name = utf8(self.name)
+
+    @classmethod
+    def of_arrays(cls, name: str, arrays: Mapping[str, Any], **known: Any) -> Source:
+        """The columns of a file that is in memory as a whole.
+
+        Parameters
+        ----------
+        name : str
+            Of the file.
+        arrays : dict of str to array-like of shape (n,)
+            By the names of the columns.
+        **known
+            Other fields, such as ``units``.
+        """
+        return cls(name, list(arrays), lambda wanted: {w: Column(np.asarray(arrays[w])) for w in wanted}, **known)
 
     def resolve(self, wanted: str | int, role: str) -> str:
         """The column's name for a name or a number from 0.

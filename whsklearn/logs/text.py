@@ -12,7 +12,7 @@ import numpy as np
 
 from whsklearn.logs.cells import as_numbers, is_number, is_plain, is_word, no_numbers
 from whsklearn.logs.dialect import Dialect, dialect_of, split
-from whsklearn.logs.errors import LogError
+from whsklearn.logs.errors import LogError, damaged
 from whsklearn.logs.heads import increment_in, period_in, ticks_in
 from whsklearn.logs.packed import DAMAGE, opened
 from whsklearn.logs.roles import WORDS, words_of
@@ -97,11 +97,8 @@ def _begin(path: Path) -> tuple[bytes, str, list[str], Dialect | None]:
     """The first bytes, enough to contain rows of data, with their encoding, lines and layout."""
     size = HEAD
     while True:
-        try:
-            with opened(path) as file:
-                head = file.read(size)
-        except DAMAGE as error:
-            raise LogError(f"{path.name} is not a complete archive ({error}); copy or pack it again.") from None
+        with damaged(path, "archive", *DAMAGE), opened(path) as file:
+            head = file.read(size)
         encoding = _encoding(head[:HEAD], path.name) if head.strip(_NOTHING) else "utf-8-sig"
         lines = _logical(head.decode(encoding, errors="replace").splitlines())
         if len(head) == size and len(lines) > 1:
