@@ -141,7 +141,6 @@ def scatter(rows: list[Regression], parts: list[Estimate], alpha: float) -> list
     return sorted(out, key=lambda c: c.p_value)
 
 
-# --- `compare_records` and `compare_arms`: what changed between several records of one axis or one arm ---------------
 SURE = 3.0  # standard errors below zero: one in a thousand by chance
 SEEN = 0.5  # of a number: a comparison that would miss half of every number has seen nothing
 FOLLOWS = 0.01  # of the drive that a function of position leaves: then the drive is the controller's, not the axis's

@@ -10,7 +10,7 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 from urllib.parse import quote
 
 import numpy as np
@@ -286,29 +286,9 @@ def _from_mat(path: Path, names: Sequence[str], within: str = "") -> list[Array]
 
 # --- measured records of real axes, from a local folder or from their publishers; none of them is shipped ------------
 FORCE_PER_VOLT = 35.15065188248547
-_EMPS_FILES = {"train": ("emps_train.csv", "DATA_EMPS.mat"), "test": ("emps_test.csv", "DATA_EMPS_PULSES.mat")}
-_EMPS_COLUMNS = ["time_s", "drive_V", "force_N", "position_m", "reference_m"]
-_EMPS_UNITS = {"time": "s", "drive": "V", "force": "N", "position": "m", "reference": "m"}
-_EMPS_TEXT = """\
-Electro-mechanical positioning system (EMPS): a carriage on a ball screw, 1 kHz, two records of 24.8 s under
-proportional-derivative control. ``train`` is DATA_EMPS, ``test`` is DATA_EMPS_PULSES, the same reference with force
-pulses, which are contained in ``drive_V``. force_N = 35.15065 N/V x drive_V."""
-_EMPS_CITATION = """\
-A. Janot, M. Gautier, M. Brunot: Data Set and Reference Models of EMPS. Workshop on Nonlinear System Identification
-Benchmarks, Eindhoven, 2019."""
-
-_KR300_FILES = {k: (f"kr300_axis1_{k}.csv", f"{Path(KR300_FOLDER.format(k)).name}/data.mat") for k in "ABC"}
 _KR300_COLUMNS = (
     "time_s motor_torque_Nm motor_position_deg motor_velocity_deg_s load_position_deg load_velocity_deg_s reference_deg"
 ).split()
-_KR300_UNITS = {"time": "s", "torque": "Nm", "position": "deg", "velocity": "deg/s", "reference": "deg"}
-_KR300_TEXT = """\
-Axis 1 of a KUKA KR300, a turntable: vertical axis, gear 256.857:1, encoders on motor and load, 250 Hz, three records
-of 10 s, in which the other joints move too. The torque is that of the motor, positions are in degrees of the load.
-``A`` is for identification, ``B`` and ``C`` for validation."""
-_KR300_CITATION = """\
-J. Weigand, J. Ulmen, A. Janot, M. Ruskowski, 2021: Robot Identification, records of a KUKA KR300. MIT licence. Not the
-benchmark that followed it (Weigand, Goetz, Ulmen, Ruskowski 2022, doi 10.26204/DATA/5), which has other records."""
 # What the publishers' own programs read from ``rec`` in data.mat: one row per axis, one column per 4 ms.
 _KR300_FIELDS = (
     "act_torque_abs_nm act_pos_mot_deg act_vel_mot_deg_per_s act_pos_se_deg act_vel_se_deg_per_s ref_pos_deg"
@@ -364,9 +344,12 @@ def fetch_emps(folder: str | os.PathLike[str] | None = None, *, download: bool =
         **frames,
         sample_rate=1000.0,
         force_per_volt=FORCE_PER_VOLT,
-        units=dict(_EMPS_UNITS),
-        description=_EMPS_TEXT,
-        citation=_EMPS_CITATION,
+        units={"time": "s", "drive": "V", "force": "N", "position": "m", "reference": "m"},
+        description="Electro-mechanical positioning system (EMPS): a carriage on a ball screw, 1 kHz, two records of "
+        "24.8 s under proportional-derivative control. ``train`` is DATA_EMPS, ``test`` is DATA_EMPS_PULSES, the same "
+        "reference with force pulses, which are contained in ``drive_V``. force_N = 35.15065 N/V x drive_V.",
+        citation="A. Janot, M. Gautier, M. Brunot: Data Set and Reference Models of EMPS. Workshop on Nonlinear System "
+        "Identification Benchmarks, Eindhoven, 2019.",
     )
 
 
@@ -409,9 +392,13 @@ def fetch_kr300(folder: str | os.PathLike[str] | None = None, *, download: bool 
         **frames,
         sample_rate=250.0,
         gear=256.857,
-        units=dict(_KR300_UNITS),
-        description=_KR300_TEXT,
-        citation=_KR300_CITATION,
+        units={"time": "s", "torque": "Nm", "position": "deg", "velocity": "deg/s", "reference": "deg"},
+        description="Axis 1 of a KUKA KR300, a turntable: vertical axis, gear 256.857:1, encoders on motor and load, "
+        "250 Hz, three records of 10 s, in which the other joints move too. The torque is that of the motor, positions "
+        "are in degrees of the load. ``A`` is for identification, ``B`` and ``C`` for validation.",
+        citation="J. Weigand, J. Ulmen, A. Janot, M. Ruskowski, 2021: Robot Identification, records of a KUKA KR300. "
+        "MIT licence. Not the benchmark that followed it (Weigand, Goetz, Ulmen, Ruskowski 2022, doi "
+        "10.26204/DATA/5), which has other records.",
     )
 
 
@@ -457,9 +444,8 @@ def checksum(frame: pd.DataFrame) -> str:
     return hashlib.sha256("\n".join(lines).encode()).hexdigest()
 
 
-@dataclass(frozen=True)
-class _Records:
-    """The frames of one publication: their files and how they are read."""
+class _Records(NamedTuple):
+    """The frames of one publication: their files as CSV and as MAT, and how they are read."""
 
     published: _Publication
     files: dict[str, tuple[str, str]]
@@ -468,5 +454,17 @@ class _Records:
     read_mat: Callable[[Path], Array]
 
 
-_EMPS = _Records(EMPS, _EMPS_FILES, _EMPS_COLUMNS, ["drive_V", "position_m", "reference_m"], _read_emps_mat)
-_KR300 = _Records(KR300, _KR300_FILES, _KR300_COLUMNS, _KR300_COLUMNS[1:], _read_kr300_mat)
+_EMPS = _Records(
+    EMPS,
+    {"train": ("emps_train.csv", "DATA_EMPS.mat"), "test": ("emps_test.csv", "DATA_EMPS_PULSES.mat")},
+    ["time_s", "drive_V", "force_N", "position_m", "reference_m"],
+    ["drive_V", "position_m", "reference_m"],
+    _read_emps_mat,
+)
+_KR300 = _Records(
+    KR300,
+    {k: (f"kr300_axis1_{k}.csv", f"{Path(KR300_FOLDER.format(k)).name}/data.mat") for k in "ABC"},
+    _KR300_COLUMNS,
+    _KR300_COLUMNS[1:],
+    _read_kr300_mat,
+)

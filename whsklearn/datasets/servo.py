@@ -248,7 +248,6 @@ def _answered(effect: Effect, axis: ServoAxis, reference: NDArray[np.float64], b
     return effect
 
 
-# --- logs of a simulated servo axis with any effects -----------------------------------------------------------------
 def make_servo_log(
     effects: Effect | str | Iterable[Effect | str] = (),
     *,

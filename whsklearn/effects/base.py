@@ -30,15 +30,9 @@ the search for it and the gap workflow follow from that one method, and
 
 How a search sees an effect
 ---------------------------
-A search over effects needs no table of its own.  A compiled kernel takes an effect as its ``code`` and
-its ``row`` of numbers: `linear` leading ones in which the effect is linear (two weights where it is
-``phased``, one where it has an exact column, else none), then those in `searched`.  `bounds` and `starts`
-give a range for each searched number and the points where a search of one record begins, from the
-`Quantity` of the field and the record's `Scales`; `scanned` names the field that a fine grid must find.
-`variants` lists the texts an effect can take, and `from_row` makes an effect of a row again.  ``parent``
-names the effect without which this one is not asked for, ``commoner`` those preferred on a tie, ``repeats``
-says that a model may hold several, ``held`` which fields a search leaves where it starts, ``finest`` the largest
-step (s) its simulation takes.
+A search needs no table of its own.  A compiled kernel takes an effect as its ``code`` and its ``row`` of numbers:
+`linear` leading ones, then those in `searched`, whose `bounds` and `starts` in one record follow from the `Quantity` of
+each field and the record's `Scales`.  `from_row` makes an effect of a row again.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """All equations of the catalogue as compiled functions of numbers, at weight one unless they are phased.
 
 The effects' classes (`whsklearn.effects.friction` and its neighbours) say what an equation means, in which units and
-ranges; `whsklearn.effects.rows` and `whsklearn.effects.rows` map a code to an equation. Signs follow the torque
+ranges; `whsklearn.effects.rows` maps a code to an equation. Signs follow the torque
 balance J a = tau - friction, so the drive must supply what is positive.  On a Wiener-Hammerstein system velocity is dx
 = x(t) - x(t-1) of (4).
 
@@ -246,18 +246,6 @@ def hysteresis_torque(code, p, z, k, v):
 
 # --- position --------------------------------------------------------------------------------------------------------
 @_equation
-def cogging(cosine, sine, order, angle):
-    """A cos(k q + phi) by its cosine and its sine weight (Nm)."""
-    return wave(cosine, sine, order * angle)
-
-
-@_equation
-def gravity_imbalance(cosine, sine, angle):
-    """A cos(q + phi) by its cosine and its sine weight (Nm)."""
-    return wave(cosine, sine, angle)
-
-
-@_equation
 def cable_spring(stiffness, centre, angle):
     """c (q - q_0) (Nm)."""
     return stiffness * (angle - centre)
@@ -290,12 +278,6 @@ def output_drift(rate, time):
 def sensor_rectification(fraction, angle):
     """f (|q| - q), the error in the reading of a sensor that loses the sign (rad)."""
     return fraction * (abs(angle) - angle)
-
-
-@_equation
-def encoder_eccentricity(cosine, sine, order, angle):
-    """A cos(k q + phi) by its cosine and its sine weight (rad)."""
-    return wave(cosine, sine, order * angle)
 
 
 @_equation

@@ -25,8 +25,6 @@ N_KNOTS = 12  # 0.276 mV on the benchmark, the same as with 20; 8 leave 0.451 (c
 N_KINKS = 30  # a piecewise-linear law needs this many for the same error: 12 leave 0.523 mV, 20 leave 0.314
 SPREAD = 3.0  # deviations
 MOST = 40  # kinks or degrees that a name may ask for
-
-
 DEGREE = 3  # of a polynomial
 
 
@@ -106,7 +104,6 @@ def placed(terms: tuple[StaticEffect, ...], x: Array) -> tuple[StaticEffect, ...
     return tuple(others)
 
 
-# --- the law: a sum of static terms, linear in their weights ---------------------------------------------------------
 class FrictionLaw:
     """v = sum of w_k f_k(x, dx), with dx = x(t) - x(t-1).
 

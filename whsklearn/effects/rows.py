@@ -93,7 +93,7 @@ def motor_torque(code, p, i, t, q, v, s, ds, u):
         value, _, slope = directed_term(code, p[i, 1], p[i, 2], p[i, 3], q, v, s, ds)
         return w * value, w * slope
     if code == codes.COGGING:
-        return equations.cogging(w, p[i, 1], p[i, 2], q), 0.0
+        return equations.wave(w, p[i, 1], p[i, 2] * q), 0.0
     if code == codes.INPUT_OFFSET:
         return w, 0.0
     if code == codes.LOAD_FRICTION:
@@ -121,7 +121,7 @@ def load_torque(code, p, i, t, q, v):
     """Torque of row i that acts on the load's side (Nm), a function of the load's motion and of time."""
     w = p[i, 0]
     if code == codes.GRAVITY_IMBALANCE:
-        return equations.gravity_imbalance(w, p[i, 1], q)
+        return equations.wave(w, p[i, 1], q)
     if code == codes.CABLE_SPRING:
         return equations.cable_spring(w, p[i, 1], q)
     if code == codes.HARDENING_SPRING:
@@ -150,7 +150,7 @@ def reading(code, p, i, t, q):
     if code == codes.SENSOR_RECTIFICATION:
         return equations.sensor_rectification(w, q)
     if code == codes.ENCODER_ECCENTRICITY:
-        return equations.encoder_eccentricity(w, p[i, 1], p[i, 2], q)
+        return equations.wave(w, p[i, 1], p[i, 2] * q)
     if code == codes.QUANTIZATION:
         return equations.quantized(w, q) - q
     return 0.0

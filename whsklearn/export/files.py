@@ -25,6 +25,7 @@ FORMATS = {
     "table": "tables for drives, cogging.csv and friction.csv",
     "fmu": "FMI 2.0 co-simulation with sources, model.fmu",
 }
+_FILES = {"mjcf": "model.xml", "urdf": "model.urdf", "isaac": "actuator.py"}  # in a folder that is given as the path
 
 
 @dataclass(frozen=True)
@@ -128,12 +129,10 @@ def export_model(
         written, losses = write_fmu(exported, path)
         return Export([written], losses)
     if to == "st":
-        name = identifier(path.stem if path.suffix else "model")
-        text, losses = st_file(exported, name, what), code_losses(exported, what)
-        return Export([write_text(text, path, "model.st")], losses)
-    write, file = {"mjcf": (mjcf, "model.xml"), "urdf": (urdf, "model.urdf"), "isaac": (isaac, "actuator.py")}[to]
-    text, losses = write(exported)
-    return Export([write_text(text, path, file)], losses)
+        text = st_file(exported, identifier(path.stem if path.suffix else "model"), what)
+        return Export([write_text(text, path, "model.st")], code_losses(exported, what))
+    text, losses = {"mjcf": mjcf, "urdf": urdf, "isaac": isaac}[to](exported)
+    return Export([write_text(text, path, _FILES[to])], losses)
 
 
 def _export_arm(arm: Arm, to: str, path: Path, real: str) -> Export:
@@ -142,6 +141,5 @@ def _export_arm(arm: Arm, to: str, path: Path, real: str) -> Export:
         return Export(write_sources(path, lambda name: c_of_arm(arm, name, real)[0]), arm_losses(arm))
     if to not in ("mjcf", "urdf"):
         raise ValueError(f"An arm of {arm.n_joints} joints is exported to mjcf, urdf or c, not to {to}.")
-    write, file = {"mjcf": (arm_mjcf, "model.xml"), "urdf": (arm_urdf, "model.urdf")}[to]
-    text, losses = write(arm)
-    return Export([write_text(text, path, file)], losses)
+    text, losses = (arm_mjcf if to == "mjcf" else arm_urdf)(arm)
+    return Export([write_text(text, path, _FILES[to])], losses)

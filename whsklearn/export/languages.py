@@ -111,7 +111,6 @@ def rendered(statements: list[Any], language: Language, pad: str = "") -> list[s
     return out
 
 
-# --- how a language writes numbers, operators and functions: C99 and IEC 61131-3 Structured Text ---------------------
 _OPERATORS = {"Add": "+", "Sub": "-", "Mult": "*", "Div": "/", "Lt": "<", "LtE": "<=", "Gt": ">", "GtE": ">="}
 
 

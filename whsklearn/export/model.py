@@ -104,7 +104,6 @@ def lost_parts(axis: ServoAxis, *, timing: bool, transmission: bool, limit: bool
     return out
 
 
-# --- the model to export: an axis or a chain with its units, from a file or an object --------------------------------
 @dataclass(frozen=True)
 class Exported:
     """A model ready for export."""

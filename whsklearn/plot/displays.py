@@ -91,7 +91,6 @@ def block_of(name: str) -> str:
     return BLOCKS.get(name[0], "friction") if name[1:].isdigit() else "friction"
 
 
-# --- measured and simulated output over time -------------------------------------------------------------------------
 class TrackingDisplay(Display):
     """Measured and simulated output over time, above their difference.
 
@@ -176,7 +175,6 @@ class TrackingDisplay(Display):
         return self
 
 
-# --- parameter paths against samples seen ----------------------------------------------------------------------------
 class ConvergenceDisplay(Display):
     """Parameter paths against samples seen: L1, friction, L2 and delta, one panel each; the truth is dashed.
 
@@ -289,7 +287,6 @@ class ConvergenceDisplay(Display):
         return low - margin, high + 2 * margin  # room for the legend
 
 
-# --- error against the prediction horizon ----------------------------------------------------------------------------
 HORIZONS = (1, 2, 3, 5, 8, 13, 21, 34, 55)
 
 
@@ -368,7 +365,6 @@ class HorizonDisplay(Display):
         return self
 
 
-# --- correlation of one-step residuals -------------------------------------------------------------------------------
 class ResidualDisplay(Display):
     """Correlation of one-step residuals with themselves and with the input, with 95 % bands of 1.96 / sqrt(N).
 
@@ -443,7 +439,6 @@ class ResidualDisplay(Display):
         return self
 
 
-# --- one effect alone ------------------------------------------------------------------------------------------------
 # What an effect is drawn against, where that is not the usual one of its place.
 _USUAL = {"friction": "velocity", "drive": "drive", "position": "position", "sensor": "position", "time": "time"}
 _AGAINST = {

@@ -170,7 +170,6 @@ _DECODERS: dict[str, Callable[[dict[str, Any], list[NDArray[Any]]], Any]] = {
 }
 
 
-# --- state files of streams: atomic, versioned, checked, and without pickle ------------------------------------------
 FORMAT_VERSION = 2
 _MAGIC = b"whsklearn-state "
 # A header holds names and numbers that are no arrays: that of a stream takes 10 kB.  JSON takes some 60 bytes of

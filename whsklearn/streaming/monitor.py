@@ -84,7 +84,7 @@ class Innovations:
         self.rows, self.experiments, self.new = state["rows"], state["experiments"], state["new"]
 
 
-# --- the loop of a stream, without files and signals: rows in, records out, and a state that is carried along --------
+# --- the loop --------------------------------------------------------------------------------------------------------
 Record = dict[str, Any]
 PAST = 50.0  # weight, in samples, that all rows before an alarm keep
 ADAPTING_ROWS = 200 * BLOCK  # after an alarm; by then the forgetting factor has settled to within 5e-5
@@ -258,14 +258,7 @@ class StreamMonitor:
             At the first row that holds NaN or infinity or comes late, if bad rows are refused; the rows before it are
             learnt.
         """
-        numbers = [[float(v) for v in row] for row in rows]
-        self.taken, self._first = len(numbers), first
-        for number, row in enumerate(numbers, first):
-            if all(map(math.isfinite, row)):
-                self._place(number, row)
-            else:
-                self._spoilt(number, "a value is NaN or infinite")
-        self._learn_taken()
+        self._take_all(list(rows), _finite, first)
 
     def feed(self, lines: Sequence[bytes], parse: Callable[[bytes], list[float]], first: int) -> None:
         """Learn from lines of text.
@@ -284,33 +277,29 @@ class StreamMonitor:
         Refused
             At the first bad row, if bad rows are refused; the rows before it are learnt.
         """
-        self.taken, self._first = len(lines), first
-        for number, line in enumerate(lines, first):
-            if not line.strip():
-                continue
+        self._take_all(lines, lambda line: parse(line) if line.strip() else None, first)
+
+    def _take_all(self, rows: Sequence[Any], parse: Callable[[Any], list[float] | None], first: int) -> None:
+        """Put rows into time order and learn from them; ``parse`` gives None for what is to be skipped."""
+        self.taken, self._first = len(rows), first
+        for number, given in enumerate(rows, first):
             try:
-                row = parse(line)
+                row = parse(given)
             except BadRow as reason:
-                self._spoilt(number, str(reason))
+                for verdict in self.clock.lost():
+                    self._act(verdict)
+                self._act(Verdict("bad", number, [], str(reason)))
                 continue
-            self._place(number, row)
+            if row is None:
+                continue
+            if not self.options.timed:
+                self._act(Verdict("row", number, row))
+            elif self.options.refuse:
+                self._act(self.clock.take_strictly(number, row))
+            else:
+                for verdict in self.clock.take(number, row):
+                    self._act(verdict)
         self._learn_taken()
-
-    def _spoilt(self, number: int, reason: str) -> None:
-        """Handle a row that holds no numbers."""
-        for verdict in self.clock.lost():
-            self._act(verdict)
-        self._act(Verdict("bad", number, [], reason))
-
-    def _place(self, number: int, row: list[float]) -> None:
-        """Put a row of numbers into time order."""
-        if not self.options.timed:
-            self._act(Verdict("row", number, row))
-        elif self.options.refuse:
-            self._act(self.clock.take_strictly(number, row))
-        else:
-            for verdict in self.clock.take(number, row):
-                self._act(verdict)
 
     def _act(self, verdict: Verdict) -> None:
         """Handle a row according to its verdict."""
@@ -587,6 +576,14 @@ class StreamMonitor:
                 return  # keep the reference
         c.reference = {"values": after, "variances": variances, "row": c.rows}
         c.alarm_row, c.looks = -1, 0
+
+
+def _finite(row: Sequence[float]) -> list[float]:
+    """A row of numbers as floats."""
+    numbers = [float(v) for v in row]
+    if not all(map(math.isfinite, numbers)):
+        raise BadRow("a value is NaN or infinite")
+    return numbers
 
 
 def estimates(model: Any) -> tuple[dict[str, float], dict[str, float]]:

@@ -419,7 +419,6 @@ def fine_step(effects, p, own, ends, z, body, state, u, t, h):
     return x, v_new, q, w
 
 
-# --- the one pass along a record of a servo axis: sensor, controller or logged drive, mechanics, observer ------------
 N_SIGNALS = 7
 DRIVE, MEASURED, POSITION, VELOCITY, TORQUE, LOAD, LOAD_VELOCITY = range(N_SIGNALS)  # rows of the output
 _FOLDED = 0.5  # share of the sign lost above which the encoder falls where the position rises from below zero

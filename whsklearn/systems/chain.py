@@ -226,7 +226,6 @@ def unsensed(codes, rows, own, y, expected, t, dt):
     return q
 
 
-# --- one pass over a record: free run or one-step prediction ---------------------------------------------------------
 FAR = 1e30  # at which signals are clipped, so that an unstable trial ends in large errors and not in NaN
 
 
