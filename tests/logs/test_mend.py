@@ -46,6 +46,15 @@ def test_a_run_that_is_there_twice_counts_once(load, clock):
         assert load(other).y.size == 2000
 
 
+def test_a_run_that_ends_where_it_began_is_found_where_its_clock_restarts(load):
+    """No signal leaps there: the motion comes to rest where it started, under a drive that is nothing but noise."""
+    table = columns(1000)
+    table["torque_nm"] = np.random.default_rng(1).normal(size=1000)
+    table["position_rad"] = np.sin(np.pi * np.arange(1000) / 999) ** 4
+    with pytest.warns(LogWarning, match="From row 1000 on, 1000 rows repeat the log"):
+        assert load({k: np.r_[v, v] for k, v in table.items()}).y.size == 1000
+
+
 def test_a_simulated_motion_that_repeats_itself_is_kept(load):
     t = np.arange(2000)
     turn = {"torque_nm": np.round(np.cos(2 * np.pi * (t % 200) / 200), 6),

@@ -66,9 +66,11 @@ def test_dates_and_times_of_the_day(load, form):
     assert load(table).sample_rate == pytest.approx(RATE, rel=1e-3)
 
 
-def test_minutes_and_seconds_go_on_over_the_hour():
-    stamps = np.array(["59:59.25", "59:59.75", "00:00.25"], dtype=object)
-    assert to_seconds(stamps, "s", "t")[0].tolist() == [0.0, 0.5, 1.0]
+@pytest.mark.parametrize(
+    "stamps", [("59:59.25", "59:59.75", "00:00.25"), ("23:59:59.25", "23:59:59.75", "00:00:00.25")]
+)
+def test_times_of_the_day_go_on_over_the_hour_and_over_midnight(stamps):
+    assert to_seconds(np.array(stamps, dtype=object), "s", "t")[0].tolist() == [0.0, 0.5, 1.0]
 
 
 def test_stamps_may_be_dates(write):

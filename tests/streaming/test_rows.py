@@ -64,6 +64,7 @@ def test_a_time_may_be_dates_and_no_other_column(header, per_second):
     assert first == parse(b'"2026-03-29 00:59:59.750Z",1')[0] == parse(b"2026-03-29 00:59:59.75,1")[0]
     # summer time begins between the two: wall clocks are an hour and a half second apart, the samples half a second
     assert parse(b"2026-03-29T03:00:00.25+02:00,1")[0] - first == 0.5 * per_second
+    assert parse(b"2026-05-21 10:00:01.5 CEST,1")[0] - parse(b"2026-05-21 10:00:01.25 CEST,1")[0] == 0.25 * per_second
     with pytest.raises(BadRow, match="u is"):
         parse(b"1.5,2026-03-29")
 

@@ -6,6 +6,7 @@ Estimators and derivatives need one sample per period, whatever the logger did.
 from __future__ import annotations
 
 import itertools
+import re
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,6 +29,7 @@ _FASTEST = 2e-6  # s; smaller steps are counted in a longer unit
 _COUNTERS = (2.0**16, 2.0**24, 2.0**32)  # ticks at which a counter overflows
 _DAY = (86400.0, 86400e3, 86400e6)  # s, ms and us of a day, whose count begins again at midnight
 _FILETIME = (1e17, 2e17, 1e-7)  # 100 ns since 1601, between 1917 and 2234: stamps of Windows and TwinCAT
+ZONE = re.compile(r"\s+(?![AP]M$)[A-Z]{3,4}$")  # CEST behind a date, which is no part of it: only differences count
 SLOWEST = 0.05  # s; no axis is logged more slowly, so integers with larger steps count ms or us
 
 
@@ -144,7 +146,7 @@ def _dates(values: NDArray[Any], column: str) -> tuple[Array, tuple[Finding, ...
     if len(values) and hasattr(values[0], "isoformat"):
         return _from_first(pd.to_datetime(pd.Series(values), utc=True).dt.tz_localize(None).to_numpy()), ()
     text = pd.Series(values, dtype="string").str.strip().str.replace(",", ".", regex=False)
-    text = text.str.replace(r"\s+(?![AP]M$)[A-Z]{3,4}$", "", regex=True)  # CEST: only differences count
+    text = text.str.replace(ZONE, "", regex=True)
     text = text.str.replace(r"(:\d\d):(\d{3}|\d{6})$", r"\1.\2", regex=True)  # 10:00:00:005, as LabVIEW and PLCs write
     attempts: tuple[dict[str, Any], ...] = ({"format": "ISO8601"}, {"format": "mixed", "dayfirst": True})
     sample = text.dropna().iloc[0] if text.notna().any() else ""

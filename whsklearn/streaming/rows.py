@@ -19,6 +19,7 @@ from typing import BinaryIO
 
 from whsklearn.logs.errors import ColumnError, LogError
 from whsklearn.logs.text import legacy_encoding
+from whsklearn.logs.timebase import ZONE
 from whsklearn.logs.units import seconds_of, unit_of
 
 BLOCK = 1 << 16
@@ -239,9 +240,12 @@ def _number(field: bytes, name: str, comma: bool) -> float:
 
 
 def _date(field: bytes) -> float | None:
-    """Seconds since 1970 of a date in ISO 8601, UTC if it has no zone; None if it is none."""
+    """Seconds since 1970 of a date in ISO 8601, UTC if it has no zone; None if it is none.
+
+    A zone by its letters, such as CEST, is passed over, as `whsklearn.logs` does: only differences count.
+    """
     try:
-        date = datetime.fromisoformat(field.strip().strip(b'"').decode())
+        date = datetime.fromisoformat(ZONE.sub("", field.strip().strip(b'"').decode()))
     except ValueError:
         return None
     return (date if date.tzinfo else date.replace(tzinfo=UTC)).timestamp()
