@@ -6,20 +6,22 @@ import itertools
 import warnings
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from scipy.linalg import solve_triangular
 from scipy.optimize import minimize
 from sklearn.base import clone
 from threadpoolctl import threadpool_limits
 
 from whsklearn.effects import Coulomb, InputOffset, LoadFriction, Viscous
 from whsklearn.effects.base import Array
-from whsklearn.estimators.least_squares import RLSRegressor
-from whsklearn.lags.axis_rows import experiments
+from whsklearn.filtering.records import Motion, motion, zero_phase
+from whsklearn.lags.axis_rows import DRY, experiments
 from whsklearn.lags.rigid_body import RigidBodyLags
 from whsklearn.models.arm import ArmModel
-from whsklearn.systems.arm import Arm
+from whsklearn.systems.arm import Arm, direction_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -43,6 +45,7 @@ ROUNDING = 1e-12  # of the largest eigenvalue of a correlation matrix
 # MuJoCo's leads by 10 ms, and the memory of lubricated contacts reaches as far.
 REVERSES, LEADS = (np.log(0.003), np.log(0.5)), 0.03
 WIDTHS, N_LEADS, EVALUATIONS = (0.01, 0.05, 0.2), 11, 40  # where the search begins, and its steps
+PRIOR = 1e6  # variance of a number that no row tells, in units of the residual's: as that of `RLSRegressor`
 BLOCKS = 10  # blocks of a record; every second one is held out, and then the others
 
 
@@ -134,10 +137,10 @@ def identify_arm(
     if "reversals" not in settings and (reversals := reversals_of(lags, q, torque, groups, rows)):
         lags.set_params(reversals=reversals)
         phi, target, keep = lags.joint_rows(q, torque, groups)
-    weights = lags.weights_ = lags._weights(phi, target, keep)
+    weights = lags.weights_ = lags.joint_weights(phi, target, keep)
     names = lags.base_.names
-    predicted = lags._predicted(q, torque, fitted(phi, target, keep, weights)[0], groups)
-    phi, moving = with_ages(phi, keep, lags._rate(predicted, groups))
+    predicted = lags.predicted(q, torque, fitted(phi, target, keep, weights)[0], groups)
+    phi, moving = with_ages(phi, keep, lags.age_rows(predicted, groups))
     theta, covariance = _with_blocks(phi, target, keep, weights)
     ages = dict(zip([lags.arm_.joints[int(j)] for j in moving], theta[len(names) :].tolist(), strict=True))
     theta, covariance = theta[: len(names)], covariance[: len(names), : len(names)]
@@ -169,20 +172,23 @@ def reversals_of(
     (`python -m benchmarks.blind_arms --evidence`).
     """
     phi, target, keep = rows
-    weights, names = lags._weights(*rows), lags.base_.names
-    predicted = lags._predicted(q, torque, fitted(phi, target, keep, weights)[0], groups)
-    phi = with_ages(phi, keep, lags._rate(predicted, groups))[0]
+    weights, names = lags.joint_weights(*rows), lags.base_.names
+    predicted = lags.predicted(q, torque, fitted(phi, target, keep, weights)[0], groups)
+    phi = with_ages(phi, keep, lags.age_rows(predicted, groups))[0]
     out, others = {}, Others(phi, target, keep, weights)
-    for k, (joint, (dry, speed, columns)) in enumerate(lags.dry_columns(q, torque, groups).items()):
+    along, speeds = lags.axis_rows(q, torque, groups)
+    for k, joint in enumerate(lags.arm_.joints):
+        dry = [t for t in lags.axes_[joint][1] if isinstance(t, DRY) and f"{joint}.{t.name}" in names]
         n = int(keep[:, k].sum())
         if not dry or n < 2 * phi.shape[2]:
             continue
-        at = [names.index(name) for name in dry]
-        error = others.at(k, at)
+        at = [names.index(f"{joint}.{t.name}") for t in dry]
+        columns = partial(along, joint, dry)
+        error, speed = others.at(k, at), float(speeds[k])
 
         def left(x: Array, error: Any = error, columns: Any = columns, speed: float = speed) -> float:
             inside = REVERSES[0] <= x[0] <= REVERSES[1] and abs(x[1]) <= LEADS
-            return error(columns(float(np.exp(x[0])) * speed, float(x[1]))) if inside else np.inf
+            return error(columns((float(np.exp(x[0])) * speed, float(x[1])))) if inside else np.inf
 
         leads = np.linspace(-0.5 * LEADS, 0.5 * LEADS, N_LEADS)
         best = min((np.array([np.log(w), lead]) for w in WIDTHS for lead in leads), key=left)
@@ -256,7 +262,7 @@ def _frictions(
         {j: (LoadFriction(),) for j in arm.joints},
     ]
     for more in families:
-        if shown := _shown(lags, effects, more, q, torque, groups, rows):
+        if shown := _shown(lags, more, q, torque, groups, rows):
             effects |= {axis: (*effects.get(axis, ()), *more[axis]) for axis in shown}
             lags = clone(lags).set_params(effects=effects, cutoff=lags.cutoff_)
             rows = lags.joint_rows(q, torque, groups)
@@ -264,8 +270,8 @@ def _frictions(
 
 
 def _shown(
-    lags: RigidBodyLags, effects: dict[str, tuple[Effect, ...]], more: dict[str, tuple[Effect, ...]], q: Array,
-    torque: Array, groups: ArrayLike | None, rows: tuple[Array, Array, NDArray[np.bool_]],
+    lags: RigidBodyLags, more: dict[str, tuple[Effect, ...]], q: Array, torque: Array, groups: ArrayLike | None,
+    rows: tuple[Array, Array, NDArray[np.bool_]],
 ) -> list[str]:  # fmt: skip
     """Axes at which all of these effects are surely above zero, and whose held-out error is smaller with them.
 
@@ -273,30 +279,31 @@ def _shown(
     is little but friction, c |u| sign(v) is the drive itself with its noise, and explains all of it.
     """
     phi, target, keep = rows
-    predicted = lags._predicted(q, torque, fitted(*rows, lags._weights(*rows))[0], groups)
-    rate = lags._rate(predicted, groups)
+    predicted = lags.predicted(q, torque, fitted(*rows, lags.joint_weights(*rows))[0], groups)
+    rate = lags.age_rows(predicted, groups)
     before = with_ages(phi, keep, rate)[0], target, keep
     driven = any(isinstance(e, LoadFriction) for row in more.values() for e in row)
+    direction = {a: direction_of(lags.arm_.joints, a) for a in more}
+    added = []
+    for drive in (predicted, torque) if driven else (torque,):
+        along = lags.axis_rows(q, drive, groups)[0]
+        added.append({a: along(a, more[a])[:, None, :] * direction[a][:, None] for a in more})
     growing, asked = list(more), 0
     while growing and len(growing) != asked:  # until all of those fitted together are significant
         asked = len(growing)
-        beside = effects | {a: (*effects.get(a, ()), *more[a]) for a in growing}
-        own = clone(lags).set_params(effects=beside, cutoff=lags.cutoff_)
-        for drive in (predicted, torque) if driven else (torque,):
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", UserWarning)  # joints at rest were already reported
-                phi = own.joint_rows(np.hstack([q, drive]), torque, groups)[0]
-            weights = own._weights(phi, target, keep)
-            with_them = with_ages(phi, keep, rate)[0], target, keep
-            column = {name: i for i, name in enumerate(own.base_.names)}
-            at = {a: [column.get(f"{a}.{e.name}", -1) for e in more[a]] for a in growing}
+        for columns in added:
+            wider = np.concatenate([phi, *(columns[a] for a in growing)], axis=2)
+            weights = lags.joint_weights(wider, target, keep)
+            with_them = with_ages(wider, keep, rate)[0], target, keep
+            ends = phi.shape[2] + np.cumsum([0, *(len(more[a]) for a in growing)])
+            at = {a: list(range(i, j)) for a, i, j in zip(growing, ends, ends[1:], strict=False)}
             theta, white = fitted(*with_them, weights)
-            growing = [a for a, i in at.items() if min(i) >= 0 and _sure(theta, white, i)]
+            growing = [a for a, i in at.items() if _sure(theta, white, i)]
             if len(growing) < asked:  # errors by blocks are no smaller, and take longer
                 break
             covariance = _with_blocks(*with_them, weights)[1]
             less = held_out(*with_them, weights) < held_out(*before, weights)
-            growing = [a for a, i in at.items() if less[own._axes[a][0] != 0.0].all() and _sure(theta, covariance, i)]
+            growing = [a for a, i in at.items() if less[direction[a] != 0.0].all() and _sure(theta, covariance, i)]
             if len(growing) < asked:
                 break
     return growing
@@ -337,11 +344,14 @@ def fitted(
 
     ``known`` (r, p) are further rows with target zero (`Known`).
     """
-    rows, y = (phi * weights[:, None])[keep], (target * weights)[keep]
+    rows = (np.concatenate([phi, target[:, :, None]], axis=2) * weights[:, None])[keep]
     if known is not None:
-        rows, y = np.vstack([rows, known]), np.append(y, np.zeros(len(known)))
-    model = RLSRegressor().fit(rows, y)
-    return model.theta_, model.covariance_
+        rows = np.vstack([rows, np.pad(known, ((0, 0), (0, 1)))])
+    p, prior = phi.shape[2], np.eye(phi.shape[2], phi.shape[2] + 1) / np.sqrt(PRIOR)
+    r: Array = np.asarray(np.linalg.qr(np.vstack([rows, prior]), mode="r"))
+    inverse = solve_triangular(r[:p, :p], np.eye(p))
+    variance = float(r[p, p] ** 2) / (len(rows) - p) if len(rows) > p else np.nan
+    return inverse @ r[:p, p], variance * inverse @ inverse.T
 
 
 def block_covariance(rows: Array, error: Array, block: NDArray[np.int64], white: Array) -> Array:
@@ -530,7 +540,7 @@ def one_axis(lags: RigidBodyLags, joint: int, q: Array, torque: Array, groups: A
         rows = own.joint_rows(q[:, [joint]], torque[:, [joint]], groups)
     except ValueError:
         return float("nan")
-    return float(held_out(*rows, own._weights(*rows))[0])
+    return float(held_out(*rows, own.joint_weights(*rows))[0])
 
 
 def nominal_numbers(lags: RigidBodyLags) -> dict[str, float]:
@@ -552,6 +562,7 @@ CLEARLY = 0.25  # of the drives' residual: half the error at the joints affected
 # Simulated arms in order leave 0.0003, and with two joints exchanged 0.03 to 0.9; real ones in order leave 0.01, with a
 # wrist turned by its neighbour 0.2.
 MUCH, SOME = 0.005, 6000
+FEW = 5  # rows per number at the instants at which all orders are compared before the best one is judged on all rows
 LESS = 0.7  # of the sum over the joints that an exchange moves: it has to lower it to this, as most of a chain do
 
 
@@ -608,10 +619,10 @@ def swapped(
         moved = (places != given) | (drives != given)
         return bool(moved.any() and (left[moved] <= CLEARLY * before[moved]).all())
 
-    def less(other: NDArray[np.int64], paid: NDArray[np.int64], rest: Array) -> float:
+    def less(order: tuple[NDArray[np.int64], NDArray[np.int64]], rest: Array, now: Array) -> float:
         """What an order leaves at the joints that it moves, as a share of what they leave now."""
-        moved = (other != places) | (paid != drives)
-        return float(rest[moved].sum() / max(left[moved].sum(), 1e-300)) if moved.any() else 1.0
+        moved = (order[0] != places) | (order[1] != drives)
+        return float(rest[moved].sum() / max(now[moved].sum(), 1e-300)) if moved.any() else 1.0
 
     bad = np.flatnonzero(left > MUCH)
     if bad.size and not clearly():
@@ -622,18 +633,18 @@ def swapped(
         for i, j in itertools.combinations(range(len(names)), 2):
             if i in bad or j in bad:
                 moves.append(np.where(given == i, j, np.where(given == j, i, given)))
+        instants = _Instants(trial.fit(q[part]), q[part], torque[part])
+        now = instants.left(places, drives)
         while True:
-            tried = []
-            for other in (places[move] for move in moves):
-                with warnings.catch_warnings(), suppress(ValueError):  # nothing may move in this part
-                    warnings.simplefilter("ignore", UserWarning)
-                    tried.append((other, *_ordered(*trial.joint_rows(q[part][:, other], torque[part]))))
-            if not tried:
-                break
-            best = min(tried, key=lambda t: less(*t))
-            if less(*best) > LESS:
-                break
-            places, drives, left = best
+            ends = [(places[move], drives[move]) for move in moves]
+            other, paid = min(ends, key=lambda end: less(end, instants.left(*end), now))
+            with warnings.catch_warnings(), suppress(ValueError):  # nothing may move in this part
+                warnings.simplefilter("ignore", UserWarning)
+                paid, rest = _ordered(*trial.joint_rows(q[part][:, other], torque[part]))
+                if less((other, paid), rest, left) <= LESS:
+                    places, drives, left, now = other, paid, rest, instants.left(other, paid)
+                    continue
+            break
     if not clearly():
         return []
     orders = [("position", places), ("drive", drives)] if (places != drives).any() else [("columns", places)]
@@ -642,6 +653,31 @@ def swapped(
         for what, to in orders for j in np.flatnonzero(to != given)
     ]  # fmt: skip
     return [f"The drives fit far better in another order ({', '.join(told)}); name the columns with --joints."]
+
+
+class _Instants:
+    """Some instants of a record, behind one filter, at which orders of the joints are compared.
+
+    Columns are taken of the filtered motion and not filtered themselves, so that an order costs some milliseconds: an
+    arm of 20 joints has 190 exchanges.
+    """
+
+    def __init__(self, lags: RigidBodyLags, q: Array, torque: Array):
+        rate, n = lags.sample_rate, q.shape[1]
+        rows = lags._rows_of(len(q))
+        some = rows[:: max(len(rows) * n // (FEW * len(lags.base_.names)), 1)]
+        each = [motion(x, rate, lags.cutoff_) for x in q.T]
+        speeds = np.sqrt(np.mean(np.column_stack([m.velocity for m in each]) ** 2, axis=0))
+        self.lags, self.time = lags, some / rate
+        self.drive = zero_phase(torque, rate, lags.cutoff_)[some]
+        self.moved = Motion(*(np.column_stack([x[some] for x in xs]) for xs in zip(*each, strict=True)))
+        self.fast = np.abs(self.moved.velocity) > lags.slow * speeds
+
+    def left(self, places: NDArray[np.int64], drives: NDArray[np.int64]) -> Array:
+        """`_left` with the positions and the drives in these orders, (n_joints,)."""
+        drive = self.drive[:, drives]
+        phi = self.lags.columns(Motion(*(x[:, places] for x in self.moved)), drive, self.time)
+        return _left(phi, drive, self.fast[:, places])
 
 
 def in_degrees(

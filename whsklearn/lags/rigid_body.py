@@ -22,14 +22,14 @@ from whsklearn.effects import InputOffset, PreslidingHysteresis
 from whsklearn.effects.base import Array
 from whsklearn.filtering.records import Motion, central_difference, motion, motion_cutoff, velocity_noise, zero_phase
 from whsklearn.filtering.streams import causal_delay, causal_kernels, causal_motion, causal_window
-from whsklearn.lags.axis_rows import DRIVEN, DRY, column_names, effect_terms, experiments, sized_effects, stack_columns
+from whsklearn.lags.axis_rows import DRIVEN, column_names, effect_terms, experiments, sized_effects, stack_columns
 from whsklearn.models.files import as_arm
 from whsklearn.systems._arm_kernels import N_BODY
 from whsklearn.systems.arm import direction_of
 from whsklearn.systems.base_parameters import BaseParameters, base_parameters
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
@@ -106,6 +106,8 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
     Attributes
     ----------
     arm_ : Arm
+    axes_ : dict of str to (ndarray of shape (n_joints,), tuple of effects)
+        For each axis, its direction over the joints and its effects, those of the law first.
     base_ : BaseParameters
         The columns that are kept, and those that are merged into each.
     cutoff_ : float
@@ -266,7 +268,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
             If a drive is zero throughout, or a record is too short.
         """
         phi, target, keep = self.joint_rows(X, y, groups)
-        self.weights_ = self._weights(phi, target, keep)
+        self.weights_ = self.joint_weights(phi, target, keep)
         return (phi * self.weights_[:, None])[keep], (target * self.weights_)[keep]
 
     def joint_rows(
@@ -289,37 +291,114 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         phi, late = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
         return phi, late, np.ones(late.shape, dtype=bool)
 
-    def dry_columns(
-        self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None
-    ) -> dict[str, tuple[tuple[str, ...], float, Callable[[float, float], Array]]]:
-        """For each joint, the names of its columns of dry friction, its rms speed, and these columns at its rows.
+    def columns(self, moved: Motion, drive: Array, time: Array) -> Array:
+        """Columns of a motion as it is, without any filter, (n, n_joints, n_columns).
 
-        The columns (m, k) are a function of how it reverses: of the speed (rad/s) and the lead (s) in `reversals`.
+        Parameters
+        ----------
+        moved : Motion
+            Position, velocity and acceleration, (n, n_joints) each.
+        drive : ndarray of shape (n, n_joints)
+            For effects that depend on it.
+        time : ndarray of shape (n,)
+            In s.
+        """
+        kept, n = self.base_.kept, self.arm_.n_joints
+        out = np.zeros((len(time), n, kept.size))
+        if not len(time):
+            return out
+        at = N_BODY * n  # the links, without a memory, by parts
+        for i in range(0, len(time), AT_ONCE):
+            s = slice(i, i + AT_ONCE)
+            out[s][:, :, kept < at] = self.arm_.regressor(*(x[s] for x in moved))[:, :, kept[kept < at]]
+        for block in self._axis_columns(moved, drive, time):
+            here = (at <= kept) & (kept < at + block.shape[2])
+            out[:, :, here] = block[:, :, kept[here] - at]
+            at += block.shape[2]
+        return out
+
+    def axis_rows(
+        self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None
+    ) -> tuple[Callable[..., Array], Array]:
+        """A function that makes more columns at the rows of `joint_rows`, and the rms speed of each joint, (n_joints,).
+
+        It takes the name of an axis, effects, and optionally how dry friction reverses there, the speed and the lead as
+        in ``reversals``; it returns the columns along the axis, (m, k).
 
         Parameters
         ----------
         X, y, groups
-            As for `joint_rows`, which must have been called with them.
+            As for `joint_rows`, which must have been called with this record.
         """
         X, drive = np.asarray(X, dtype=float), np.asarray(y, dtype=float)
-        pieces = list(experiments(groups, len(X)))
-        moved = Motion(*map(np.concatenate, zip(*(self._moved(X[s]) for s in pieces), strict=True)))
-        smooth = np.concatenate([zero_phase(drive[s], self.sample_rate, self._fine) for s in pieces])
-        out: dict[str, Any] = {}
-        for k, joint in enumerate(self.arm_.joints):
-            terms = [t for t in self._axes[joint][1] if isinstance(t, DRY) and f"{joint}.{t.name}" in self.base_.names]
-            along = Motion(*(x[:, k] for x in moved))
+        pieces = [
+            (self._moved(X[s]), zero_phase(drive[s], self.sample_rate, self._fine)) for s in experiments(groups, len(X))
+        ]
 
-            def at(
-                speed: float, lead: float, terms: Any = terms, along: Motion = along, u: Array = smooth[:, k]
-            ) -> Array:
-                turning = (along.velocity + lead * along.acceleration) / speed
-                columns = stack_columns(terms, along, u, np.zeros(len(u)), turning)[:, 1:]
-                return np.concatenate([self._filtered(columns[s])[self._rows_of(s.stop - s.start)] for s in pieces])
+        def columns(axis: str, terms: Sequence[Any], reversal: tuple[float, float] | None = None) -> Array:
+            d = direction_of(self.arm_.joints, axis)
+            turns, out = {axis: reversal} if reversal else self.reversals, []
+            for moved, smooth in pieces:
+                n, along = len(smooth), Motion(*(x @ d for x in moved))
+                time, sign = np.arange(n) / self.sample_rate, turning(turns, [axis], along)
+                made = stack_columns(tuple(terms), along, smooth @ d, time, sign)[:, 1:]
+                out.append(self._filtered(made)[self._rows_of(n)])
+            return np.concatenate(out)
 
-            names = tuple(f"{joint}.{t.name}" for t in terms)
-            out[joint] = names, float(np.sqrt(np.mean(along.velocity**2))), at
-        return out
+        return columns, np.sqrt(np.mean(np.concatenate([moved.velocity for moved, _ in pieces]) ** 2, axis=0))
+
+    def joint_weights(self, phi: Array, target: Array, keep: NDArray[np.bool_]) -> Array:
+        """1 / standard deviation of the residual of each joint's rows, fitted alone; or the given weights.
+
+        Parameters
+        ----------
+        phi, target, keep
+            As `joint_rows` makes them.
+
+        Returns
+        -------
+        ndarray of shape (n_joints,)
+        """
+        if self.weights is not None or self.causal:
+            return self.weights_
+        out = np.ones(self.arm_.n_joints)
+        for j in range(out.size):
+            own, drive = phi[keep[:, j], j], target[keep[:, j], j]
+            own = own[:, np.any(own != 0.0, axis=0)]
+            if len(own) > 2 * own.shape[1]:
+                scaled = own / np.linalg.norm(own, axis=0)
+                left = drive - scaled @ np.linalg.lstsq(scaled, drive, rcond=1e-9)[0]
+                out[j] = float(np.sqrt(left @ left / (len(own) - own.shape[1])))
+            elif len(own):
+                out[j] = float(np.std(drive))
+        smallest = 1e-9 * max(float(np.abs(target).max()), 1e-300)
+        return 1.0 / np.maximum(out, smallest)
+
+    def predicted(self, X: ArrayLike, y: ArrayLike, theta: ArrayLike, groups: ArrayLike | None = None) -> Array:
+        """Drives for these weights, before the filter, (n, n_joints).
+
+        Parameters
+        ----------
+        X, y, groups
+            As for `joint_rows`.
+        theta : array-like of shape (n_columns,)
+        """
+        X, drive = np.asarray(X, dtype=float), np.asarray(y, dtype=float)
+        return np.concatenate([self._along(X[s], drive[s], np.asarray(theta)) for s in experiments(groups, len(X))])
+
+    def age_rows(self, torque: ArrayLike, groups: ArrayLike | None = None) -> Array:
+        """Change of each joint's drive per second of age, at the rows of `joint_rows`, (m, n_joints).
+
+        Parameters
+        ----------
+        torque : array-like of shape (n, n_joints)
+            Drives without noise, such as those of `predicted`.
+        groups
+            As for `joint_rows`.
+        """
+        torque = np.asarray(torque, dtype=float)
+        smooth = ((self._filtered(torque[s]), s.stop - s.start) for s in experiments(groups, len(torque)))
+        return np.concatenate([central_difference(x, self.sample_rate)[self._rows_of(n)] for x, n in smooth])
 
     def _views(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> FilteredRecords:
         """Experiments behind the filters: their unweighted rows, and the motion from which they are computed."""
@@ -452,7 +531,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         full = np.zeros(self.base_.mapping.shape[1])
         full[self.base_.kept] = theta
         n = self.arm_.n_joints
-        sums = [a for a in self._axes if a not in self.arm_.joints]
+        sums = [a for a in self.axes_ if a not in self.arm_.joints]
         bare = dataclasses.replace(self.arm_, effects=[()] * n, sums={}, sum_armature={})
         effects, at = {}, (N_BODY + 1) * n
         if physical:
@@ -465,7 +544,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         arm = dataclasses.replace(arm, sum_armature=dict(zip(sums, turned.tolist(), strict=True)))
         at += len(sums)
         for axis in (a for group in self._groups for a in group):
-            terms = self._axes[axis][1]
+            terms = self.axes_[axis][1]
             width = sum(len(t.coefficients) for t in terms)
             effects[axis] = sized_effects(terms, full[at : at + width])
             at += width
@@ -480,11 +559,11 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
             An arm with the same joints; only effects with the shapes set here count.
         """
         check_is_fitted(self, "base_")
-        sums = [arm.sum_armature.get(a, 0.0) for a in self._axes if a not in arm.joints]
+        sums = [arm.sum_armature.get(a, 0.0) for a in self.axes_ if a not in arm.joints]
         parts, acting = [arm.inertial.ravel(), arm.armature, sums], dict(zip(arm.joints, arm.effects, strict=True))
         for axis in (a for group in self._groups for a in group):
             there = {e.name: e for e in (acting | arm.sums).get(axis, ())}
-            for term in self._axes[axis][1]:
+            for term in self.axes_[axis][1]:
                 given = there.get(term.name)
                 parts.append(np.zeros(len(term.coefficients)) if given is None else np.asarray(given.coefficients))
         return self.base_.mapping @ np.concatenate(parts)
@@ -525,8 +604,8 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         made_of = (id(self.robot), str(self.law), str(self.effects))
         if getattr(self, "_made_of", None) != made_of:
             self.arm_ = as_arm(self.robot)
-            self._axes = axes_of(self.arm_, self.law, self.effects)
-            self._groups = groups_of(self._axes)
+            self.axes_ = axes_of(self.arm_, self.law, self.effects)
+            self._groups = groups_of(self.axes_)
             self.base_ = self._structural_base()
             self._made_of = made_of
         n, self.delay_ = self.arm_.n_joints, 0
@@ -545,15 +624,15 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         self.cutoff_, self.every_ = hertz, max(round(0.5 * self.sample_rate / hertz), 1)
 
     def _all_terms(self) -> list[Any]:
-        return [t for _, terms in self._axes.values() for t in terms]
+        return [t for _, terms in self.axes_.values() for t in terms]
 
     def _at_start(self) -> ArmRowState:
         return ArmRowState(np.empty((0, self.arm_.n_joints)), np.empty((0, self.arm_.n_joints)), 0)
 
     def _structural_base(self) -> BaseParameters:
         """The base parameters: which columns no motion can separate from those before them."""
-        names = [*self.arm_.number_names, *(f"{j}.armature" for j in self._axes)]
-        names += [f"{a}.{n}" for group in self._groups for a in group for n in column_names(self._axes[a][1])]
+        names = [*self.arm_.number_names, *(f"{j}.armature" for j in self.axes_)]
+        names += [f"{a}.{n}" for group in self._groups for a in group for n in column_names(self.axes_[a][1])]
         q, v, a = self.arm_.drawn_motion(max(4 * len(names) // self.arm_.n_joints, DRAWN))
         drive = np.random.default_rng(1).normal(size=q.shape)
         columns = self._all_columns(Motion(q, v, a), drive, np.arange(len(q)) / self.sample_rate)
@@ -568,48 +647,27 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
     def _axis_columns(self, moved: Motion, drive: Array, time: Array) -> Iterator[Array]:
         """All columns but those of the links, block by block, (n, n_joints, some) each."""
         n, length = self.arm_.n_joints, len(time)
-        directions = np.array([d for d, _ in self._axes.values()])
+        directions = np.array([d for d, _ in self.axes_.values()])
         yield directions.T * (moved.acceleration @ directions.T)[:, None, :]
         for group in self._groups:
-            d = np.array([self._axes[a][0] for a in group])
+            d = np.array([self.axes_[a][0] for a in group])
             along = Motion(*((x @ d.T).T.ravel() for x in moved))
-            given = (drive @ d.T).T.ravel(), np.tile(time, len(group)), self._turning(group, along)
-            stacked = stack_columns(self._axes[group[0]][1], along, *given)
-            each = stacked[:, 1:].reshape(len(group), length, -1)
+            given = (drive @ d.T).T.ravel(), np.tile(time, len(group)), turning(self.reversals, group, along)
+            each = stack_columns(self.axes_[group[0]][1], along, *given)[:, 1:].reshape(len(group), length, -1)
             yield np.einsum("kj,ktw->tjkw", d, each).reshape(length, n, -1)
 
-    def _turning(self, axes: list[str], along: Motion) -> Array | None:
-        """Whose tanh is the sign of dry friction, for the motions along these axes one after the other."""
-        if not self.reversals:
-            return None
-        each = [self.reversals.get(axis, ABRUPT) for axis in axes]
-        speed, lead = np.repeat(each, along.velocity.size // len(axes), axis=0).T
-        return np.asarray((along.velocity + lead * along.acceleration) / speed)
-
-    def _columns(self, moved: Motion, drive: Array, time: Array) -> Array:
-        """The columns that are kept, (n, n_joints, n_columns); those of the links, without a memory, by parts."""
-        kept, n = self.base_.kept, self.arm_.n_joints
-        out = np.zeros((len(time), n, kept.size))
-        if not len(time):
-            return out
-        at = N_BODY * n
-        for i in range(0, len(time), AT_ONCE):
-            s = slice(i, i + AT_ONCE)
-            out[s][:, :, kept < at] = self.arm_.regressor(*(x[s] for x in moved))[:, :, kept[kept < at]]
-        for block in self._axis_columns(moved, drive, time):
-            here = (at <= kept) & (kept < at + block.shape[2])
-            out[:, :, here] = block[:, :, kept[here] - at]
-            at += block.shape[2]
+    def _along(self, X: Array, drive: Array, theta: Array) -> Array:
+        """Drives of one record for these weights, (n, n_joints); those of the links without their columns."""
+        moved, n, at = self._moved(X), self.arm_.n_joints, N_BODY * self.arm_.n_joints
+        full = np.zeros(self.base_.mapping.shape[1])
+        full[self.base_.kept] = theta
+        links = full[:at].reshape(n, N_BODY)
+        bare = dataclasses.replace(self.arm_, inertial=links, armature=None, effects=(), sums={}, sum_armature={})
+        out = bare.inverse_dynamics(*moved)
+        smooth = zero_phase(drive, self.sample_rate, self._fine)
+        for block in self._axis_columns(moved, smooth, np.arange(len(X)) / self.sample_rate):
+            out += block @ full[at : (at := at + block.shape[2])]
         return out
-
-    def _predicted(self, X: Array, drive: Array, theta: Array, groups: ArrayLike | None = None) -> Array:
-        """Drives for these weights before the filter, (n, n_joints)."""
-        return np.concatenate([self._columns_along(X[s], drive[s])[0] @ theta for s in experiments(groups, len(X))])
-
-    def _rate(self, torque: Array, groups: ArrayLike | None = None) -> Array:
-        """Change of each joint's predicted drive per second of age, at the rows of `joint_rows`."""
-        smooth = ((self._filtered(torque[s]), s.stop - s.start) for s in experiments(groups, len(torque)))
-        return np.concatenate([central_difference(x, self.sample_rate)[self._rows_of(n)] for x, n in smooth])
 
     def _rows_of(self, length: int) -> NDArray[np.int64]:
         """Indices of the samples that give rows: two per period of the cut-off, without the ends of the filter."""
@@ -625,7 +683,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
     def _columns_along(self, X: Array, drive: Array) -> tuple[Array, Motion]:
         """Columns of one record before the filter, and its motion."""
         moved, rate = self._moved(X), self.sample_rate
-        return self._columns(moved, zero_phase(drive, rate, self._fine), np.arange(len(X)) / rate), moved
+        return self.columns(moved, zero_phase(drive, rate, self._fine), np.arange(len(X)) / rate), moved
 
     def _seen(self, columns: Array, moved: Motion, target: Array, limits: Array) -> FilteredRecords:
         """Rows of one record, two per period of the cut-off, without the filter's ends; and where joints are fast."""
@@ -657,23 +715,6 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
             )  # fmt: skip
         return np.where(still, np.inf, self.slow * speeds)
 
-    def _weights(self, phi: Array, target: Array, keep: NDArray[np.bool_]) -> Array:
-        """1 / standard deviation of the residual of each joint's rows, fitted alone; or the given weights."""
-        if self.weights is not None or self.causal:
-            return self.weights_
-        out = np.ones(self.arm_.n_joints)
-        for j in range(out.size):
-            own, drive = phi[keep[:, j], j], target[keep[:, j], j]
-            own = own[:, np.any(own != 0.0, axis=0)]
-            if len(own) > 2 * own.shape[1]:
-                scaled = own / np.linalg.norm(own, axis=0)
-                left = drive - scaled @ np.linalg.lstsq(scaled, drive, rcond=1e-9)[0]
-                out[j] = float(np.sqrt(left @ left / (len(own) - own.shape[1])))
-            elif len(own):
-                out[j] = float(np.std(drive))
-        smallest = 1e-9 * max(float(np.abs(target).max()), 1e-300)
-        return 1.0 / np.maximum(out, smallest)
-
     def _advance(
         self, stream: ArmRowState, X: Array, drive: Array, target: Array | None = None, *, rows: bool = False
     ) -> tuple[Array, Array, ArmRowState]:
@@ -693,7 +734,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         at = np.flatnonzero((count >= self.warmup_) & (count % self.every_ == 0)) if rows else slice(None)
         moved = Motion(*(np.column_stack(signals)[at] for signals in zip(*(p[0] for p in parts), strict=True)))
         drives = np.column_stack([d[0] for d in late])[at]
-        phi = self._columns(moved, drives, (count[at] - self.delay_) / self.sample_rate)
+        phi = self.columns(moved, drives, (count[at] - self.delay_) / self.sample_rate)
         phi[count[at] < self.warmup_] = 0.0
         return phi, drives, after
 
@@ -737,12 +778,20 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
 def axes_of(arm: Arm, law: Any, effects: Any) -> dict[str, tuple[Array, tuple[Any, ...]]]:
     """For each axis by name: its direction over the joints (n_joints,), and its effects, those of the law first."""
     by_axis: Mapping[str, Any] = effects if isinstance(effects, dict) else dict.fromkeys(arm.joints, effects)
-    eye = np.eye(arm.n_joints)
-    out = {j: (row, effect_terms(law, by_axis.get(j, ""))) for j, row in zip(arm.joints, eye, strict=True)}
-    for name, more in by_axis.items():
-        if name not in out:
-            out[name] = (direction_of(arm.joints, name), effect_terms((), more))
-    return out
+    laws = dict.fromkeys(arm.joints, law)
+    return {
+        name: (direction_of(arm.joints, name), effect_terms(laws.get(name, ()), by_axis.get(name, "")))
+        for name in {**laws, **by_axis}
+    }
+
+
+def turning(reversals: Mapping[str, tuple[float, float]] | None, axes: Sequence[str], along: Motion) -> Array | None:
+    """Whose tanh is the sign of dry friction, for the motions along these axes one after the other; see `reversals`."""
+    if not reversals:
+        return None
+    each = [reversals.get(axis, ABRUPT) for axis in axes]
+    speed, lead = np.repeat(each, along.velocity.size // len(axes), axis=0).T
+    return np.asarray((along.velocity + lead * along.acceleration) / speed)
 
 
 def groups_of(axes: Mapping[str, tuple[Array, tuple[Any, ...]]]) -> list[list[str]]:

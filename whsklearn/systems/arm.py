@@ -605,7 +605,7 @@ def _axes(arm: Arm, resolution: float) -> Axes:
 
 
 def direction_of(joints: Sequence[str], name: str) -> Array:
-    """A signed sum of joints, such as ``wrist+hand`` or ``left-right``, as a vector over the joints.
+    """A joint, or a signed sum of joints such as ``wrist+hand`` or ``left-right``, as a vector over the joints.
 
     Examples
     --------
@@ -614,7 +614,7 @@ def direction_of(joints: Sequence[str], name: str) -> Array:
     [0.0, 1.0, -1.0]
     """
     known = "|".join(re.escape(j) for j in sorted(joints, key=len, reverse=True))
-    if not re.fullmatch(rf"({known})([+-]({known}))+", name):
+    if not re.fullmatch(rf"({known})([+-]({known}))*", name):
         raise ValueError(f"{name!r} is neither a joint nor a sum of joints such as a+b; expected {', '.join(joints)}.")
     out = np.zeros(len(joints))
     for sign, joint in re.findall(rf"([+-]?)({known})", name):

@@ -161,7 +161,7 @@ class ArmPlant(Plant):
         view._fits = {}
         model = view.fit(model)
         self.tangent = self._tangent(model, self.own.null.reshape(len(self.own.null), -1))
-        there = present(law_of(self.lags._axes), model.terms)
+        there = present(law_of(self.lags.axes_), model.terms)
         kinds = candidates(view.arm, there, frozen=self.known is not None, weight=view.weights_of_links.shape[2])
         limits: list[AtJoint] = []
         rest: list[AtJoint] = []

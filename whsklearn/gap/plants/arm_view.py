@@ -28,7 +28,7 @@ from whsklearn.identification.arm_fit import SAME, Known, held_out
 from whsklearn.identification.drive_lead import OLDEST
 from whsklearn.identification.payload import MASS
 from whsklearn.lags.axis_rows import DRY
-from whsklearn.lags.rigid_body import RigidBodyLags
+from whsklearn.lags.rigid_body import RigidBodyLags, turning
 from whsklearn.logs.check import lattice
 from whsklearn.systems._arm_kernels import N_BODY
 from whsklearn.systems.arm_files import STANDARD_GRAVITY, body_numbers
@@ -116,7 +116,7 @@ class ArmView:
         longest = self.position[max((s for s, _ in record.pieces), key=lambda s: s.stop - s.start)]
         self.noise = np.array([encoder_noise(x, lags.sample_rate) for x in longest.T])
         self.grid = np.array([lattice(x) for x in self.position.T])
-        self.weight = self.unbiased = lags._weights(self.phi, self.target, self.keep)
+        self.weight = self.unbiased = lags.joint_weights(self.phi, self.target, self.keep)
         self.repeats = self._repeats()
         self.artefact = np.zeros_like(self.target)
         # replaced by a model's torque
@@ -181,8 +181,9 @@ class ArmView:
         """The signals with, for dry friction, the speed at which it reverses there: see `RigidBodyLags`."""
         if not issubclass(effect, DRY):
             return signals
-        turning = self.lags._turning([axis], Motion(signals.position, signals.velocity, signals.acceleration))
-        return signals if turning is None else signals._replace(velocity=turning, kappa=1.0)
+        along = Motion(signals.position, signals.velocity, signals.acceleration)
+        turned = turning(self.lags.reversals, [axis], along)
+        return signals if turned is None else signals._replace(velocity=turned, kappa=1.0)
 
     # -- columns ------------------------------------------------------------------------------
     def columns(self, kind: AtJoint, shape: tuple[float, ...]) -> Array:
