@@ -634,15 +634,19 @@ def swapped(
             if i in bad or j in bad:
                 moves.append(np.where(given == i, j, np.where(given == j, i, given)))
         instants = _Instants(trial.fit(q[part]), q[part], torque[part])
-        now = instants.left(places, drives)
         while True:
-            ends = [(places[move], drives[move]) for move in moves]
-            other, paid = min(ends, key=lambda end: less(end, instants.left(*end), now))
+            now = instants.left(places, [drives])[0]
+            tried = []
+            for other in (places[move] for move in moves):
+                orders = other, given, drives  # drives go with their positions, or are in the order given or found
+                each = zip(orders, instants.left(other, orders), strict=True)
+                tried.append((min(less((other, paid), rest, now) for paid, rest in each), other))
+            other = min(tried, key=lambda t: t[0])[1]
             with warnings.catch_warnings(), suppress(ValueError):  # nothing may move in this part
                 warnings.simplefilter("ignore", UserWarning)
                 paid, rest = _ordered(*trial.joint_rows(q[part][:, other], torque[part]))
                 if less((other, paid), rest, left) <= LESS:
-                    places, drives, left, now = other, paid, rest, instants.left(other, paid)
+                    places, drives, left = other, paid, rest
                     continue
             break
     if not clearly():
@@ -673,11 +677,10 @@ class _Instants:
         self.moved = Motion(*(np.column_stack([x[some] for x in xs]) for xs in zip(*each, strict=True)))
         self.fast = np.abs(self.moved.velocity) > lags.slow * speeds
 
-    def left(self, places: NDArray[np.int64], drives: NDArray[np.int64]) -> Array:
-        """`_left` with the positions and the drives in these orders, (n_joints,)."""
-        drive = self.drive[:, drives]
-        phi = self.lags.columns(Motion(*(x[:, places] for x in self.moved)), drive, self.time)
-        return _left(phi, drive, self.fast[:, places])
+    def left(self, places: NDArray[np.int64], orders: Sequence[NDArray[np.int64]]) -> list[Array]:
+        """`_left` with the positions in this order, for each order of the drives, (n_joints,)."""
+        phi = self.lags.columns(Motion(*(x[:, places] for x in self.moved)), self.drive[:, places], self.time)
+        return [_left(phi, self.drive[:, drives], self.fast[:, places]) for drives in orders]
 
 
 def in_degrees(
