@@ -638,8 +638,8 @@ def swapped(
             now = instants.left(places, [drives])[0]
             tried = []
             for other in (places[move] for move in moves):
-                orders = other, given, drives  # drives go with their positions, or are in the order given or found
-                each = zip(orders, instants.left(other, orders), strict=True)
+                ways = other, given, drives  # drives go with their positions, or are in the order given or found
+                each = zip(ways, instants.left(other, ways), strict=True)
                 tried.append((min(less((other, paid), rest, now) for paid, rest in each), other))
             other = min(tried, key=lambda t: t[0])[1]
             with warnings.catch_warnings(), suppress(ValueError):  # nothing may move in this part
