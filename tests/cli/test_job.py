@@ -27,6 +27,25 @@ def test_help_names_the_common_options(name):
     assert {"--seed", "--no-track"} <= {word for line in done.output.splitlines() for word in line.split()}
 
 
+@pytest.mark.parametrize(("name", "hidden"), [("identify", {"--seed"}), ("simulate", {"--seed", "--no-track"})])
+def test_what_changes_nothing_is_taken_and_not_shown(name, hidden):
+    command = importlib.import_module(f"pipelines.{name}").main
+    words = set(CliRunner().invoke(command, ["--help"]).output.split())
+    assert {"--seed", "--no-track"} - words == hidden
+    done = CliRunner().invoke(command, ["no.file", "no.file", "--seed", "1", "--no-track"])
+    assert "no.file" in done.output
+    assert "No such option" not in done.output
+
+
+def test_the_common_options_come_behind_the_own_ones():
+    @job
+    @click.option("--own")
+    def main(**options):
+        """Do nothing."""
+
+    assert [p.name for p in main.params] == ["own", "seed", "track"]
+
+
 @pytest.mark.parametrize("error", [ValueError("bad p"), OSError("no such log"), ImportError("no extra")])
 def test_expected_errors_are_one_sentence(error):
     @job

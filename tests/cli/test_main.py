@@ -11,7 +11,7 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from whsklearn.cli import COMMANDS, main
+from whsklearn.cli import COMMANDS, WIDTH, main
 from whsklearn.cli import main as whsklearn_command
 
 
@@ -41,7 +41,7 @@ def test_an_unknown_command_is_a_wrong_option():
 
 
 def test_help_of_every_command_compiles_nothing():
-    code = "import importlib, sys; from whsklearn.cli import COMMANDS; "
+    code = "import importlib, sys; from whsklearn.cli import COMMANDS, WIDTH; "
     code += "[importlib.import_module('whsklearn.cli.' + c) for c in COMMANDS]; "
     code += "print({'numba', 'mlflow'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -53,6 +53,7 @@ def test_help_is_quick_and_clean(name):
     shown = CliRunner().invoke(main, [name, "--help"])
     assert shown.exit_code == 0
     assert "\\b" not in shown.output  # click's mark for lines that are not to be wrapped
+    assert max(map(len, shown.output.splitlines())) <= WIDTH
     assert shown.output.startswith("Usage: main ")
 
 

@@ -8,13 +8,11 @@ from pathlib import Path
 
 import click
 
-from whsklearn.cli.job import RecordLost, command, seed_option, track_option, writable_folder
+from whsklearn.cli.job import RecordLost, command, job, seed_option, writable_folder
 from whsklearn.cli.options import FOLDER
 
 
-@command
-@seed_option
-@track_option
+@job
 @click.option("--out", type=FOLDER, default="reports", help="Folder for the log and the report.")
 def main(seed: int, track: bool, out: str) -> None:
     """Identify the simulated example with every estimator, then hide cogging in a log and find it.

@@ -37,9 +37,9 @@ SHOWN = 10
 )
 @click.option("--in-process", is_flag=True, help="Use this machine's cores through joblib, without a cluster.")
 @click.option("--scheduler", help="Address of a Dask scheduler; a local cluster if omitted.")
-@click.option("--workers", type=click.IntRange(1), default=2, help="Processes here.")
+@click.option("--workers", type=click.IntRange(1), default=2, help="Worker processes on this machine.")
 @click.option("--batch", type=click.IntRange(1), default=10, help="Axes per task.")
-@click.option("--out", type=NEW_FILE, default="fleet.parquet", help="Table.")
+@click.option("--out", type=NEW_FILE, default="fleet.parquet", help="Table to write.")
 def main(**options: Any) -> None:
     """Identify every axis of FOLDER, a Parquet folder partitioned by axis, and write one table of all.
 

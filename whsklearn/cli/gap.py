@@ -79,7 +79,9 @@ USUAL = {"time": "time_s", "drive": "torque_nm", "position": "position_rad"}
 @effects_option
 @robot_options
 @click.option("--load", help="Known load at the last joint: mass in kg, or with its place in m, KG:X,Y,Z.")
-@click.option("--loaded", type=LOG, help="Log with a load; LOG is without it. What load? With --load: what gains?")
+@click.option(
+    "--loaded", type=LOG, help="Log with a load, where LOG is without: estimates the load, or with --load the gains."
+)
 @click.option("--simulator", type=FILE, help="A MuJoCo model.xml or an FMU.")
 @click.option("--joint", help="Joint of the simulator.")
 @click.option("--actuator", help="Actuator whose control was logged, if the joint has several.")
@@ -95,7 +97,7 @@ def main(**options: Any) -> None:
     whsklearn gap axis.csv --time time_s --drive torque_nm --position position_rad --report gap
     whsklearn gap axis.csv --effects my_effects.py --report gap
     whsklearn gap arm.csv --robot arm.urdf --joints "shoulder:q1,i1;elbow:q2,i2"
-    whsklearn gap robot.mcap --drive /joint_states.effort.elbow --position /joint_states.position.elbow
+    whsklearn gap robot.mcap --drive /joints.effort.elbow --position /joints.position.elbow
     """  # noqa: D301 - click reads the backspace
     from whsklearn.logs.errors import ColumnError, LogError
 

@@ -6,6 +6,7 @@ identify.json, model.json and a page with Bode, poles, characteristic and overla
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -44,7 +45,7 @@ INDICES = ("nmse", "rmse")
 UNEVEN = 0.01  # relative difference allowed between the rates of two logs; a clock is a thousand times better
 
 
-@job
+@partial(job, unused=("seed",))
 @click.argument("train", metavar="TRAIN", type=LOG)
 @click.argument("more", metavar="[TRAIN ...]", nargs=-1, type=LOG)
 @system_options
@@ -65,7 +66,7 @@ def main(**options: Any) -> None:
 
     \b
     whsklearn identify axis.csv --input torque_nm --output position_rad --time time_s --out model
-    whsklearn identify monday.csv tuesday.csv --input torque_nm --output position_rad --time time_s --out model
+    whsklearn identify monday.csv tuesday.csv --input torque_nm --output position_rad --out model
     whsklearn identify arm.csv --robot arm.urdf --joints "shoulder:q1,i1;elbow:q2,i2" --out model
     """  # noqa: D301 - click reads the backspace
     if options["robot"]:

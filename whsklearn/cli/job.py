@@ -71,13 +71,23 @@ def command(function: Callable[..., None]) -> click.Command:
     return guarded_function
 
 
-seed_option = click.option("--seed", type=click.IntRange(min=0), default=0, help="Random seed.")
-track_option = click.option("--track/--no-track", default=True, help="Record the runs in MLflow.")
+SEED: dict[str, Any] = {"type": click.IntRange(min=0), "default": 0, "help": "Random seed."}
+seed_option = click.option("--seed", **SEED)
 
 
-def job(function: Callable[..., None]) -> click.Command:
-    """A `command` with ``--seed`` and ``--no-track``."""
-    return command(seed_option(track_option(function)))
+def job(function: Callable[..., None], unused: tuple[str, ...] = ()) -> click.Command:
+    """A `command` with ``--seed`` and ``--no-track`` behind its own options.
+
+    Every job takes both; its help leaves out the ``unused``, which change nothing in it.
+    """
+    made = command(function)
+    made.params += [
+        click.Option(["--seed"], hidden="seed" in unused, **SEED),
+        click.Option(
+            ["--track/--no-track"], hidden="track" in unused, default=True, help="Record the runs in MLflow.",
+        ),
+    ]  # fmt: skip
+    return made
 
 
 def guarded(function: Callable[..., None], **kwargs: Any) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from whsklearn.cli.options import FILE, LOG, NEW_FILE, joint_options, reading_op
 from whsklearn.cli.records import note, read_system
 
 
-@job
+@partial(job, unused=("seed", "track"))
 @click.argument("model", metavar="MODEL.json", type=FILE)
 @click.argument("log_file", metavar="LOG", type=LOG)
 @system_options

@@ -45,16 +45,17 @@ OF_A_CHAIN = ("inputs", "output", "estimator", "orders", "law", "p")  # options 
     "--disk-full", type=click.Choice(["go-on", "stop"]), default="go-on", help="If there is no space for a checkpoint."
 )
 @click.option("--out", type=NEW_FILE, help="File for the records; stdout if omitted.")
-@click.option("--checkpoint", type=NEW_FILE, help="[SOURCE.whs]")
+@click.option("--checkpoint", type=NEW_FILE, help="File for the state, from which it resumes; SOURCE.whs if omitted.")
 @click.option("--checkpoint-every", type=float, default=5.0, help="Seconds between checkpoints.")
 @click.option("--fresh", is_flag=True, help="Start from the beginning even if there is a checkpoint.")
 def main(**options: Any) -> None:
     """Identify from SOURCE, a CSV file or - for JSON lines on stdin, row by row; it resumes automatically.
 
-    Example: whsklearn stream axis.csv --input torque_nm --output velocity_rad_s --follow --out records.jsonl
-
     With --robot the rows are those of an arm, and the parameters of its joints are estimated.
-    """
+
+    \b
+    whsklearn stream axis.csv --input torque_nm --output velocity_rad_s --follow --out records.jsonl
+    """  # noqa: D301 - click reads the backspace
     from whsklearn.compare import at_an_alarm, at_an_alarm_of
     from whsklearn.streaming import Files, Options, run_stream
 

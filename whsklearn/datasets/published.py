@@ -397,8 +397,8 @@ def fetch_kr300(folder: str | os.PathLike[str] | None = None, *, download: bool 
         "250 Hz, three records of 10 s, in which the other joints move too. The torque is that of the motor, positions "
         "are in degrees of the load. ``A`` is for identification, ``B`` and ``C`` for validation.",
         citation="J. Weigand, J. Ulmen, A. Janot, M. Ruskowski, 2021: Robot Identification, records of a KUKA KR300. "
-        "MIT licence. Not the benchmark that followed it (Weigand, Goetz, Ulmen, Ruskowski 2022, doi "
-        "10.26204/DATA/5), which has other records.",
+        "MIT licence. Not the benchmark that followed it (Weigand, Goetz, Ulmen, Ruskowski 2022, "
+        "doi 10.26204/DATA/5), which has other records.",
     )
 
 
