@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import pytest
 from click.testing import CliRunner
 
 from tests.streaming.short_stream import QUICK, carried, rows, run, write
@@ -31,6 +32,29 @@ def test_a_log_without_a_line_feed_is_refused(tmp_path):
     done = run(log)
     assert done.exit_code == 3
     assert "has no complete line; a stream reads lines that end with LF or CR LF" in done.stderr
+
+
+@pytest.mark.parametrize("follower", [None, rows(5, first=900)], ids=["gone", "replaced"])
+def test_a_log_that_is_moved_away_while_it_is_read_is_read_to_its_end(tmp_path, monkeypatch, follower):
+    """The checkpoint is that of the log that was read, also where the next one has its name already."""
+    log, aside, feed = write(tmp_path / "log.csv", rows(300)), tmp_path / "log.csv.1", stream_loop.StreamMonitor.feed
+    run(log)
+    calm = carried(tmp_path / "log.csv.whs")
+
+    def moved(*args):
+        if not aside.exists():
+            log.rename(aside)
+            if follower:
+                write(log, follower)
+        return feed(*args)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(stream_loop.StreamMonitor, "feed", moved)
+        done = run(log, "--fresh")
+    assert done.exit_code == 0, done.output
+    assert carried(tmp_path / "log.csv.whs") == calm
+    aside.replace(log)
+    assert run(log).exit_code == 0  # it is the log that the checkpoint knows
 
 
 def test_what_cannot_be_written_is_said_before_the_first_row(tmp_path):

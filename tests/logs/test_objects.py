@@ -21,6 +21,7 @@ NESTED = [{"t": r["time_s"], "joint": {"effort": r["torque_nm"], "state": [0.0, 
         ("\n".join(map(json.dumps, ROWS)), ("time_s", "torque_nm", "position_rad")),
         (json.dumps(ROWS), ("time_s", "torque_nm", "position_rad")),
         (json.dumps({"run": {k: v.tolist() for k, v in TABLE.items()}}), tuple(f"run.{k}" for k in TABLE)),
+        (json.dumps({k: dict(enumerate(v.tolist(), 7)) for k, v in TABLE.items()}), tuple(TABLE)),  # pandas' to_json()
         (json.dumps({"data": [list(r.values()) for r in ROWS]}), ("data.0", "data.1", "data.2")),
         (
             json.dumps({"columns": list(TABLE), "index": [], "data": [list(r.values()) for r in ROWS]}),
@@ -28,7 +29,7 @@ NESTED = [{"t": r["time_s"], "joint": {"effort": r["torque_nm"], "state": [0.0, 
         ),
         ("\ufeff" + json.dumps(NESTED), ("t", "joint.effort", "joint.state.1")),
     ],
-    ids=["lines", "records", "vectors", "matrix", "as pandas splits it", "nested"],
+    ids=["lines", "records", "vectors", "by row", "matrix", "as pandas splits it", "nested"],
 )
 def test_every_shape_gives_the_same_log(tmp_path, text, names):
     (tmp_path / "axis.json").write_text(text, encoding="utf-8")

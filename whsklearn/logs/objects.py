@@ -71,6 +71,8 @@ def _vectors(data: Any, prefix: str = "") -> Iterator[tuple[str, list[Any]]]:
     """Vectors by joined names."""
     if isinstance(data, dict) and isinstance(data.get("columns"), list) and isinstance(data.get("data"), list):
         yield from _vectors([dict(zip(map(str, data["columns"]), row, strict=False)) for row in data["data"]], prefix)
+    elif isinstance(data, dict) and len(data) >= FEWEST and all(map(str.isdigit, data)):  # pandas: by number of the row
+        yield from _vectors(list(data.values()), prefix)
     elif isinstance(data, dict):
         for key, value in data.items():
             yield from _vectors(value, f"{prefix}{key}.")

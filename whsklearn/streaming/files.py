@@ -61,14 +61,20 @@ def alone(*paths: Path | None) -> Iterator[None]:
         yield
 
 
-def fingerprint(source: str, offset: int) -> str:
-    """Identify what was read of a file by its first bytes and the last ones before ``offset``; empty for a pipe."""
-    if source == "-" or not offset:
+def fingerprint(file: BinaryIO, offset: int) -> str:
+    """Identify what was read of a file by its first bytes and the last ones before ``offset``; empty for a pipe.
+
+    It is the open file that counts: its name may be gone, or be that of the next one.
+    """
+    if not offset or not file.seekable():
         return ""
-    with open(source, "rb") as file:
-        head = file.read(min(PRINTED, offset))
-        file.seek(max(0, offset - PRINTED))
-        return hashlib.sha256(head + file.read(min(PRINTED, offset))).hexdigest()
+    at = file.tell()
+    file.seek(0)
+    head = file.read(min(PRINTED, offset))
+    file.seek(max(0, offset - PRINTED))
+    tail = file.read(min(PRINTED, offset))
+    file.seek(at)
+    return hashlib.sha256(head + tail).hexdigest()
 
 
 def _same(a: Path, b: Path) -> bool:

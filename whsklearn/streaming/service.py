@@ -298,12 +298,9 @@ def _check_source(source: str, place: dict[str, Any]) -> None:
         return
     with open(source, "rb") as file:
         header = text_of(file.readline().rstrip(b"\n"))
+        found = fingerprint(file, place["offset"])
     known = place.get("fingerprint", "")
-    if (
-        header != place["header"]
-        or Path(source).stat().st_size < place["offset"]
-        or (known and fingerprint(source, place["offset"]) != known)
-    ):
+    if header != place["header"] or Path(source).stat().st_size < place["offset"] or (known and found != known):
         raise ValueError(f"{source} is not the file that the checkpoint was written for; give --fresh to start over.")
 
 
@@ -380,7 +377,7 @@ class Keeper:
         """Write the checkpoint, after all records up to it are on the disk."""
         stream, self.place["out"] = self.stream, self.writer.settle()
         self.place |= {"offset": lines.offset, "number": lines.number}
-        self.place["fingerprint"] = fingerprint(self.files.source, lines.offset) if lines.file.seekable() else ""
+        self.place["fingerprint"] = fingerprint(lines.file, lines.offset)
         state = {"place": self.place, **stream.get_state()}
         settled = clone(stream.model).set_params(forgetting=stream.forgetting)
         try:
