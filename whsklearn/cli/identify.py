@@ -218,7 +218,8 @@ def comparison(found: Identification) -> str:
     unit = found.model.units.get("output", "")
     told = f" ({unit})" if unit else ""
     title = f"Root mean square error{told} over held-out windows, and of the free run on the test"
-    return table(["structure", "numbers", *lengths, "NMSE", "RMSE", "CPU s"], rows, title=title)
+    text = table(["structure", "numbers", *lengths, "NMSE", "RMSE", "CPU s"], rows, title=title)
+    return "\n".join([text, *(wrapped(f"{c.name}: {c.failure}") for c in found.models if c.failure)])
 
 
 def numbers(found: Identification) -> str:

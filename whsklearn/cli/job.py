@@ -20,6 +20,7 @@ from whsklearn.cli import WIDTH
 if TYPE_CHECKING:
     from whsklearn.tracking import Tracker
 
+NARROWEST = 8  # columns of a table's names
 USAGE, UNUSABLE, ENDED, INTERRUPTED = 2, 3, 143, 130  # besides 0 for a result and 1 for any other failure
 
 
@@ -215,6 +216,8 @@ def worse_than_mean(nmse: Mapping[str, float]) -> str:
     >>> worse_than_mean({"ARX": 0.2, "axis": 0.9})
     ''
     >>> print(wrapped(worse_than_mean({"ARX": 0.2, "axis": 1.4})))
+    Worse than the mean of the output (an NMSE above 1): axis. It does not describe this record.
+    >>> print(wrapped(worse_than_mean({"axis": 1.4})))
     Worse than the mean of the output (an NMSE above 1): axis. It does not describe this record; check
     columns, units and the sign of the drive.
     """
@@ -223,7 +226,8 @@ def worse_than_mean(nmse: Mapping[str, float]) -> str:
         return ""
     text = f"Worse than the mean of the output (an NMSE above 1): {', '.join(bad)}."
     who = "It does" if len(bad) == 1 else "They do"
-    return f"{text} {who} not describe this record; check columns, units and the sign of the drive."
+    advice = "; check columns, units and the sign of the drive" if len(bad) == len(nmse) else ""  # no model is right
+    return f"{text} {who} not describe this record{advice}."
 
 
 def wrapped(text: str) -> str:
@@ -232,10 +236,8 @@ def wrapped(text: str) -> str:
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[Any]], *, title: str = "") -> str:
-    """A plain table of at most 100 columns; the first column is left-aligned, the others right-aligned.
+    """A plain table of at most 100 columns; the first column is left-aligned and wrapped, the others right-aligned.
 
-    Examples
-    --------
     >>> print(table(["model", "NMSE"], [["PEM", 0.01234], ["RLS", None]]))
     model    NMSE
     -------------
@@ -245,13 +247,16 @@ def table(header: Sequence[str], rows: Iterable[Sequence[Any]], *, title: str = 
     cells = [list(header), *[[cell(v) for v in row] for row in rows]]
     widths = [max(len(r[i]) for r in cells) for i in range(len(header))]
     spare = WIDTH - sum(widths) - 2 * (len(widths) - 1)
-    widths[0] += min(0, spare)
-    lines = [
-        "  ".join([r[0][: widths[0]].ljust(widths[0]), *(v.rjust(w) for v, w in zip(r[1:], widths[1:], strict=True))])
-        for r in cells
-    ]
-    rule = "-" * min(WIDTH, max(map(len, lines)))
-    return "\n".join([*([title, ""] if title else []), lines[0], rule, *lines[1:]])
+    if spare < 0:
+        widths[0] = max(NARROWEST, widths[0] + spare)
+    lines = []
+    for name, *values in cells:
+        begun, *more = textwrap.wrap(name, widths[0], subsequent_indent="  ") or [""]
+        lines.append(
+            "  ".join([begun.ljust(widths[0]), *(v.rjust(w) for v, w in zip(values, widths[1:], strict=True))])
+        )
+        lines += ["-" * len(lines[0])] if len(lines) == 1 else more
+    return "\n".join([*([title, ""] if title else []), *lines])
 
 
 def cell(value: Any) -> str:

@@ -15,6 +15,9 @@ ONE_STEP = 1.5
 # Share of a step, times the root of their number, by which a difference may miss whole steps; and the share of all
 # differences that must not miss them.
 ON_GRID, MOSTLY = 0.02, 0.99
+# Steps, however large the difference: half of any numbers lie that near to whole ones, so readings without a grid fail.
+# Without this limit, differences of a thousand times the smallest one all lay on its grid.
+NEAREST = 0.25
 # Distinct values per sample: above this, nearly every value occurs once, and a grid is no coarser than the noise.
 DISTINCT = 0.9
 
@@ -170,6 +173,7 @@ def lattice(readings: ArrayLike, distinct: float = DISTINCT) -> float:
     gaps = gaps[gaps > 1e-12 * (values[-1] - values[0])]  # rounding errors
     step = float(np.median(gaps[gaps < ONE_STEP * gaps.min()]))
     steps = np.round(gaps / step)
-    if np.mean(np.abs(gaps / step - steps) < ON_GRID * np.sqrt(np.maximum(steps, 1.0))) < MOSTLY:
+    missed = np.abs(gaps / step - steps)
+    if np.mean(missed < np.minimum(ON_GRID * np.sqrt(np.maximum(steps, 1.0)), NEAREST)) < MOSTLY:
         return 0.0
     return float(gaps.sum() / steps.sum())  # to all digits, even where a file rounds every step
