@@ -45,8 +45,9 @@ class PreslidingHysteresis(Effect):
         1e-6,
         0.2,
         log=True,
-        span=(2e-4, 0.5),
-        starts=(5e-4, 1.1e-3, 2.3e-3, 4.8e-3, 0.01, 0.022, 0.047, 0.1),
+        span=(1e-5, 0.5),
+        # on a long travel a bearing is past it within a sample or two: only the reversals themselves show it
+        starts=(2e-5, 4.8e-5, 1e-4, 2.3e-4, 5e-4, 1.1e-3, 2.3e-3, 4.8e-3, 0.01, 0.022, 0.047, 0.1),
     )
 
     name = "presliding_hysteresis"
