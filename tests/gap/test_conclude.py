@@ -9,6 +9,7 @@ import pytest
 
 from whsklearn.gap import conclude
 from whsklearn.gap.conclude import stays_open, verdict_of
+from whsklearn.gap.plant import Figures
 from whsklearn.gap.search import Named
 from whsklearn.gap.tangent import Look
 
@@ -17,7 +18,7 @@ NAMELESS = SimpleNamespace(name="", p_value=1e-6, size=0.2, signal="")
 
 def verdict(
     after, run, *, taken=("stribeck",), size=0.0, rivals=(), remainder=(), floor=0.01, exact=False, floors=1.0, gap=1.0,
-    first=10.0, swapped=False,
+    first=10.0, swapped=False, by_run=False,
 ):  # fmt: skip
     """Of a record with such a gap, ``after`` of which is left where noise alone leaves ``floor``.
 
@@ -26,7 +27,7 @@ def verdict(
     """
     plant = SimpleNamespace(
         tolerance=0.004, scale=1.0, exact=exact,
-        figures=lambda base, model, nameless: (gap, after, floor, nameless),
+        figures=lambda base, model, nameless: Figures(gap, after, floor, nameless, by_run),
     )  # fmt: skip
     look = SimpleNamespace(signal="velocity", swapped=swapped)
     found = SimpleNamespace(
@@ -85,6 +86,13 @@ def test_what_a_free_swing_shows_along_the_run_has_a_name_but_not_for_sure():
 def test_what_a_look_promises_and_no_fit_has_taken_has_no_name():
     """A play was given for a ripple above the cut-off: it took 20.83 to 20.81 % of the drive, and the look said 19."""
     assert verdict(0.999, 0.1, size=0.9) == "coloured_noise"
+
+
+def test_of_a_play_the_free_run_tells_what_it_explains():
+    """An impact that comes a sample early is a large torque for an instant, and hardly changes the path."""
+    other = SimpleNamespace(name="", p_value=1e-6, size=0.3, signal="")
+    assert [verdict(1.1, 0.4, remainder=[other], by_run=by_run) for by_run in (False, True)] == ["unknown", "partial"]
+    assert verdict(1.1, 0.1, remainder=[other], by_run=True) == "unknown"
 
 
 def test_rivals_make_it_ambiguous_and_what_follows_the_motion_partial():

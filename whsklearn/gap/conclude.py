@@ -269,7 +269,8 @@ def verdict_of(plant: Any, found: Found, alpha: float, run: dict[str, float]) ->
     # joints, could be no part of any name.  A lag refused for its free run explained 87 % of a gap, and gravity 2 %.
     follows = max((k.size for k in found.remainder if k.p_value <= alpha), default=0.0)
     # what only a refused name explains has no name either; looks at exact records are not so sharp
-    before, after, floor, still = plant.figures(found.base, found.model, nameless if plant.exact else follows)
+    figures = plant.figures(found.base, found.model, nameless if plant.exact else follows)
+    before, after, floor, still = figures[:4]
     silent = quiet(after, floor, least)
     if plant.exact:  # own records that lack nothing but an effect need no margin
         silent = silent and nameless <= least
@@ -279,14 +280,14 @@ def verdict_of(plant: Any, found: Found, alpha: float, run: dict[str, float]) ->
             blind = len(_unseen(plant, found, alpha)) > HALF * len(asked)
             return "not_testable" if asked and blind else "no_gap"
         return "unknown" if follows > least else "coloured_noise"
-    # the drive's error shows little of free swings: there the looks along the run measure what an effect explains
+    # The drive's error shows little of free swings: there the looks along the run measure what an effect explains.
     along = sum((t.size * plant.scale) ** 2 for t in found.taken if t.look.swapped)
-    explained = max(before**2 - after**2, along)
-    if explained < LEAST_SHARE * (explained + follows**2):
-        return "unknown"
     # a run that noise alone explains before the repair shows no closure
     shown = run["closure"] if run["before"] > ABOVE_FLOOR * run["floor"] else 0.0
-    if not plant.exact and max(explained / max(before**2, 1e-300), shown) < LEAST_SHARE:
+    explained = max(before**2 - after**2, along, shown * before**2 if figures.by_run else 0.0)
+    if explained < LEAST_SHARE * (explained + follows**2):
+        return "unknown"
+    if not plant.exact and max(explained, shown * before**2) < LEAST_SHARE * before**2:
         return "unknown" if follows > least else "coloured_noise"
     # Measured as in simulation: with half of the power gone 0.7 of the gap is left, as where two tones stand for a wave
     # of the position that a tone modulates.  Exact records: the errors are already those of a free run.

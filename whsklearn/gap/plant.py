@@ -130,6 +130,7 @@ class Figures(NamedTuple):
     after: float
     floor: float
     nameless: float = 0.0
+    by_run: bool = False  # whether the free run alone tells what the effects explain
 
 
 @dataclass(frozen=True)

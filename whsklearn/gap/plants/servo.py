@@ -374,7 +374,7 @@ class ServoPlant(Plant):
         """
         if model.load_side or model.has_play:  # inverse dynamics of the load side needs the unmeasured motor motion
             seen = self.observer
-            return Figures(seen.rms(seen.gap(base)), seen.rms(seen.gap(model)), seen.floor(model))
+            return Figures(seen.rms(seen.gap(base)), seen.rms(seen.gap(model)), seen.floor(model), by_run=True)
         view = self.inverse
         if view.own is None:  # the last effect was taken back, and no look has been taken at the residual
             self.own, _ = servo_own.own(view, model, np.random.default_rng(0))
