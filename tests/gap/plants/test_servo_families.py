@@ -15,6 +15,7 @@ from whsklearn.effects import (
     HardeningSpring,
     InputDelay,
     InputOffset,
+    PreslidingHysteresis,
     Saturation,
     TorqueRipple,
 )
@@ -25,6 +26,7 @@ from whsklearn.gap.plants.servo_model import ServoTerm
 from whsklearn.gap.plants.servo_start import start_of
 from whsklearn.gap.record import ServoRecord
 from whsklearn.gap.tangent import chance
+from whsklearn.systems import ServoAxis
 
 
 def looks_at(effects, **options):
@@ -170,6 +172,17 @@ def test_the_plays_that_are_tried_scale_with_the_axis():
 def test_a_small_play_is_found():
     log = make_servo_log([Backlash(4e-4, 0.4, 120.0, 0.5)], duration=15.0, noise=5e-6, random_state=2)
     assert GapFinder("servo").fit(log).effects_[0].name == "backlash"
+
+
+def test_bristles_that_only_reversals_show_are_no_play():
+    """A counterweight in bearings that slide after 0.16 mm of 8 m had a play of 0.13 mm, with certainty."""
+    time = np.arange(8000) / 200.0
+    axis = ServoAxis(inertia=0.5, law="viscous", effects=[PreslidingHysteresis(0.3, 1.5e-4)], sample_rate=200.0)
+    r = axis.simulate(reference=3.5 * np.sin(0.5 * time) + 0.4 * np.sin(1.7 * time + 1.0), random_state=0)
+    noise = 2e-6 * np.random.default_rng(0).standard_normal(time.size)
+    finder = GapFinder("servo").fit(ServoRecord(r.time, r.drive, r.position + noise))
+    assert [e.name for e in finder.effects_] == ["presliding_hysteresis"]
+    assert finder.effects_[0].effect.distance == pytest.approx(1.5e-4, rel=0.05)
 
 
 def test_a_play_is_found_before_a_load_that_rubs():
