@@ -120,7 +120,9 @@ def test_missing_drive_behind_a_coupling_is_told_by_the_observer(load_side):
         setattr(plant, name, view)
     plant.own = SimpleNamespace(floor=0.1)
     base, model = SimpleNamespace(at=0, load_side=False), SimpleNamespace(at=1, load_side=load_side, has_play=False)
-    assert plant.figures(base, model, 0.3) == ((1.0, 0.2, 0.05, 0.0) if load_side else (3.0, 2.9, 0.1, 0.3))
+    assert plant.figures(base, model, 0.3) == (
+        (1.0, 0.2, 0.05, 0.0, True) if load_side else (3.0, 2.9, 0.1, 0.3, False)
+    )
 
 
 GAP, CONTACT, SHARE = 0.03, 45.0, 0.5  # rad, Hz, of the inertia behind the play

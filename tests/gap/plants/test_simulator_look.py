@@ -41,7 +41,9 @@ def test_further_shapes_are_looked_at_where_a_simulator_asks_for_them():
     assert {e.side for e in stops} == {"upper", "lower", "both"}
     low, high = RECORD.position.min(), RECORD.position.max()
     assert all(low < end < high for e in stops for end in e.ends if np.isfinite(end))
-    assert sum(isinstance(e, LuGre) for e in asked["presliding_hysteresis"]) == 24
+    assert sum(isinstance(e, LuGre) for e in asked["presliding_hysteresis"]) == 3 * len(
+        LuGre.quantities["distance"].starts
+    )
 
 
 def test_a_stop_is_as_stiff_as_the_drive_pushes_against_it():
