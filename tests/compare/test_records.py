@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -116,6 +117,7 @@ def test_nothing_moved_and_what_would_have_shown(plain):
     assert "would have been detected" in found.sentence
     assert f"{found.smallest_seen['input_offset']:.2g} Nm of input offset" in found.sentence
     assert " s of delay" in found.sentence
+    assert re.search(r" [\d.]+(e-\d+)?( to [\d.]+)? % of the drive is in none of these numbers", found.sentence)
 
 
 def test_numbers_are_told_in_the_units_of_the_log(plain):

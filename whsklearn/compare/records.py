@@ -358,7 +358,7 @@ def compare_rows(rows: list[Regression], alpha: float) -> Comparison:
     found.notes = drift_notes(rows, parts) + trend_notes(found.numbers)
     if not changes and (blind := unseen(d, found.smallest_seen)):
         found.verdict, found.reason = "cannot_tell", blind
-    found.sentence = sentence(found, d)
+    found.sentence = sentence(found, d, parts)
     return found
 
 
@@ -440,8 +440,8 @@ def unseen(d: Difference, smallest_seen: dict[str, float]) -> str:
     )
 
 
-def sentence(found: Comparison, d: Difference) -> str:
-    """The answer in words."""
+def sentence(found: Comparison, d: Difference, parts: Sequence[Estimate]) -> str:
+    """The answer in words; where no number changed, what no number explains may have: a play is in there."""
     if found.verdict == "moved":
         return changes_in_words(found.changes)
     if found.verdict == "cannot_tell":
@@ -458,7 +458,12 @@ def sentence(found: Comparison, d: Difference) -> str:
     seen += [f"{row['smallest']:.2g} {row['unit']} of {spoken(row)}" for row in around_zero]
     hidden = by_effect({n: np.nan for n, s in sizes.items() if found.smallest_seen[n] >= SEEN * s})
     text = f"These records show no change. A change of {', '.join(seen)} would have been detected."
-    return text + (f" A change of {' or '.join(hidden)} by less than half would not." if hidden else "")
+    text += f" A change of {' or '.join(hidden)} by less than half would not." if hidden else ""
+    low, high = (f"{100 * f(part.left for part in parts):.2g}" for f in (min, max))
+    return text + (
+        f" {low if low == high else f'{low} to {high}'} % of the drive is in none of these numbers, and a change in "
+        "there, such as of a play, would not show."
+    )
 
 
 def changes_in_words(changes: Sequence[Change]) -> str:
