@@ -13,9 +13,11 @@ from whsklearn.datasets import default_arm, make_arm_log
 from whsklearn.effects import (
     Cogging,
     Coulomb,
+    InputOffset,
     Viscous,
 )
 from whsklearn.export import export_model
+from whsklearn.export.robots import arm_urdf
 from whsklearn.filtering import motion
 from whsklearn.identification import identify_arm
 from whsklearn.models import ArmModel, save_model
@@ -76,6 +78,12 @@ def test_what_a_file_does_not_hold_is_told_by_joint(tmp_path):
     assert "pitch's cogging" in (tmp_path / "model.xml").read_text()
     urdf = [x.name for x in export_model(arm, to="urdf", out=tmp_path).losses]
     assert "yaw's motor" in urdf
+
+
+def test_what_a_sliding_joint_loses_has_its_units():
+    arm = Arm(["lift"], [-1], [True], [np.eye(3)], [[0, 0, 0]], [[0, 0, 1]], armature=[2.0])
+    losses = arm_urdf(arm.with_body("lift", 1.0, inertia=np.eye(3)).with_effects({"lift": [InputOffset(0.5)]}))[1]
+    assert [x.size for x in losses] == ["armature 2 kg", "torque 0.5 N"]
 
 
 def test_a_model_file_is_exported_and_other_formats_refuse(tmp_path):

@@ -98,6 +98,19 @@ def test_a_motor_that_the_file_does_not_name_is_found(ratio):
     assert found.armature[2] == pytest.approx(ratio * inertia[2], rel=0.05)
 
 
+@pytest.mark.parametrize("scale", [0.05, 1.0, 5.0])  # a gripper of 50 g and an excavator of 50 t
+def test_numbers_of_an_arm_without_masses_become_bodies_that_have_them(scale):
+    arm = drawn_arm(4, 6, slides=0.0)
+    sizes = scale ** np.array([3, *[4] * 3, *[5] * 6])
+    arm = dataclasses.replace(arm, inertial=sizes * arm.inertial, places=scale * arm.places)
+    base = arm.base()
+    measured = base.mapping @ arm.inertial.ravel()
+    errors = 1e-4 * np.abs(measured) + 1e-6 * np.abs(measured).max()
+    found = dataclasses.replace(arm, inertial=None).consistent(base, measured, np.diag(errors**2))
+    assert all(is_body(row) for row in found.inertial)
+    assert np.abs((base.mapping @ found.inertial.ravel() - measured) / errors).max() < 3.0
+
+
 def test_numbers_that_no_body_has_become_the_nearest_that_one_has():
     arm = drawn_arm(2, 3, slides=0.0)
     base = arm.base()

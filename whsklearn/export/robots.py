@@ -263,7 +263,9 @@ def arm_mjcf(arm: Arm) -> tuple[str, list[Loss]]:
             bodies[arm.parents[k] + 1], "body", name=f"{name}_link", pos=_text(arm.places[k]), quat=_text([w, x, y, z])
         )
         bodies.append(body)
-        damping, friction, lost = _passive(name, arm.effects[k], "MuJoCo's joints hold damping and frictionloss only")
+        damping, friction, lost = _passive(
+            name, arm.effects[k], "MuJoCo's joints hold damping and frictionloss only", bool(arm.slides[k])
+        )
         losses += lost
         joint = {"name": name, "type": "slide" if arm.slides[k] else "hinge", "axis": _text(arm.axes[k])}
         passive = {"damping": damping, "frictionloss": friction, "armature": float(arm.armature[k])}
@@ -316,12 +318,15 @@ def arm_urdf(arm: Arm) -> tuple[str, list[Loss]]:
         rpy = Rotation.from_matrix(arm.rotations[k]).as_euler("xyz")
         ElementTree.SubElement(joint, "origin", xyz=_text(arm.places[k]), rpy=_text(rpy))
         ElementTree.SubElement(joint, "axis", xyz=_text(arm.axes[k]))
-        damping, friction, lost = _passive(name, arm.effects[k], "URDF has damping and friction only")
+        damping, friction, lost = _passive(
+            name, arm.effects[k], "URDF has damping and friction only", bool(arm.slides[k])
+        )
         ElementTree.SubElement(joint, "dynamics", damping=_text([damping]), friction=_text([friction]))
         if arm.slides[k]:
             ElementTree.SubElement(joint, "limit", effort="1e9", velocity="1e9", lower="-1e3", upper="1e3")
         if arm.armature[k]:
-            losses.append(Loss(f"{name}'s motor", f"armature {arm.armature[k]:.6g} kg m2", "URDF has no motor inertia"))
+            size = f"armature {arm.armature[k]:.6g} {'kg' if arm.slides[k] else 'kg m2'}"
+            losses.append(Loss(f"{name}'s motor", size, "URDF has no motor inertia"))
         losses += lost
     for name, acting in arm.sums.items():
         reason = "URDF has no friction along two joints"
@@ -333,7 +338,7 @@ def arm_urdf(arm: Arm) -> tuple[str, list[Loss]]:
     return _written(root, losses), losses
 
 
-def _passive(name: str, acting: Iterable[Effect], reason: str) -> tuple[float, float, list[Loss]]:
+def _passive(name: str, acting: Iterable[Effect], reason: str, slides: bool = False) -> tuple[float, float, list[Loss]]:
     """Damping and dry friction, with a loss for each other effect and for negative values, which no format accepts."""
     sizes = dict.fromkeys(HELD, 0.0)
     lost = []
@@ -342,7 +347,10 @@ def _passive(name: str, acting: Iterable[Effect], reason: str) -> tuple[float, f
             sizes[e.name] += e.magnitude
         elif e.magnitude != e.neutral:
             lost.append(e)
-    told = [Loss(f"{name}'s {x.name}", x.size, x.reason) for x in losses_of(lost, reason)]
+    told = []
+    for x in losses_of(lost, reason):
+        size = x.size.replace("Nm", "N").replace("rad", "m") if slides else x.size
+        told.append(Loss(f"{name}'s {x.name}", size, x.reason))
     return sizes["viscous"], sizes["coulomb"], told
 
 

@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from whsklearn.effects.base import Array
 from whsklearn.systems._arm_kernels import N_BODY
-from whsklearn.systems.arm_files import inertia_matrix
+from whsklearn.systems.arm_files import body_numbers, inertia_matrix
 
 # As a share of a column's length. The part that earlier columns leave unexplained is either rounding (1e-13 on random
 # motion) or above 1e-5 (random arms of 2 to 7 joints); the tolerance lies between.
@@ -124,7 +124,8 @@ def base_parameters(
 #     J = U U',  U = e^alpha [[e^d1, s12, s13, t1], [0, e^d2, s23, t2], [0, 0, e^d3, t3], [0, 0, 0, 1]],
 #
 # and any ten real numbers alpha, d, s, t are such a body.
-LEAST_MASS, LEAST_RADIUS = 1e-3, 1e-2  # kg and m: the initial body of a link for which the file gives none
+LEAST_MASS, LEAST_RADIUS = 1e-3, 1e-2  # kg and m: the initial body of a link to which the file gives none
+USUAL = 1.0, 0.1  # kg and m: the initial body of all links, where neither the file nor the numbers say more
 # Standard errors per unit of a logarithm: masses and sizes in the file are taken to be right within a factor of twenty.
 # This determines what the drives do not; a tenth of it took ten times as many steps on the AIRBOT.
 NEARNESS = 0.3
@@ -177,6 +178,22 @@ def log_cholesky(numbers: Array) -> Array:
     return np.array([np.log(scale), *np.log(np.diag(u)[:3] / scale), *(u[i, k] / scale for i, k in OFF_DIAGONAL)])
 
 
+def usual_body(kept: NDArray[np.int64], values: Array, n: int) -> tuple[float, float]:
+    """Mass and radius of a ball with the median mass, moment and inertia of base numbers: m, m r and m r².
+
+    ``kept`` (b,): which number of n links each one is; ``values`` (b,).
+    """
+    held, size = kept < N_BODY * n, np.abs(values)
+    kind = np.digitize(kept % N_BODY, [1, 4])  # m, m r, m r^2
+    rows, logs = [[0.1, 0.0], [0.0, 0.1]], [0.1 * np.log(x) for x in USUAL]
+    for power in range(3):
+        if (some := held & (kind == power) & (size > 0.0)).any():
+            rows.append([1.0, power])
+            logs.append(float(np.log(np.median(size[some]))))
+    mass, radius = np.exp(np.linalg.lstsq(np.array(rows), np.array(logs), rcond=None)[0]).tolist()
+    return mass, radius
+
+
 @threadpool_limits.wrap(limits=1, user_api="blas")  # two threads take twice the CPU and sum in another order
 def consistent_numbers(
     inertial: Array, armature: Array, base: BaseParameters, values: ArrayLike, covariance: ArrayLike | None
@@ -199,10 +216,14 @@ def consistent_numbers(
     mapping, theta = base.mapping[concerned, :width], theta[concerned]
     spread = np.eye(len(base.kept)) if covariance is None else np.asarray(covariance, dtype=float)
     whitening = np.linalg.inv(np.linalg.cholesky(spread[np.ix_(concerned, concerned)]))
+    mass, radius = usual_body(base.kept[concerned], theta, n)
+    if not inertial[:, 0].any():  # from bodies of a gram and a centimetre, the search ended up to a million sigma away
+        inertial = np.tile(body_numbers(mass, np.zeros(3), 2.0 * mass * radius**2 * np.eye(3)), (n, 1))
     start = np.concatenate([np.concatenate([log_cholesky(row) for row in inertial]), np.log(armature + 1e-6)])
     start = start[: None if motors else N_BODY * n]
 
     links = N_BODY * n
+    scale = np.concatenate([np.tile([1.0] * 4 + [radius] * 6, n), np.ones(start.size - links)])
     seen = whitening @ mapping
     of_links, nearness = seen[:, :links].reshape(-1, n, N_BODY), NEARNESS * np.eye(start.size)
 
@@ -216,5 +237,5 @@ def consistent_numbers(
         inner = np.einsum("bni,nij->bnj", of_links, slopes(x[:links].reshape(n, N_BODY)))
         return np.vstack([np.hstack([inner.reshape(-1, links), seen[:, links:] * np.exp(x[links:])]), nearness])
 
-    found = full(least_squares(errors, start, jacobian, ftol=1e-6, xtol=1e-6, max_nfev=200).x)
+    found = full(least_squares(errors, start, jacobian, ftol=1e-6, xtol=1e-6, x_scale=scale, max_nfev=200).x)
     return found[:links].reshape(n, N_BODY), found[links:] if motors else None
