@@ -289,9 +289,9 @@ class Search:
 
         Both are scored by the number of independent samples in the residual without either, which a strong slow effect
         makes small.  With a wrong name the residual is smaller and faster, so its independent samples are counted as
-        well.  Blocks tell which of two wrong models is less wrong; if the one taken is complete, nothing is left to ask
-        them, and the few events in which two laws differ, such as the touches of a stop, cannot make a rival of the
-        other.
+        well.  Blocks tell which of two wrong models is less wrong.  If the one taken is complete, nothing is left to
+        ask them, and the few events in which two laws differ, such as the touches of a stop, cannot make a rival of
+        the other; but its lead must stand with the artefacts of its own records, too.
         """
         lead = taken.score - other.score
         if lead < 0.0:  # the one taken is the commoner
@@ -305,22 +305,17 @@ class Search:
         z = np.inf if whole else vuong(other.errors, taken.errors)
         if self.plant.exact:  # records simulated with the rival would cost a joint fit each, and blocks suffice
             return separable(lead, z, np.zeros(0), self.alpha)
-        leads = self.plant.leads(taken, other, taken.before, self.rng)
-        return separable(lead, z, leads, self.alpha) and self._still_apart(taken, other, whole)
+        if not separable(lead, z, self.plant.leads(taken, other, taken.before, self.rng), self.alpha):
+            return False
+        return not whole or better < HALF * worse or self._still_apart(taken, other)
 
-    def _still_apart(self, taken: Named, other: Named, whole: bool) -> bool:
-        """Whether they still differ if each is judged with its own artefacts instead of those of their base.
-
-        A rival whose residual has more than twice the power has lost.
-        """
-        powers = (float(f.errors @ f.errors) for f in (taken, other))
-        if next(powers) < HALF * next(powers):
-            return True
+    def _still_apart(self, taken: Named, other: Named) -> bool:
+        """Whether they still differ if each is judged with its own artefacts instead of those of their base."""
         left, rest = (self.plant.alone(f.model) for f in (taken, other))
         n = max(self.plant.n_effective, n_effective(rest))
         lead = gain(float(rest @ rest), float(left @ left), n)
         lead -= 2.0 * float(np.mean(taken.look.null) - np.mean(other.look.null))
-        return separable(lead, np.inf if whole else vuong(rest, left), np.zeros(0), self.alpha)
+        return lead >= least_lead(self.alpha)
 
     def _needless(self, taken: Named, other: Named) -> bool:
         """Whether a rival describes the same with more numbers: the two differ by less than is worth naming."""
