@@ -9,7 +9,7 @@ import pytest
 
 from tests.gap.plants.example_servo import INERTIA, RATE, TIME, opened, record_of, shaken
 from whsklearn.datasets import make_servo_log
-from whsklearn.effects import InputDelay
+from whsklearn.effects import Coulomb, InputDelay, Viscous
 from whsklearn.gap.plants.servo_start import (
     base_model,
     best_view,
@@ -19,6 +19,7 @@ from whsklearn.gap.plants.servo_start import (
     with_earlier_drive,
 )
 from whsklearn.gap.record import ServoRecord, noise_level
+from whsklearn.systems import ServoAxis
 
 
 @pytest.fixture(scope="module")
@@ -97,6 +98,14 @@ def test_a_drive_that_was_logged_late_is_found_and_moved(late):
     np.testing.assert_array_equal(
         with_earlier_drive(logged, late).drive[: -late or None], record.drive[: -late or None]
     )
+
+
+@pytest.mark.parametrize("viscous", [0.2, 0.4, 0.8])
+def test_friction_that_the_law_lacks_is_no_drive_that_was_logged_late(viscous):
+    """It had moved the drive by 6 to 28 ms, and a delay was named that moved it back."""
+    axis = ServoAxis(inertia=INERTIA, law=[Viscous(viscous), Coulomb(0.05)], sample_rate=RATE)
+    r = axis.simulate(reference=0.5 * np.sin(20.0 * TIME) + 0.2 * np.sin(22.0 * TIME + 1.0), random_state=1)
+    assert logged_late(*start_of(ServoRecord(r.time, r.drive, r.position), ("coulomb",), 0.004)) == 0
 
 
 def test_a_drive_that_acts_later_than_it_was_logged_is_a_question():

@@ -140,7 +140,7 @@ def _own(
     bare = view.bare()
     here, left = bare.fit_with_gap(model)
     asked = here.vector()
-    age, dt = bare.age(model), view.scene.dt
+    age, dt = bare.age(here), view.scene.dt
     latest = (LATEST - HOLD) * dt  # beyond that it is a delay, which this model lacks
     # from the logged drive: the first residual contains the artefacts of the filters, which the first own record shows
     corrected, delay, feed = model, min(age - HOLD * dt, latest), view.record.drive
