@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.stats import norm
+from scipy.stats import chi2, norm
 
 from whsklearn.effects import Cogging
 from whsklearn.gap import Diagnosis, NamedEffect
@@ -62,6 +62,17 @@ def test_a_shape_that_is_hardly_determined_does_not_make_an_effect_absent():
     error = 1.0 / np.linalg.norm(alike[:, 0]) * np.sqrt(R @ R / 498)
     assert p_of_zero(held, 0) == pytest.approx(2.0 * norm.sf(0.3 / error), rel=1e-6)
     assert p_of_zero(both, 0) > p_of_zero(held, 0)
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e-8])
+def test_what_a_limit_keeps_another_number_from_is_told_to_be_there(scale):
+    """The age of a drive, at most a sample and a half, cannot stand for a lag of two samples, which looks alike."""
+    alike = np.column_stack([J[:, 0], J[:, 0] + 1e-3 * J[:, 1] / 100.0])
+    free = fit(lambda x: one_term(1)(x[:1] * scale), jac=alike)
+    held = free._replace(low=np.array([-1e6, -0.6]), high=np.array([1e6, -0.2]))
+    assert p_of_zero(free, 0) > 0.5
+    # without the first number the second would have to be -0.1
+    assert p_of_zero(held, 0) == pytest.approx(chi2.sf(0.1**2 * (J[:, 0] @ J[:, 0]) * 498 / (R @ R), 1), rel=0.1)
 
 
 def test_a_limit_that_the_fit_has_left_does_not_hold_its_errors():

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
+from scipy.optimize import lsq_linear
 from scipy.stats import chi2
 
 from whsklearn.gap.calibration import N_DRAWS
@@ -66,10 +67,11 @@ def errors_of(fit: Linearised, read: Callable[[Any], Mapping[str, float | str]])
 def p_of_zero(fit: Linearised, index: int) -> float:
     """P-value of one term being absent: of all its linear numbers being zero, or its size if none is linear.
 
-    Its shape is held: without the effect a shape has no meaning (Davies 1987, Biometrika 74(1), 33-43), and one that is
-    hardly determined, such as the order of friction that varies along a short travel, makes the size uncertain though
-    the effect is not.  The two weights of a wave are tested together, because one of them may look like a term of the
-    base law.
+    The statistic is what the residual gains without the term, to first order, with all other numbers refitted within
+    their limits: the age of a drive cannot stand for a lag of two samples.  The shape of the term is held: without the
+    effect a shape has no meaning (Davies 1987, Biometrika 74(1), 33-43), and one that is hardly determined, such as the
+    order of friction that varies along a short travel, makes the size uncertain though the effect is not.  The two
+    weights of a wave are tested together, because one of them may look like a term of the base law.
 
     References
     ----------
@@ -84,18 +86,25 @@ def p_of_zero(fit: Linearised, index: int) -> float:
         return np.array(term.q[:n]), np.array(term.q[n:])
 
     spread = covariance(fit)
-    steps = np.diag(np.sqrt(np.diag(spread)))
+    size = np.sqrt(np.diag(spread))
     centre, form = numbers(fit.x)
-    shape = [bool(np.any(numbers(fit.x + sign * step)[1] != form)) for step in steps for sign in (-1, 1)]
-    held = np.reshape(shape, (-1, 2)).any(axis=1)
-    if held.any():
-        across = spread[:, held]
-        spread = spread - across @ np.linalg.pinv(across[held], hermitian=True) @ across.T
-    values, vectors = np.linalg.eigh(spread)
-    roots = (vectors * np.sqrt(np.maximum(values, 0.0))).T
-    half = np.array([0.5 * (numbers(fit.x + r)[0] - numbers(fit.x - r)[0]) for r in roots])
-    wald = float(centre @ np.linalg.pinv(half.T @ half, rcond=1e-10, hermitian=True) @ centre)
-    return float(chi2.sf(wald, centre.size)) if np.any(half) else 0.0
+    slopes, shaped = np.zeros((centre.size, size.size)), np.zeros(size.size, dtype=bool)
+    for i, step in enumerate(np.diag(size)):
+        (up, one), (down, other) = numbers(fit.x + step), numbers(fit.x - step)
+        shaped[i] = np.any(one != form) or np.any(other != form)
+        slopes[:, i] = 0.0 if shaped[i] else 0.5 * (up - down)  # for one standard error
+    sized = slopes.any(axis=0)
+    if not sized.any():
+        return 0.0
+    away = np.linalg.pinv(slopes[:, sized]) @ -centre
+    size[size == 0.0] = np.inf
+    values, vectors = np.linalg.eigh(spread / np.outer(size, size))
+    seen = values > 1e-10
+    root = (vectors[:, seen] / np.sqrt(values[seen])).T  # its square is the inverse of the correlations
+    rest = ~sized & ~shaped & np.isfinite(size)
+    room = np.maximum([fit.x - low, high - fit.x], 0.0)[:, rest] / size[rest] + 1e-9
+    left = lsq_linear(root[:, rest], -root[:, sized] @ away, (-room[0], room[1]))
+    return float(chi2.sf(2.0 * left.cost, centre.size))
 
 
 def _limits(fit: Linearised) -> tuple[Array, Array]:
