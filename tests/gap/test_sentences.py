@@ -52,6 +52,19 @@ def test_an_open_name_does_not_put_a_certain_one_in_doubt():
     assert "Consistent" not in text
 
 
+@pytest.mark.parametrize(
+    ("after", "said"), [(0.02, "falls to 2.00 %"), (0.09999, "stays at 10.00 %"), (0.11, "rises to 11.00 %")]
+)
+def test_what_a_name_takes_of_the_gap_is_said_as_it_is(after, said):
+    text = summary(diagnosis("partial", [effect("backlash")], figures=(0.1, after, 0.01), closure=0.1), PLANT)
+    assert f"The missing torque {said}, and 10 % of the gap in simulation is closed." in text
+
+
+def test_silence_speaks_of_what_is_larger_than_the_tolerance():
+    text = summary(diagnosis("no_gap", figures=(0.0110, 0.0110, 0.0104)), PLANT)
+    assert "within noise and the tolerance: nothing larger is missing" in text
+
+
 def test_a_coarse_reading_is_not_said_to_close_a_gap():
     text = summary(diagnosis(effects=[effect("quantization")], figures=(0.02, 0.02, 0.019), closure=0.0), PLANT)
     assert "quantization" in text

@@ -80,8 +80,9 @@ def summary(d: Any, plant: Any) -> str:
     opening = f"Of the rms {whole}, the {what} is {percent(before)}; noise alone gives {percent(floor)}. "
     if before > 1.0:
         opening += f"Above 100 % the base model is worse than none, which would leave all of the {whole} missing. "
+    course = "stays at" if percent(after) == percent(before) else "falls to" if after < before else "rises to"
     left = (
-        f"The {what} falls to {percent(after)}, and {100 * max(d.closure, 0):.0f} % of the gap in simulation is closed."
+        f"The {what} {course} {percent(after)}, and {100 * max(d.closure, 0):.0f} % of the gap in simulation is closed."
     )
     if before == after:  # a coarse reading: it is in the record, not in the model's run
         left = "That is all the noise there is: nothing else is missing that this record could show."
@@ -117,7 +118,10 @@ def summary(d: Any, plant: Any) -> str:
         return opening + "No gap was found, but most effects could not have been detected in this record."
     if before > QUIET * floor:
         return opening + "That is more than noise but less than the tolerance: too little to name an effect."
-    return opening + "The model explains the log to the noise floor: nothing is missing that this record could show."
+    return (
+        opening + "The model explains the log to within noise and the tolerance: nothing larger is missing that this "
+        "record could show."
+    )
 
 
 def next_experiment(d: Any) -> str:

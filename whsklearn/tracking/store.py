@@ -269,8 +269,13 @@ def _was_there_meanwhile(error: Exception) -> bool:
 
 
 def sentence(error: BaseException) -> str:
-    """The first line of an error's text."""
-    return (str(getattr(error, "reason", "") or error).strip() or type(error).__name__).splitlines()[0]
+    r"""The first line of an error's text that is about the error: SQLAlchemy begins with when it noticed it.
+
+    >>> sentence(RuntimeError("(raised as a result of Query-invoked autoflush; ...)\ndisk is full\n[SQL: ...]"))
+    'disk is full'
+    """
+    lines = (str(getattr(error, "reason", "") or error).strip() or type(error).__name__).splitlines()
+    return next((line for line in lines if not line.startswith("(raised as a result of")), lines[0])
 
 
 @contextlib.contextmanager
