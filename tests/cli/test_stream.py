@@ -6,14 +6,19 @@ import json
 import os
 import subprocess
 import sys
+from datetime import datetime, timedelta
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
 from tests.streaming.recorded_stream import QUICK, ROOT, carried, records, stream, write
+from whsklearn import RLSRegressor
+from whsklearn.change import ChangeAlarm
 from whsklearn.checks import state_difference
 from whsklearn.cli.stream import main as stream_command
+from whsklearn.streaming import Options, StreamMonitor
+from whsklearn.streaming.rows import CsvParser
 
 
 def test_estimates_and_predictions_come_at_their_rows(undisturbed, rows):
@@ -78,9 +83,39 @@ def test_a_log_none_of_whose_lines_is_a_row_cannot_be_used_and_says_so_in_few_li
     done = stream(log, "--no-track", "--out", tmp_path / "out.jsonl")
     assert done.exit_code == 3, done.output
     assert "None of the 1200 lines" in done.stderr
-    assert done.stderr.count("skipped") == 12  # the first ten, the hundredth, the thousandth
-    assert "the 1000th bad row" in done.stderr
-    assert len(records(tmp_path / "out.jsonl", "bad_row")) == 1200
+    assert done.stderr.count("skipped") == 10
+    assert len(records(tmp_path / "out.jsonl", "bad_row")) == 10
+
+
+def test_bad_rows_in_a_row_are_counted_in_one_record(tmp_path, rows):
+    spoilt = [r if not 200 <= i < 260 else r.replace(",", ",x", 1) for i, r in enumerate(rows[:400])]
+    log = write(tmp_path / "log.csv", spoilt)
+    assert stream(log, "--no-track", "--time", "t", "--out", tmp_path / "out.jsonl").exit_code == 0
+    bad = records(tmp_path / "out.jsonl", "bad_row")
+    assert [r["line"] for r in bad] == [*range(202, 212), 261]
+    assert [r.get("rows", 1) for r in bad] == [1] * 10 + [50]
+    for block in (1, 7, 400):  # however the rows arrive
+        told = []
+        monitor = StreamMonitor(RLSRegressor(), ChangeAlarm(), Options(timed=True, every=100), told.append)
+        lines, parse = [s.encode() for s in spoilt], CsvParser(b"t,u,y", ["t", "u", "y"])
+        for at in range(0, len(lines), block):
+            monitor.feed(lines[at : at + block], parse, at + 2)
+        assert [{k: v for k, v in r.items() if k != "row"} for r in told if r["kind"] == "bad_row"] == [
+            {k: v for k, v in r.items() if k != "row"} for r in bad
+        ]
+
+
+def test_a_zone_behind_the_date_may_change(tmp_path, rows):
+    start = datetime(2026, 10, 25, 2, 59, 58)
+    stamps = [start + timedelta(seconds=0.01 * i) - timedelta(hours=i >= 200) for i in range(600)]
+    lines = [
+        f"{t.isoformat(' ', 'milliseconds')} {'CET' if i >= 200 else 'CEST'},{row.split(',', 1)[1]}"
+        for i, (t, row) in enumerate(zip(stamps, rows, strict=False))
+    ]
+    log = write(tmp_path / "log.csv", lines)
+    assert stream(log, "--no-track", "--time", "t", "--out", tmp_path / "out.jsonl").exit_code == 0
+    assert records(tmp_path / "out.jsonl", "bad_row") == []
+    assert [r["cause"] for r in records(tmp_path / "out.jsonl", "alarm")] == ["clock_restart"]
 
 
 def test_rows_sent_again_and_again_are_said_a_few_times(tmp_path, rows):

@@ -7,6 +7,7 @@ import warnings
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.signal import lfilter
 from sklearn.base import clone
 from sklearn.model_selection import KFold, TimeSeriesSplit, cross_val_score, train_test_split
 
@@ -150,3 +151,44 @@ def test_shuffled_samples_are_told_once(record, monkeypatch):
     part, _, target, _ = train_test_split(frame, y, random_state=0)
     with pytest.warns(UserWarning, match="use whsklearn.validation.time_series_split"):
         model.fit(part, target)
+
+
+LAWS = {
+    "x": lambda x, dx: 1.5 * x - 0.25 * x**3,
+    "dx": lambda x, dx: dx + 0.8 * np.sign(dx),
+    "both": lambda x, dx: x + 0.8 * np.sign(dx),
+}
+
+
+def two_blocks(kind, seed, n=2000):
+    rng = np.random.default_rng(seed)
+    u = rng.standard_normal(n)
+    x = lfilter([0.0, 1.0, 0.5], [1.0, -0.8, 0.3], u)
+    y = lfilter([0.0, 1.0, 0.3], [1.0, -0.5, 0.2], LAWS[kind](x, np.diff(x, prepend=0.0)))
+    return u[:, None], y + 0.02 * y.std() * rng.standard_normal(n)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize(
+    ("kind", "law", "told"),
+    [
+        ("x", None, True), ("both", None, True), ("x", "polynomial", False), ("dx", None, False),
+        ("both", "linear,coulomb", False), ("dx", "polynomial", True),
+    ],
+)  # fmt: skip
+def test_a_law_that_is_not_that_of_the_record_is_told(kind, law, told, seed):
+    X, y = two_blocks(kind, seed)
+    model = RMILSRegressor(WienerHammersteinLags(law=law), random_state=0)
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        model.fit(X, y)
+        error = nmse(y, model.predict(X))
+    assert any("its law or its orders are not those" in str(w.message) for w in said) is told
+    assert (error > 0.01) is told  # 0.02^2 is the noise
+
+
+def test_a_search_is_not_told_of_each_wrong_law():
+    X, y = two_blocks("x", 0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        cross_val_score(RMILSRegressor(WienerHammersteinLags(), random_state=0), X, y, cv=TimeSeriesSplit(2))

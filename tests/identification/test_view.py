@@ -20,6 +20,20 @@ def test_a_position_is_told_from_what_returns_when_the_drive_is_gone(y, logged):
     assert view(U, y, 0.01, "auto").logged == logged
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_a_response_about_an_operating_point_is_no_position(seed):
+    """A valve half open: drive and output are constants apart, and hunt about them."""
+    rng = np.random.default_rng(seed)
+    command = 50.0 + 8.0 * lfilter([0.05], [1.0, -0.95], rng.standard_normal(4000))
+    sticky, at = np.empty(4000), 50.0
+    for k, wanted in enumerate(command):
+        at = wanted - np.sign(wanted - at) if abs(wanted - at) > 3.0 else at
+        sticky[k] = at
+    flow = lfilter([0.05], [1.0, -0.95], sticky, zi=[0.95 * 50.0])[0] + 0.1 * rng.standard_normal(4000)
+    assert view(command, flow, 0.1, "auto").logged == "output"
+    assert view(command, 0.01 * np.cumsum(sticky - 49.0), 0.1, "auto").logged == "position"
+
+
 def test_the_target_of_a_position_is_its_velocity():
     t = 0.01 * np.arange(500)
     seen = view(U[:500], np.sin(3 * t), 0.01, "position")

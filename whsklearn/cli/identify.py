@@ -84,7 +84,6 @@ def main(**options: Any) -> None:
     logs = [liveliest(read_system(path, options)) for path in paths]
     train = together(logs)
     test = liveliest(read_system(options["test"], options)) if options["test"] else None
-    note_assumed(train)
     if test is not None:
         refuse_shared(train, test)
     writable_folder(options["out"])
@@ -92,6 +91,8 @@ def main(**options: Any) -> None:
     tracker = tracker_for("identify", options["track"], data=name)
     records = np.repeat(names_of(paths), [log.y.size for log in logs]) if len(logs) > 1 else None
     found = fitted(options, train, test, records)
+    if found.recommended.kind == "axis":  # other structures have no physical numbers
+        note_assumed(train)
     say(found)
     if not found.white:  # what is missing may be in the log
         for log in logs:

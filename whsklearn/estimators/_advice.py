@@ -6,7 +6,11 @@ import numpy as np
 
 from whsklearn.effects.base import Array, Bools, Integers
 from whsklearn.effects.law import FrictionLaw
+from whsklearn.effects.rows import law_values
 from whsklearn.logs.mend import turn_in
+from whsklearn.recursion.memory.blocks import KNOWN, first_block
+from whsklearn.recursion.memory.starts import lagged
+from whsklearn.recursion.rows.predictor import Law
 
 # The past explains nothing of the residual of a static system in white noise, except by chance: a share of 6/n, or 10 %
 # at the fewest samples.  With a delay of one sample the share is 100 %, for Example 5.1 at 7.5 dB 30 to 42 % (40 seeds,
@@ -25,6 +29,13 @@ CENTRED = 0.1
 # seeds); at 100 times the original output it is 0.64 to 0.78, at a hundredth 0.71.  For the input it is 0.95 or more
 # from 1e-3 to 1e3.
 LEAST_OUTPUT, MOST_OUTPUT, LEAST_INPUT, MOST_INPUT = 0.05, 10.0, 5e-4, 2e3
+# Share of the one-step error that functions of the input explain behind its own past.  With the right law and orders it
+# is 0.005 at most over 2,000 samples, with a law in dx for a law in x, or the reverse, 0.05 to 0.6, with too low orders
+# 0.02 to 0.05 (tests/estimators/test_advice.py); by chance a few times `CHANCE`, whose multiple is the other bound.
+TOLD_BY_INPUT, BY_CHANCE = 0.03, 5.0
+LEAST_TOLD = 1e-4  # of the output's variance; without noise, all that is left of a right model follows the input
+FUNCTIONS = (np.positive, np.abs, np.square, np.sign, lambda v: np.clip(v, -4.0, 4.0) ** 3)  # of x and of dx
+LATEST, UNSETTLED = 20_000, 300  # samples that are looked at; those at their start, where the state is not known
 FEWEST_ROWS = 10  # per parameter; below this a fit follows the noise
 INSEPARABLE = 0.999  # correlation of two weights: the variance of each is then 500 times that of their sum
 SURE = 3.0  # standard errors by which a weight must have the wrong sign
@@ -100,6 +111,48 @@ def told_by_past(u: Array, y: Array, restart: Bools) -> float:
     before = np.column_stack([np.roll(v, k)[late] for v in (u[:, 0], left) for k in range(1, PAST + 1)])
     explained = before @ np.linalg.lstsq(before, left[late], rcond=None)[0]
     return float(explained @ explained) / max(float(left[late] @ left[late]), 1e-300)
+
+
+def of_the_law(theta: Array, law: Law, X: Array, y: Array, restart: Bools) -> str | None:
+    """The warning for a chain whose one-step error follows its input, as where law or orders are not those of the record.
+
+    ``theta``: natural parameters.
+    """
+    share, chance = told_by_input(theta, law, X[-LATEST:], y[-LATEST:], restart[-LATEST:])
+    if share <= max(TOLD_BY_INPUT, BY_CHANCE * chance):
+        return None
+    return (
+        f"Functions of the input explain {100 * share:.0f} % of what this chain leaves one step ahead, so its law or its "
+        "orders are not those of the record: try a law in x (law='polynomial') in place of one in dx or the reverse, "
+        "other orders, or PEMRegressor(criterion='simulation'), which finds both; whsklearn identify compares structures."
+    )
+
+
+def told_by_input(theta: Array, law: Law, u: Array, y: Array, restart: Bools) -> tuple[float, float]:
+    """Share of the one-step error that u, x, dx and their powers explain behind its own past, and that by chance.
+
+    Noise of the output makes the error of a right model follow its own past, and nothing else.  0 if too short.
+    """
+    skipped = min(UNSETTLED, len(y) // 10)
+    if len(y) < FEWEST_FOR_A_CONSTANT:
+        return 0.0, 0.0
+    dims, codes, shapes = law
+    na, nb, nc, nd, nw = (int(d) for d in dims)
+    _, w, c, d = np.split(theta, np.cumsum([na - 1 + nb, nw, nc - 1]))
+    (x, dx), _ = first_block(theta, dims, u, restart, KNOWN)
+    values = law_values(codes, shapes, x, dx, np.inf)
+    error = y - lagged(values, y, restart, nc, nd) @ np.concatenate([np.outer(np.append(1.0, c), w).ravel(), d])
+    seen = np.vstack([u.T, *(f(v / max(v.std(), 1e-300)) for v in (x, dx) for f in FUNCTIONS)])
+    rows = lagged(np.ascontiguousarray(seen), error, restart, 2, PAST)[skipped:]
+    error, own = error[skipped:], rows[:, -PAST:]
+    rows = np.column_stack([rows, np.ones(len(rows))])
+    if not np.isfinite(rows).all():
+        return 0.0, 0.0
+    left = [float(np.sum((error - r @ np.linalg.lstsq(r, error, rcond=1e-10)[0]) ** 2)) / (len(error) - r.shape[1])
+            for r in (own, rows)]  # fmt: skip
+    if left[0] - left[1] <= LEAST_TOLD * float(np.var(y)):
+        return 0.0, 0.0
+    return (left[0] - left[1]) / float(np.mean(error**2)), float(np.sqrt(2.0 * rows.shape[1])) / len(error)
 
 
 def of_scale(X: Array, y: Array) -> str | None:

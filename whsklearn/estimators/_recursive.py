@@ -14,11 +14,11 @@ from sklearn.base import TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
 from whsklearn._inputs import check_whole, starts
-from whsklearn.effects.base import Array
+from whsklearn.effects.base import Array, Bools
 from whsklearn.estimators import _advice
 from whsklearn.estimators import _model as wh
 from whsklearn.estimators._checked import warn
-from whsklearn.estimators._records import Given, checked_weights, is_plain, joined
+from whsklearn.estimators._records import Given, checked_weights, fold_of_a_search, is_plain, joined
 from whsklearn.estimators._streams import AnyStream, FullStream, PublishedStream, RowsStream, noise_variance
 from whsklearn.estimators._undo import copied
 from whsklearn.estimators.base import AxisRegressor
@@ -113,6 +113,8 @@ class RecursiveRegressor(AxisRegressor):
             stream.settle(state)
             self._keep(stream, state, seed, groups)
             self._warn_of_an_axis(X[:, 0], len(targets))
+            if weights is None and self.forgetting == 1.0:
+                self._warn_of_the_law(X, y, restart)
         return self
 
     def partial_fit(
@@ -282,6 +284,18 @@ class RecursiveRegressor(AxisRegressor):
             return
         independent = int(n_rows * getattr(self.lags_, "independent_share", 1.0))
         warn(_advice.of_an_axis(self._column_names(), self._theta(), self._covariance(), independent, path), stacklevel)
+
+    def _warn_of_the_law(self, X: Array, y: Array, restart: Bools, stacklevel: int = 4) -> None:
+        """Warn of a chain that misses something that follows the input, unless a constant is missing, which is told.
+
+        Not of the pure recursion, which need not have converged, and not in a search, which tries bad settings.
+        """
+        if not (self._is_wiener_hammerstein and self.gradient == "full" and getattr(self, "memory", 0)):
+            return
+        s = self._structure()
+        if fold_of_a_search() is None and _advice.of_a_constant(s.law, X, y) is None:
+            law = s.dims, s.law.codes, s.law.shapes
+            warn(_advice.of_the_law(self._reader().running(self.state_), law, X, y, restart), stacklevel)
 
     # -- settings ------------------------------------------------------------------------
 

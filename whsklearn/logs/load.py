@@ -271,6 +271,11 @@ def read_columns(
     for role, column in columns.items():
         if role != "time":
             mend.too_small(role, column, values[role])
+        if role == "position" and units[role] == "counts":
+            text = (
+                f"Column {column!r} is in counts, and so are the results; --unit {role}=counts/4096 states the counts "
+            )
+            found.append(Finding("LOG019", "info", text + "of a turn and gives rad."))
         if role == "position" and units[role] == UNKNOWN and mend.counted(values[role]):
             units[role] = "counts"
             told = f"Column {column!r} has whole numbers only; it is taken to be in counts. --unit {role}=UNIT states "

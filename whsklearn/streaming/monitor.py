@@ -91,6 +91,7 @@ ADAPTING_ROWS = 200 * BLOCK  # after an alarm; by then the forgetting factor has
 TAKEN_OVER = 480  # rows after which the first models of a memory take over
 SURE = 5.0  # standard deviations of a ratio of two variances by which an NMSE must exceed one
 DRIFT_LEVEL = 0.01  # probability that a drift is ever reported although there is none
+TOLD = 10  # bad rows in a row with a record of their own, enough to see what is wrong with them
 
 
 @dataclass(frozen=True)
@@ -168,6 +169,7 @@ class Carried:
 
     rows: int = 0
     bad: int = 0
+    bad_run: int = 0  # those since the last row that was in order
     experiment: int = 0
     time: float = -np.inf
     repeated: int = 0
@@ -305,6 +307,7 @@ class StreamMonitor:
         """Handle a row according to its verdict."""
         what, number, row, reason = verdict
         if what == "row":
+            self._end_of_bad_rows(number)
             self._take(row, number)
             self.carried.held = 0
             return
@@ -314,7 +317,7 @@ class StreamMonitor:
             raise Refused(f"line {number}: {reason}; correct it, or skip bad rows.")
         if what == "bad":
             self._bad(number, reason)
-            if row:
+            if row and self.carried.bad_run <= TOLD:
                 self._warn("clock_outlier", number, reason)
         elif what == "restart":
             self.carried.experiment += 1
@@ -348,7 +351,9 @@ class StreamMonitor:
     def _bad(self, number: int, reason: str) -> None:
         """Report a row that is skipped; the last sample takes its place, at most `most_held` times in a row."""
         self.carried.bad += 1
-        self.emit({"kind": "bad_row", "line": number, "row": self.carried.rows, "reason": reason})
+        self.carried.bad_run += 1
+        if self.carried.bad_run <= TOLD:
+            self.emit({"kind": "bad_row", "line": number, "row": self.carried.rows, "reason": reason})
         if self.options.restart_after_hole:
             self.carried.experiment += 1
         elif self.carried.last:
@@ -362,6 +367,14 @@ class StreamMonitor:
                     "a new experiment begins"
                 )
                 self._warn("held_rows", number, said)
+
+    def _end_of_bad_rows(self, number: int) -> None:
+        """Report in one record how many of the bad rows before line ``number`` have no record of their own."""
+        more, self.carried.bad_run = self.carried.bad_run - TOLD, 0
+        if more > 0:
+            self._learn_taken()
+            row = {"kind": "bad_row", "line": number - 1, "row": self.carried.rows, "rows": more}
+            self.emit(row | {"reason": f"{more} more rows up to here are bad"})
 
     def _warn(self, cause: str, number: int, reason: str) -> None:
         """Emit an alarm about the rows themselves."""
