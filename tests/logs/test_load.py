@@ -54,6 +54,16 @@ def test_an_odrive_logs_turns_and_amperes_unless_another_unit_is_stated(write):
     assert load_log(file, **names, units={"position": "counts/8192"}).units["position"] == "counts/8192"
 
 
+def test_counts_without_the_counts_of_a_turn_are_told(write):
+    columns = table(300)
+    whole = {"time_s": columns["time_s"], "u_nm": columns["torque_nm"]}
+    file = write(whole | {"encoder_counts": np.round(columns["position_rad"] * 4096 / (2 * np.pi))})
+    names = {"time": "time_s", "drive": "u_nm", "position": "encoder_counts"}
+    (told,) = (f.explanation for f in load_log(file, **names).report.findings if f.code == "LOG019")
+    assert "states the counts of a turn and gives rad" in told
+    assert "LOG019" not in load_log(file, **names, units={"position": "counts/4096"}).report.codes
+
+
 def test_missing_values_are_refused_with_the_row_and_dropped_on_request(write):
     columns = table(2000)
     columns["torque_nm"][[40, 41]] = np.nan

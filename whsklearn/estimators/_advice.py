@@ -114,7 +114,7 @@ def told_by_past(u: Array, y: Array, restart: Bools) -> float:
 
 
 def of_the_law(theta: Array, law: Law, X: Array, y: Array, restart: Bools) -> str | None:
-    """The warning for a chain whose one-step error follows its input, as where law or orders are not those of the record.
+    """The warning for a chain whose one-step error follows its input, as where its law is not that of the record.
 
     ``theta``: natural parameters.
     """
@@ -122,9 +122,10 @@ def of_the_law(theta: Array, law: Law, X: Array, y: Array, restart: Bools) -> st
     if share <= max(TOLD_BY_INPUT, BY_CHANCE * chance):
         return None
     return (
-        f"Functions of the input explain {100 * share:.0f} % of what this chain leaves one step ahead, so its law or its "
-        "orders are not those of the record: try a law in x (law='polynomial') in place of one in dx or the reverse, "
-        "other orders, or PEMRegressor(criterion='simulation'), which finds both; whsklearn identify compares structures."
+        f"Functions of the input explain {100 * share:.0f} % of what this chain leaves one step ahead, so its law or "
+        "its orders are not those of the record: try a law in x (law='polynomial') in place of one in dx or the "
+        "reverse, other orders, or PEMRegressor(criterion='simulation'), which finds both; whsklearn identify compares "
+        "structures."
     )
 
 

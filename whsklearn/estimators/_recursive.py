@@ -290,12 +290,12 @@ class RecursiveRegressor(AxisRegressor):
 
         Not of the pure recursion, which need not have converged, and not in a search, which tries bad settings.
         """
-        if not (self._is_wiener_hammerstein and self.gradient == "full" and getattr(self, "memory", 0)):
+        if not (self._is_wiener_hammerstein and self.gradient == "full" and getattr(self, "memory", 0) > 0):
             return
         s = self._structure()
         if fold_of_a_search() is None and _advice.of_a_constant(s.law, X, y) is None:
             law = s.dims, s.law.codes, s.law.shapes
-            warn(_advice.of_the_law(self._reader().running(self.state_), law, X, y, restart), stacklevel)
+            warn(_advice.of_the_law(self._running()[0], law, X, y, restart), stacklevel)
 
     # -- settings ------------------------------------------------------------------------
 

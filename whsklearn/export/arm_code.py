@@ -29,7 +29,16 @@ _UNKNOWN = "it needs more than position, velocity and acceleration"
 
 
 class Traced:
-    """A number that is known only at run time; arithmetic with it generates code."""
+    """A number that is known only at run time; arithmetic with it generates code.
+
+    >>> from whsklearn.export.specialise import Specialiser, Symbol
+    >>> work = Specialiser(C())
+    >>> work.store("torque[0]", (2.0 * Traced(work, Symbol("velocity[0]")) + 1.0).value)
+    >>> print("\\n".join(work.finish()[0]))
+    x_0 = 2.0 * velocity[0];
+    x_1 = x_0 + 1.0;
+    torque[0] = x_1;
+    """
 
     def __init__(self, work: Specialiser, value: Any):
         self.work, self.value = work, value

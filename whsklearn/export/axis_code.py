@@ -34,7 +34,12 @@ WAVE = 3  # numbers stored per wave: the argument, its cosine and its sine
 
 @dataclass
 class Fragment:
-    """Statements, their variables and the expression of the result."""
+    """Statements, their variables and the expression of the result.
+
+    >>> twice = Fragment(["x = 2.0 * u;"], {"x": "double"}, "x + 1.0")
+    >>> twice.result
+    'x + 1.0'
+    """
 
     lines: list[str]
     variables: dict[str, str]

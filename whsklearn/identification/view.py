@@ -30,8 +30,8 @@ DRIVES, RATES = (
     ("rad/s", "m/s", "counts/s"),
 )  # SI units of what moves an axis; of a velocity
 SMOOTHING = 0.03  # s, width of the parabola for the velocity of a logged position
-# Of the squared equation error: a constant that removes more than a fifth belongs to an operating point, and the pole is
-# judged with it.  Valves about 50 % are left 0.56 or less, axes 0.9 and more (tests/identification/test_view.py)
+# Of the squared equation error: a constant that removes more than a fifth belongs to an operating point, and the pole
+# is judged with it.  Valves about 50 % are left 0.56 or less, axes 0.9 and more (tests/identification/test_view.py)
 A_CONSTANT = 0.8
 INTEGRATES = 0.1  # a time constant above this share of the record cannot be distinguished from an integrator
 
