@@ -13,7 +13,7 @@ import numpy as np
 
 import whsklearn.effects
 from whsklearn.datasets import default_axis, draw_effect, reference_signal
-from whsklearn.effects import PLACES, Effect, LoadSideCoulomb, LoadSideViscous, base
+from whsklearn.effects import PLACES, Effect, LoadSideViscous, base
 from whsklearn.effects.chain import CHAIN_FORMS
 from whsklearn.gap.plants.arm_terms import ALONG_TWO, at_a_joint
 from whsklearn.plot import EffectDisplay
@@ -27,7 +27,7 @@ def catalogued() -> list[type[Effect]]:
 
 def drawn() -> list[type[Effect]]:
     """Those with a curve on an axis, which has no port of a chain, and no load to rub without a coupling."""
-    without = (*CHAIN_FORMS.values(), LoadSideViscous, LoadSideCoulomb)
+    without = (*CHAIN_FORMS.values(), LoadSideViscous)
     return [c for c in catalogued() if c not in without]
 
 

@@ -308,7 +308,8 @@ def two_masses(seed, n=2000, dt=0.004, fine=40):
     """Positions of motor and load in open loop, by equations of the test's own, and the truth by name."""
     rng = np.random.default_rng(seed)
     truth = {"inertia": 0.05, "flexible_coupling__load_share": 0.55, "viscous": 0.03, "coulomb": 0.05,
-             "load_viscous": 0.03, "load_coulomb": 0.04, "flexible_coupling__damping_ratio": 0.04}  # fmt: skip
+             "load_viscous": 0.03, "flexible_coupling__load_coulomb": 0.04,
+             "flexible_coupling__damping_ratio": 0.04}  # fmt: skip
     share, h = truth["flexible_coupling__load_share"], dt / fine
     masses = truth["inertia"] * np.array([1.0 - share, share])
     reduced, turn = masses.prod() / masses.sum(), 2 * np.pi * rng.uniform(8.0, 15.0)
@@ -329,7 +330,7 @@ def two_masses(seed, n=2000, dt=0.004, fine=40):
             x, q = x + 0.5 * h * v, q + 0.5 * h * w
             torque = k * (x - q) + c * (v - w)
             v = kicked(v, u[t] - torque, masses[0], truth["viscous"], truth["coulomb"])
-            w = kicked(w, torque, masses[1], truth["load_viscous"], truth["load_coulomb"])
+            w = kicked(w, torque, masses[1], truth["load_viscous"], truth["flexible_coupling__load_coulomb"])
             x, q = x + 0.5 * h * v, q + 0.5 * h * w
     return u, out + 2e-5 * rng.standard_normal((2, n)), truth
 

@@ -31,7 +31,7 @@ from whsklearn.effects.quantity import Quantity, Scales, choice, number
 from whsklearn.effects.sensor import EncoderEccentricity, OutputDrift, OutputOffset, Quantization, SensorRectification
 from whsklearn.effects.static import Hinge, LearnedTorque, NaturalSpline, Power, SpeedHinge, Tanh, TanhDifference
 from whsklearn.effects.timed import DisturbanceTone, ParameterChange
-from whsklearn.effects.transmission import Backlash, FlexibleCoupling, LoadSideCoulomb, LoadSideViscous
+from whsklearn.effects.transmission import Backlash, FlexibleCoupling, LoadSideViscous
 
 __all__ = [
     "PLACES",
@@ -66,7 +66,6 @@ __all__ = [
     "InputOffset",
     "LearnedTorque",
     "LoadFriction",
-    "LoadSideCoulomb",
     "LoadSideViscous",
     "LuGre",
     "NaturalSpline",

@@ -83,7 +83,7 @@ def motor_torque(code, p, i, t, q, v, s, ds, u):
     if code == codes.VISCOUS:  # the two that every axis has come first and need no call
         value, _, slope = equations.viscous(v)
         return w * value, w * slope
-    if code == codes.COULOMB or code == codes.LOAD_COULOMB:
+    if code == codes.COULOMB:
         value, _, slope = equations.coulomb(s, ds)
         return w * value, w * slope
     if code == codes.POSITION_FRICTION:

@@ -146,30 +146,6 @@ class LoadSideViscous(Effect, catalogued=False):
     code = codes.LOAD_VISCOUS
 
 
-class LoadSideCoulomb(Effect, catalogued=False):
-    """Dry friction of the load behind a flexible coupling, Fc sign(v_l) (Nm).
-
-    See Also
-    --------
-    Coulomb : at the motor, which comes to rest and leaves it at other instants than the load.
-
-    Examples
-    --------
-    >>> LoadSideCoulomb(0.5).value(velocity=[-2.0, 0.0]).tolist()
-    [-0.5, 0.0]
-    """
-
-    torque: float = number(0.0, "Nm", 0.0, 1e3)
-
-    name = "load_coulomb"
-    place = "transmission"
-    equation = "Fc sign(v_l)"
-    signature = "as dry friction, while the motor twists the spring of a load at rest"
-    needs = "reversals and energy near the resonance"
-    reference = "Spong 1987, ASME J. Dyn. Syst. Meas. Control 109(4), 310-319"
-    code = codes.LOAD_COULOMB
-
-
 class FlexibleCoupling(_TransmissionEffect):
     """A spring between motor and load, T_c = (q_m - q_l) / C + c (v_m - v_l) (Nm).
 

@@ -34,7 +34,7 @@ class Traced:
     >>> from whsklearn.export.specialise import Specialiser, Symbol
     >>> work = Specialiser(C())
     >>> work.store("torque[0]", (2.0 * Traced(work, Symbol("velocity[0]")) + 1.0).value)
-    >>> print("\\n".join(work.finish()[0]))
+    >>> print(*work.finish()[0], sep=chr(10))
     x_0 = 2.0 * velocity[0];
     x_1 = x_0 + 1.0;
     torque[0] = x_1;

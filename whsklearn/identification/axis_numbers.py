@@ -73,7 +73,8 @@ def axis_theta(model: AxisModel) -> tuple[Array, AxisForm]:
             p["viscous"],
             p["coulomb"],
             offset.magnitude,
-            *(e.magnitude for e in rest[1:]),
+            p["load_viscous"],
+            rest[0].load_coulomb,
             *coupling,
         ]
         return np.array(theta), AxisForm(coupled=True, at_load=model.side == "load")

@@ -168,7 +168,7 @@ def kind_of(code):
     """The field of `Ends` that a code belongs to; 6 if it is neither a torque nor an effect on the reading."""
     if code == codes.CHANGE_INERTIA:
         return 5
-    if code == codes.DEAD_ZONE or code == codes.SATURATION or code == codes.LOAD_COULOMB:
+    if code == codes.DEAD_ZONE or code == codes.SATURATION:
         return 6
     if code <= codes.CHANGE_GAIN:
         return 0
@@ -310,8 +310,6 @@ def body_of(plant):
     contact_ratio, frequency = 0.0, 0.0
     for i in range(plant.codes.size):
         code = plant.codes[i]
-        if code == codes.LOAD_COULOMB:
-            dry += plant.p[i, 0]
         if code == codes.BACKLASH or code == codes.FLEXIBLE_COUPLING:
             if share == 0.0:
                 share = plant.p[i, 1]

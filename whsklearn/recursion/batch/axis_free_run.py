@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from whsklearn._numba import njit, part
-from whsklearn.effects import FlexibleCoupling, LoadSideCoulomb, LoadSideViscous
+from whsklearn.effects import FlexibleCoupling, LoadSideViscous
 from whsklearn.effects.base import Array, Bools, Integers
 from whsklearn.effects.equations import speed_hinge
 from whsklearn.effects.transmission import contact_stiffness
@@ -343,12 +343,12 @@ def _covariance(rows: Array, error: Array, theta: Array, batches: int = 60) -> A
     return (inverse @ (scores @ scores.T) @ inverse + hidden @ hidden.T) / np.outer(scale, scale)
 
 
-def behind_the_spring(theta: Array) -> tuple[FlexibleCoupling, LoadSideViscous, LoadSideCoulomb]:
-    """The coupling from theta (inertia, resonance in Hz, load share, damping ratio), and the load's friction."""
+def behind_the_spring(theta: Array) -> tuple[FlexibleCoupling, LoadSideViscous]:
+    """The coupling from theta (inertia, resonance in Hz, load share, damping ratio), with the load's friction."""
     frequency, share, ratio = theta[-3:].tolist()
     reduced = float(theta[0]) * share * (1.0 - share)
-    coupling = FlexibleCoupling(1.0 / contact_stiffness(frequency, reduced), share, ratio)
-    return coupling, LoadSideViscous(float(theta[4])), LoadSideCoulomb(float(theta[5]))
+    coupling = FlexibleCoupling(1.0 / contact_stiffness(frequency, reduced), share, ratio, float(theta[5]))
+    return coupling, LoadSideViscous(float(theta[4]))
 
 
 def _pass(theta: Array, log: AxisLog, rows: Array) -> Array:
