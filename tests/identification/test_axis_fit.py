@@ -137,12 +137,13 @@ def test_gravity_that_is_large_against_the_inertia_is_found_from_a_poor_start():
     assert model.parameters["coulomb"] == pytest.approx(12.0, rel=0.05)
 
 
-def test_a_controller_that_is_faster_than_the_log_is_no_half_sample_late():
+@pytest.mark.parametrize("amplitude", [0.55, 0.6, 0.7])  # with less, gravity is 1 % off whatever the drive does
+def test_a_controller_that_is_faster_than_the_log_is_no_half_sample_late(amplitude):
     """A pendulum under a loop of 1 kHz, logged at 100 Hz: with a held drive gravity is 4 % off."""
     axis = ServoAxis(0.02, as_law("viscous,coulomb").reweighted([0.05, 0.1]), [GravityImbalance(0.9)],
                      controller=PIDController(12.0, 0.0, 0.4), sample_rate=1000.0)  # fmt: skip
     t = np.arange(15_000) / 1000.0
-    record = axis.simulate(0.5 * np.sin(2 * np.pi * (0.2 + 0.05 * t) * t))
+    record = axis.simulate(amplitude * np.sin(2 * np.pi * (0.2 + 0.05 * t) * t))
     model = fit_hanging_axis(view(record.drive[::10], record.position[::10], 0.01, "position"))
     assert model.hold == "cubic"
     assert model.inertia == pytest.approx(0.02, rel=0.005)
