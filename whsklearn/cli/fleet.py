@@ -80,11 +80,11 @@ def main(**options: Any) -> None:
     write_table(found, out)
     kept.remove()
     apart, failed = outliers(found), found[found["failure"] != ""]
-    params = estimator_params(model) | {"axes": len(found), "workers": workers}
     click.echo(summary(found, apart, failed, out, seconds))
     tracker = tracker_for("fleet", options["track"])
     with tracker.run(folder.name) as run:
-        record(run, found, apart, failed, out, params, seconds)
+        run.log_params(estimator_params(model) | {"axes": len(found), "workers": workers})
+        record(run, found, apart, failed, out, seconds)
     say_where(tracker)
     if len(failed):
         raise SystemExit(UNUSABLE)
@@ -140,9 +140,8 @@ def to_table(rows: list[Row], names: list[str]) -> Any:
     return found.loc[names].reset_index()
 
 
-def record(run: Run, found: Any, apart: Any, failed: Any, out: Path, params: dict[str, Any], seconds: float) -> None:
-    """Record a run for the fleet, with a child for each outlier and each failed axis."""
-    run.log_params(params)
+def record(run: Run, found: Any, apart: Any, failed: Any, out: Path, seconds: float) -> None:
+    """Record the results of a fleet, with a child run for each outlier and each failed axis."""
     quantiles = found[["nmse", "rmse"]].astype(float).quantile([0.5, 0.95])
     metrics = {f"{c}_{round(100 * q)}": quantiles.at[q, c] for q in (0.5, 0.95) for c in ("nmse", "rmse")}
     counts = {"failed": float(len(failed)), "outliers": float(len(apart)), "seconds": seconds}

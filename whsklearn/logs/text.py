@@ -6,7 +6,7 @@ import codecs
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -35,6 +35,16 @@ _FOOTER = 50  # rows at the end that may contain words instead of data: statisti
 _DATE = r".*\d[-/:.T]\d.*"
 
 
+class _Table(NamedTuple):
+    """A table in a text file: how it is written, the rows to read (None for all), and whether the last one is cut."""
+
+    path: Path
+    encoding: str
+    layout: Dialect
+    rows: int | None
+    cut: bool
+
+
 def open_text(path: Path) -> Source:
     """A text file as a source of columns.
 
@@ -49,8 +59,8 @@ def open_text(path: Path) -> Source:
             f"{layout.width} cells. Export it with semicolons, or with a decimal point."
         )
     whole, last, notes = _whole_rows(path, encoding, layout)
-    cut = _is_cut(last.decode(encoding, errors="replace"), clean, layout)
-    if cut:
+    table = _Table(path, encoding, layout, whole, _is_cut(last.decode(encoding, errors="replace"), clean, layout))
+    if table.cut:
         notes.append("The last row is incomplete and was left out.")
     names = layout.names or [str(i) for i in range(layout.width)]
     units = {n: u for n, u in zip(names, layout.units or [], strict=False) if u}
@@ -82,10 +92,10 @@ def open_text(path: Path) -> Source:
     def fetch(wanted: Sequence[str]) -> dict[str, Column]:
         places = {w: names.index(w) for w in wanted}
         if layout.clocks is None or any(layout.clocks[i] == i for i in places.values()):
-            return _read(path, encoding, layout, places, whole, notes, cut)
+            return _read(table, places, notes)
         clocks = {w: names[layout.clocks[i]] for w, i in places.items()}
         places |= {c: names.index(c) for c in clocks.values()}
-        return with_clocks(_read(path, encoding, layout, places, whole, notes, cut), clocks, units)
+        return with_clocks(_read(table, places, notes), clocks, units)
 
     return Source(
         path.name, names, fetch, not why, units, notes,
@@ -261,9 +271,7 @@ def with_clocks(read: dict[str, Column], clocks: dict[str, str], units: dict[str
     return out
 
 
-def _read(
-    path: Path, encoding: str, layout: Dialect, columns: dict[str, int], whole: int | None, notes: list[str], cut: bool
-) -> dict[str, Column]:
+def _read(table: _Table, columns: dict[str, int], notes: list[str]) -> dict[str, Column]:
     """Columns by index, as floats if they are numbers, otherwise as text; conversions are added to `notes`.
 
     The file is read in chunks with all its columns, of which only the wanted ones are kept: with ``usecols`` pandas
@@ -271,12 +279,12 @@ def _read(
     """
     import pandas as pd
 
-    numbers = list(columns.values())
+    path, layout, numbers = table.path, table.layout, list(columns.values())
     options: dict[str, Any] = {
         "sep": layout.separator, "decimal": layout.decimal, "header": None, "skiprows": layout.first,
-        "skipinitialspace": layout.separator != r"\s+", "comment": layout.comment, "encoding": encoding,
+        "skipinitialspace": layout.separator != r"\s+", "comment": layout.comment, "encoding": table.encoding,
         "names": list(range(layout.width)), "index_col": False, "chunksize": _ROWS, "low_memory": False,
-        "nrows": whole,
+        "nrows": table.rows,
     }  # fmt: skip
     types = {i: _type(layout.sample[i] if i < len(layout.sample) else "", layout.decimal) for i in set(numbers)}
     try:
@@ -296,7 +304,7 @@ def _read(
         reason = str(error).strip().rstrip(".")
         raise LogError(f"{path.name} is not a readable CSV file ({reason}); export it again as UTF-8.") from None
     inorder = sorted(columns.items(), key=lambda c: c[1])
-    return _typed({name: parts[i][:-1] if cut else parts[i] for name, i in inorder}, layout.decimal, notes)
+    return _typed({name: parts[i][:-1] if table.cut else parts[i] for name, i in inorder}, layout.decimal, notes)
 
 
 def _typed(cells: dict[str, Any], decimal: str, notes: list[str]) -> dict[str, Column]:

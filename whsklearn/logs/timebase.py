@@ -205,12 +205,9 @@ def in_order(time: Array, same_rows: NDArray[np.bool_], rows: NDArray[np.intp]) 
         found.append(finding("LOG004", "warning", rows[np.flatnonzero(step < 0) + 1], text, float(np.sum(step < 0))))
         time, rows, same_rows = time[order], rows[order], np.zeros_like(same_rows)
         period = _period(time)
-    time, found_coarse = _spread(time, same_rows, period)
-    found += found_coarse
-    time, rows, found_stray = _without_strays(time, rows, period)
-    found += found_stray
-    time, rows, found_sorted = _sorted(time, rows, period)
-    found += found_sorted
+    time = _spread(time, same_rows, period, found)
+    time, rows = _without_strays(time, rows, period, found)
+    time, rows = _sorted(time, rows, period, found)
     starts = np.r_[False, np.diff(time) < -RESTART * period]
     if starts.any():
         first = rows[np.flatnonzero(starts)]
@@ -252,13 +249,13 @@ def _period(time: Array) -> float:
     return float(np.median(np.diff(time)))
 
 
-def _spread(time: Array, same_rows: NDArray[np.bool_], period: float) -> tuple[Array, list[Finding]]:
+def _spread(time: Array, same_rows: NDArray[np.bool_], period: float, found: list[Finding]) -> Array:
     """Refine stamps coarser than the sampling, such as 0 0 1 1 2 2: an even line if all are consistent with a rounded
     one, otherwise evenly spaced between changes.
     """
     double = np.r_[False, np.diff(time) == 0]
     if double.sum() < 0.2 * time.size or (double & same_rows).sum() > 0.5 * double.sum() or period == 0.0:
-        return time, []
+        return time
     first = np.flatnonzero(~double)
     counts = np.diff(np.r_[first, time.size])
     place = np.arange(time.size)
@@ -270,15 +267,16 @@ def _spread(time: Array, same_rows: NDArray[np.bool_], period: float) -> tuple[A
         last = time[first[-1]] + period
         out, how = np.interp(place, np.r_[first, time.size], np.r_[time[first], last]), "evenly"
     text = f"Up to {counts.max()} rows share a time stamp with a resolution of {period:.3g} s; they were spread {how}."
-    return out, [finding("LOG003", "warning", np.flatnonzero(double), text, float(double.sum()))]
+    found.append(finding("LOG003", "warning", np.flatnonzero(double), text, float(double.sum())))
+    return out
 
 
 def _without_strays(
-    time: Array, rows: NDArray[np.intp], period: float
-) -> tuple[Array, NDArray[np.intp], list[Finding]]:
+    time: Array, rows: NDArray[np.intp], period: float, found: list[Finding]
+) -> tuple[Array, NDArray[np.intp]]:
     """Drop single stamps that deviate from the line through their neighbours."""
     if time.size < 5 or period == 0.0:
-        return time, rows, []
+        return time, rows
     around = time[2:] - time[:-2]
     outside = (time[1:-1] < time[:-2]) | (time[1:-1] > time[2:])
     stray = np.r_[False, outside & (around > 0) & (around <= 4 * period), False]
@@ -287,27 +285,29 @@ def _without_strays(
     # If two neighbours both look wrong, as in 0 9 1 2, the first one is; without it the second fits.
     stray[1:] &= ~stray[:-1]
     if not stray.any():
-        return time, rows, []
+        return time, rows
     lost = rows[stray]
     text = (
         f"Row {lost[0]} has the stamp {time[stray][0]:.6g} s among rows at {time[max(0, lost[0] - 1)]:.6g} s; "
         f"{lost.size} such row(s) were left out."
     )
-    return time[~stray], rows[~stray], [finding("LOG004", "warning", lost, text, float(lost.size))]
+    found.append(finding("LOG004", "warning", lost, text, float(lost.size)))
+    return time[~stray], rows[~stray]
 
 
-def _sorted(time: Array, rows: NDArray[np.intp], period: float) -> tuple[Array, NDArray[np.intp], list[Finding]]:
+def _sorted(time: Array, rows: NDArray[np.intp], period: float, found: list[Finding]) -> tuple[Array, NDArray[np.intp]]:
     """Sort rows that were written slightly out of order; a restart of the clock is left unchanged."""
     step = np.diff(time)
     back = step < 0
     if not back.any() or step.min() < -RESTART * period:
-        return time, rows, []
+        return time, rows
     order = np.argsort(time, kind="stable")
     at = np.flatnonzero(back) + 1
     text = (
         f"{at.size} rows have an earlier stamp than the row before, the first is row {rows[at[0]]}; they were sorted."
     )
-    return time[order], rows[order], [finding("LOG004", "warning", rows[at], text, float(at.size))]
+    found.append(finding("LOG004", "warning", rows[at], text, float(at.size)))
+    return time[order], rows[order]
 
 
 # --- short holes ------------------------------------------------------------------------------------------------------
