@@ -165,7 +165,7 @@ def test_dry_friction_reverses_over_a_speed_and_ahead_of_it():
         phi, _, keep = lags.joint_rows(np.hstack([q, 0.0 * q]), torque)
         told[reversals is None] = np.where(keep, phi[:, :, lags.base_.names.index("j1.coulomb")], 0.0)
     np.testing.assert_allclose(told[True][:, [0, 2]], told[False][:, [0, 2]])
-    seen = lags._filtered(np.tanh((v[:, 1] + 0.01 * a[:, 1]) / 0.2))[lags._rows_of(len(q))]
+    seen = lags._filtered(np.tanh((v[:, 1] + 0.01 * a[:, 1]) / 0.2))[lags.samples_of(len(q))]
     np.testing.assert_allclose(told[False][:, 1], np.where(keep[:, 1], seen, 0.0), atol=1e-9)
     assert np.abs(told[True] - told[False])[:, 1].max() > 0.1
 
@@ -248,5 +248,5 @@ def test_an_arm_of_many_joints_is_filtered_by_parts():
         most = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
-    np.testing.assert_allclose(phi, whole[lags._rows_of(len(q))], rtol=0.0, atol=1e-12 * np.abs(whole).max())
+    np.testing.assert_allclose(phi, whole[lags.samples_of(len(q))], rtol=0.0, atol=1e-12 * np.abs(whole).max())
     assert most < 3.0 * whole.nbytes  # 5 if each step holds all columns of all samples

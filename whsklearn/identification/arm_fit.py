@@ -139,8 +139,8 @@ def identify_arm(
         phi, target, keep = lags.joint_rows(q, torque, groups)
     weights = lags.weights_ = lags.joint_weights(phi, target, keep)
     names = lags.base_.names
-    predicted = lags.predicted(q, torque, fitted(phi, target, keep, weights)[0], groups)
-    phi, moving = with_ages(phi, keep, lags.age_rows(predicted, groups))
+    first = fitted(phi, target, keep, weights)[0]
+    phi, moving = with_ages(phi, keep, lags.age_rows(q, torque, first, groups))
     theta, covariance = _with_blocks(phi, target, keep, weights)
     ages = dict(zip([lags.arm_.joints[int(j)] for j in moving], theta[len(names) :].tolist(), strict=True))
     theta, covariance = theta[: len(names)], covariance[: len(names), : len(names)]
@@ -173,8 +173,8 @@ def reversals_of(
     """
     phi, target, keep = rows
     weights, names = lags.joint_weights(*rows), lags.base_.names
-    predicted = lags.predicted(q, torque, fitted(phi, target, keep, weights)[0], groups)
-    phi = with_ages(phi, keep, lags.age_rows(predicted, groups))[0]
+    first = fitted(*rows, weights)[0]
+    phi = with_ages(phi, keep, lags.age_rows(q, torque, first, groups))[0]
     out, others = {}, Others(phi, target, keep, weights)
     along, speeds = lags.axis_rows(q, torque, groups)
     for k, joint in enumerate(lags.arm_.joints):
@@ -279,13 +279,13 @@ def _shown(
     is little but friction, c |u| sign(v) is the drive itself with its noise, and explains all of it.
     """
     phi, target, keep = rows
-    predicted = lags.predicted(q, torque, fitted(*rows, lags.joint_weights(*rows))[0], groups)
-    rate = lags.age_rows(predicted, groups)
+    first = fitted(*rows, lags.joint_weights(*rows))[0]
+    rate = lags.age_rows(q, torque, first, groups)
     before = with_ages(phi, keep, rate)[0], target, keep
     driven = any(isinstance(e, LoadFriction) for row in more.values() for e in row)
     direction = {a: direction_of(lags.arm_.joints, a) for a in more}
     added = []
-    for drive in (predicted, torque) if driven else (torque,):
+    for drive in (lags.predicted(q, torque, first, groups), torque) if driven else (torque,):
         along = lags.axis_rows(q, drive, groups)[0]
         added.append({a: along(a, more[a])[:, None, :] * direction[a][:, None] for a in more})
     growing, asked = list(more), 0
@@ -668,7 +668,7 @@ class _Instants:
 
     def __init__(self, lags: RigidBodyLags, q: Array, torque: Array):
         rate, n = lags.sample_rate, q.shape[1]
-        rows = lags._rows_of(len(q))
+        rows = lags.samples_of(len(q))
         some = rows[:: max(len(rows) * n // (FEW * len(lags.base_.names)), 1)]
         each = [motion(x, rate, lags.cutoff_) for x in q.T]
         speeds = np.sqrt(np.mean(np.column_stack([m.velocity for m in each]) ** 2, axis=0))

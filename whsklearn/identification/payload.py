@@ -109,8 +109,8 @@ def find_payload(empty: ArmFit, position: ArrayLike, drive: ArrayLike, *, gain_e
     phi, target, keep = lags.joint_rows(position, drive)
     weights = lags.joint_weights(phi, target, keep)
     known = Known.of(empty.model, lags.base_.names)
-    predicted = lags.predicted(position, drive, fitted(phi, target, keep, weights)[0])
-    beside, moving = with_ages(phi, keep, lags.age_rows(predicted))
+    first = fitted(phi, target, keep, weights)[0]
+    beside, moving = with_ages(phi, keep, lags.age_rows(position, drive, first))
     record = Beside(
         (beside * weights[:, None])[keep], ((target - phi @ known.values) * weights)[keep],
         np.pad(known.root, ((0, 0), (0, len(moving)))), blocks_of(keep), np.nonzero(keep)[1],

@@ -282,7 +282,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
             As for `rows`.
         """
         if not self.causal:
-            return self._views(X, y, groups)[:3]
+            return self.filtered(X, y, groups)[:3]
         X = np.asarray(check_array(X, dtype=np.float64))
         self.fit(X)
         target = self._checked_drives(y, len(X))
@@ -342,7 +342,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
                 n, along = len(smooth), Motion(*(x @ d for x in moved))
                 time, sign = np.arange(n) / self.sample_rate, turning(turns, [axis], along)
                 made = stack_columns(tuple(terms), along, smooth @ d, time, sign)[:, 1:]
-                out.append(self._filtered(made)[self._rows_of(n)])
+                out.append(self._filtered(made)[self.samples_of(n)])
             return np.concatenate(out)
 
         return columns, np.sqrt(np.mean(np.concatenate([moved.velocity for moved, _ in pieces]) ** 2, axis=0))
@@ -386,22 +386,29 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         X, drive = np.asarray(X, dtype=float), np.asarray(y, dtype=float)
         return np.concatenate([self._along(X[s], drive[s], np.asarray(theta)) for s in experiments(groups, len(X))])
 
-    def age_rows(self, torque: ArrayLike, groups: ArrayLike | None = None) -> Array:
-        """Change of each joint's drive per second of age, at the rows of `joint_rows`, (m, n_joints).
+    def age_rows(self, X: ArrayLike, y: ArrayLike, theta: ArrayLike, groups: ArrayLike | None = None) -> Array:
+        """Change of each joint's drive per second of its age, at the rows of `joint_rows`, (m, n_joints).
+
+        It is that of the drive that these weights predict, because a measured one would explain its own noise.
 
         Parameters
         ----------
-        torque : array-like of shape (n, n_joints)
-            Drives without noise, such as those of `predicted`.
-        groups
+        X, y, groups
             As for `joint_rows`.
+        theta : array-like of shape (n_columns,)
         """
-        torque = np.asarray(torque, dtype=float)
+        torque = self.predicted(X, y, theta, groups)
         smooth = ((self._filtered(torque[s]), s.stop - s.start) for s in experiments(groups, len(torque)))
-        return np.concatenate([central_difference(x, self.sample_rate)[self._rows_of(n)] for x, n in smooth])
+        return np.concatenate([central_difference(x, self.sample_rate)[self.samples_of(n)] for x, n in smooth])
 
-    def _views(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> FilteredRecords:
-        """Experiments behind the filters: their unweighted rows, and the motion from which they are computed."""
+    def filtered(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> FilteredRecords:
+        """Experiments behind the filters: their unweighted rows, and the motion from which they are computed.
+
+        Parameters
+        ----------
+        X, y, groups
+            As for `rows`.
+        """
         X = np.asarray(check_array(X, dtype=np.float64))
         self.fit(X)
         target = self._checked_drives(y, len(X))
@@ -669,8 +676,14 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
             out += block @ full[at : (at := at + block.shape[2])]
         return out
 
-    def _rows_of(self, length: int) -> NDArray[np.int64]:
-        """Indices of the samples that give rows: two per period of the cut-off, without the ends of the filter."""
+    def samples_of(self, length: int) -> NDArray[np.int64]:
+        """Indices of the samples that give rows: two per period of the cut-off, without the ends of the filter.
+
+        Parameters
+        ----------
+        length : int
+            Samples of the record.
+        """
         period = max(int(self.sample_rate / self.cutoff_), 1)
         edge = min(EDGE * period, length // 4)
         return np.arange(edge, length - edge, self.every_)
@@ -691,7 +704,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         keep = np.abs(moved.velocity) >= limits
         if self.slow:
             keep = minimum_filter1d(keep.astype(np.uint8), period + 1, axis=0).astype(bool)
-        kept = self._rows_of(len(target))
+        kept = self.samples_of(len(target))
         flat = columns.reshape(len(columns), -1)
         parts = [self._filtered(flat[:, i : i + AT_ONCE])[kept] for i in range(0, flat.shape[1], AT_ONCE)]
         phi = np.concatenate(parts, axis=1).reshape(len(kept), *columns.shape[1:])

@@ -699,5 +699,5 @@ def arm_plant(model: Any, log: Any, *, law: str | None, tolerance: float) -> Arm
     lags = RigidBodyLags.of_arm(arm, 1.0 / record.dt, law, reversals=getattr(model, "reversals", None))
     if not isinstance(model, ArmModel):
         return ArmPlant(record, lags, model, tolerance)
-    lags._settle()
+    lags.fit(record.position)
     return ArmPlant(record, lags, model, tolerance, Known.of(model, lags.base_.names))
