@@ -62,7 +62,7 @@ def arm_rows(records: Sequence[ArmLog], arm: Arm, labels: Sequence[str]) -> list
     cutoff = min(k.cutoff_ for k in lags)
     for k in lags:
         k.set_params(cutoff=cutoff)
-    views = [k.filtered(r.position, r.drive) for k, r in zip(lags, records, strict=True)]
+    views = [k._views(r.position, r.drive) for k, r in zip(lags, records, strict=True)]
     each = [k.joint_weights(v.phi, v.target, v.keep) for k, v in zip(lags, views, strict=True)]
     weights = 1.0 / np.sqrt(np.mean([1.0 / w**2 for w in each], axis=0))
     return [_rows(k, v, r, weights, label) for k, v, r, label in zip(lags, views, records, labels, strict=True)]

@@ -282,7 +282,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
             As for `rows`.
         """
         if not self.causal:
-            return self.filtered(X, y, groups)[:3]
+            return self._views(X, y, groups)[:3]
         X = np.asarray(check_array(X, dtype=np.float64))
         self.fit(X)
         target = self._checked_drives(y, len(X))
@@ -401,14 +401,8 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         smooth = ((self._filtered(torque[s]), s.stop - s.start) for s in experiments(groups, len(torque)))
         return np.concatenate([central_difference(x, self.sample_rate)[self.samples_of(n)] for x, n in smooth])
 
-    def filtered(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> FilteredRecords:
-        """Experiments behind the filters: their unweighted rows, and the motion from which they are computed.
-
-        Parameters
-        ----------
-        X, y, groups
-            As for `rows`.
-        """
+    def _views(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> FilteredRecords:
+        """Experiments behind the filters: their unweighted rows, and the motion from which they are computed."""
         X = np.asarray(check_array(X, dtype=np.float64))
         self.fit(X)
         target = self._checked_drives(y, len(X))
