@@ -105,9 +105,7 @@ class ArmView:
     def __init__(self, lags: RigidBodyLags, record: ArmRecord, known: Known | None = None):
         self.lags, self.record, self.known = lags, record, known
         self.position, self.drive = record.position, record.drive
-        self.phi, self.target, self.keep, self.moved, self.kept = lags._views(
-            self.position, self.drive, record.groups
-        )
+        self.phi, self.target, self.keep, self.moved, self.kept = lags._views(self.position, self.drive, record.groups)
         self.arm, self.dt = lags.arm_, 1.0 / lags.sample_rate
         self.n_rows, self.n_joints = self.target.shape
         self.time = record.clock
