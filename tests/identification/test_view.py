@@ -24,7 +24,9 @@ def test_a_position_is_told_from_what_returns_when_the_drive_is_gone(y, logged):
 def test_a_response_about_an_operating_point_is_no_position(seed):
     """A valve half open: drive and output are constants apart, and hunt about them."""
     rng = np.random.default_rng(seed)
-    command = 50.0 + 8.0 * lfilter([0.05], [1.0, -0.95], rng.standard_normal(4000))
+    f = np.fft.rfftfreq(4000, 0.1)
+    command = np.fft.irfft(np.exp(2j * np.pi * rng.random(f.size)) * ((f > 0.0) & (f < 0.5)), 4000)
+    command = 50.0 + 20.0 * command / command.std()
     sticky, at = np.empty(4000), 50.0
     for k, wanted in enumerate(command):
         at = wanted - np.sign(wanted - at) if abs(wanted - at) > 3.0 else at
