@@ -91,6 +91,19 @@ def test_worse_than_the_mean_is_told(files):
     assert "Worse than the mean of the output (an NMSE above 1): model.json" in run(files).output
 
 
+@pytest.mark.parametrize("axis", [True, False])
+def test_a_long_free_run_of_an_axis_may_only_have_drifted(files, axis):
+    log = pd.read_csv(files / "log.csv")
+    if axis:
+        model = AxisModel(0.05, as_law("viscous").reweighted([0.3]), (), dt=0.01, logged="position")
+        save_model(model, files / "model.json")
+    log["torque_nm"] += 3.0
+    log.to_csv(files / "log.csv", index=False)
+    told = " ".join(run(files).output.split())
+    assert "It does not describe this record" in told
+    assert ("Or its error only grew: without its loop an axis drifts" in told) is axis
+
+
 def test_a_velocity_is_integrated_for_a_model_of_the_position(files):
     model = LinearModel([0.0, 0.5], [1.0, -0.8], dt=0.01, logged="position", units={"input": "Nm", "output": "turns"})
     save_model(model, files / "model.json")

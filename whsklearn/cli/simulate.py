@@ -78,7 +78,11 @@ def main(**options: Any) -> None:
     index = nmse(log.y[kept], y[kept])
     click.echo(f"Free run: NMSE {index:.3g}, RMSE {rmse(log.y[kept], y[kept]):.4g}{unit}.")
     if bad := worse_than_mean({Path(options["model"]).name: index}):
-        click.echo(wrapped(bad))
+        grows = (
+            " Or its error only grew: without its loop an axis drifts, or gravity tips it, in a free run over a whole "
+            "record. `whsklearn gap` restarts the run twice a second."
+        )
+        click.echo(wrapped(bad + (grows if model.kind == "axis" and model.logged == "position" else "")))
     click.echo(f"Written: {out}{': ' if told else ''}{', '.join(told)}")
 
 
