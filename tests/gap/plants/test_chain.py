@@ -13,6 +13,7 @@ from tests.gap.plants.example_chain import PLAIN, TRUE, record, term
 from whsklearn.effects import QuadraticDrag
 from whsklearn.gap import GapFinder
 from whsklearn.gap.data_check import FEWEST_SAMPLES
+from whsklearn.gap.plants import Base, make_plant
 from whsklearn.gap.plants import chain as readings
 from whsklearn.gap.plants.chain_fit import coloured
 from whsklearn.gap.plants.chain_model import SKIP, Record, chain_free_run, clipped, left, simulate
@@ -85,6 +86,16 @@ def test_a_strong_saturation_does_not_leave_the_blocks_bent():
     assert finder.verdict_ == "named"
     assert [e.name for e in finder.effects_] == ["saturation"]
     assert finder.diagnosis_.after["rmse"] < 1.1 * np.std(noise_of(case))  # the noise of the record, by its generator
+
+
+def test_a_delay_within_a_sample_is_not_told_from_a_lag():
+    """Of a delay of a tenth of a sample, only the lag was fitted, and named with certainty."""
+    case = blind.make_case("named", 1108649, effects=("input_delay",), n=1500)
+    plant = make_plant("wiener-hammerstein", case.frame, None, Base(), tolerance=0.004, columns=blind.COLUMNS)
+    looks = plant.looks(plant.base(rng := np.random.default_rng(0)), rng)
+    lag, delay = (next(k for k in looks if k.name == name) for name in ("actuator_lag", "input_delay"))
+    assert abs(lag.gain - delay.gain) < 9.0 < 0.01 * lag.gain
+    assert plant.refine(None, delay).terms[-1].effect.delay == pytest.approx(case.parameters[0]["size"], rel=0.05)
 
 
 @pytest.mark.parametrize("kind", ["prbs", "uniform"])

@@ -201,6 +201,7 @@ class ChainPlant(Plant):
             grown += fitted_anew(self.record, model, others, folds, rng)
         elif self._may_be_bent(best, rng):
             grown += anew(self.record, model, others, seen.looks, rng, among)
+        if shown:
             grown += beside_the_best(self.record, grown, among)
         before = rms(self.errors(model))
         out: dict[str, tuple[Look, ChainCandidate]] = {}
