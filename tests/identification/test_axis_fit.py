@@ -137,9 +137,12 @@ def test_gravity_that_is_large_against_the_inertia_is_found_from_a_poor_start():
     assert model.parameters["coulomb"] == pytest.approx(12.0, rel=0.05)
 
 
-@pytest.mark.parametrize("amplitude", [0.55, 0.6, 0.7])  # with less, gravity is 1 % off whatever the drive does
+@pytest.mark.parametrize("amplitude", [0.4, 0.45, 0.5, 0.55, 0.6, 0.7])
 def test_a_controller_that_is_faster_than_the_log_is_no_half_sample_late(amplitude):
-    """A pendulum under a loop of 1 kHz, logged at 100 Hz: with a held drive gravity is 4 % off."""
+    """A pendulum under a loop of 1 kHz, logged at 100 Hz: with a held drive gravity is 4 % off.
+
+    Over half a radian a weight and an offset are nearly one number, so that their sum along the travel is asked.
+    """
     axis = ServoAxis(0.02, as_law("viscous,coulomb").reweighted([0.05, 0.1]), [GravityImbalance(0.9)],
                      controller=PIDController(12.0, 0.0, 0.4), sample_rate=1000.0)  # fmt: skip
     t = np.arange(15_000) / 1000.0
@@ -147,7 +150,11 @@ def test_a_controller_that_is_faster_than_the_log_is_no_half_sample_late(amplitu
     model = fit_hanging_axis(view(record.drive[::10], record.position[::10], 0.01, "position"))
     assert model.hold == "cubic"
     assert model.inertia == pytest.approx(0.02, rel=0.005)
-    assert model.parameters["gravity_imbalance"] == pytest.approx(0.9, rel=0.005)
+    found, q = model.parameters, record.position
+    force = found["gravity_imbalance"] * np.cos(q + found["gravity_imbalance__phase"]) + found["input_offset"]
+    np.testing.assert_allclose(force, 0.9 * np.cos(q), atol=0.002)  # with a held drive it is 0.003 to 0.010 off
+    if amplitude > 0.5:
+        assert found["gravity_imbalance"] == pytest.approx(0.9, rel=0.005)
 
 
 def test_sine_and_cosine_are_one_wave_with_a_phase():
