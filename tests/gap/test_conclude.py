@@ -18,7 +18,7 @@ NAMELESS = SimpleNamespace(name="", p_value=1e-6, size=0.2, signal="")
 
 def verdict(
     after, run, *, taken=("stribeck",), size=0.0, rivals=(), remainder=(), floor=0.01, exact=False, floors=1.0, gap=1.0,
-    first=10.0, swapped=False, by_run=False,
+    first=10.0, swapped=False, by_run=False, enough=True,
 ):  # fmt: skip
     """Of a record with such a gap, ``after`` of which is left where noise alone leaves ``floor``.
 
@@ -26,7 +26,7 @@ def verdict(
     each effect explains ``size``.
     """
     plant = SimpleNamespace(
-        tolerance=0.004, scale=1.0, exact=exact,
+        tolerance=0.004, scale=1.0, exact=exact, enough=lambda model: enough,
         figures=lambda base, model, nameless: Figures(gap, after, floor, nameless, by_run),
     )  # fmt: skip
     look = SimpleNamespace(signal="velocity", swapped=swapped)
@@ -93,6 +93,10 @@ def test_of_a_play_the_free_run_tells_what_it_explains():
     other = SimpleNamespace(name="", p_value=1e-6, size=0.3, signal="")
     assert [verdict(1.1, 0.4, remainder=[other], by_run=by_run) for by_run in (False, True)] == ["unknown", "partial"]
     assert verdict(1.1, 0.1, remainder=[other], by_run=True) == "unknown"
+
+
+def test_nothing_is_certain_in_a_record_with_few_samples():
+    assert [verdict(0.02, 0.99, enough=enough) for enough in (True, False)] == ["named", "partial"]
 
 
 def test_rivals_make_it_ambiguous_and_what_follows_the_motion_partial():

@@ -302,7 +302,7 @@ def verdict_of(plant: Any, found: Found, alpha: float, run: dict[str, float]) ->
     if plant.exact and still > least:  # own records that lack nothing but an effect need no margin
         return "partial"
     matters = still > least or run["after"] > QUIET * run["floor"]
-    if still > STILL * before and (matters or shape > STILL * before):
+    if (still > STILL * before and (matters or shape > STILL * before)) or not plant.enough(found.model):
         return "partial"
     return "ambiguous" if any(t.rivals for t in found.taken) else "named"
 

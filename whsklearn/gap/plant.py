@@ -294,6 +294,10 @@ class Plant(Protocol):
         """
         return False
 
+    def enough(self, model: Any) -> bool:
+        """Whether the record has samples enough for a certain name beside the model's other numbers: always."""
+        return True
+
     def alone(self, model: Any) -> Array:
         """Residual of a model minus the artefacts of its own records: here the residual itself."""
         return np.asarray(self.errors(model))

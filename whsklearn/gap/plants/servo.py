@@ -56,6 +56,9 @@ WIDER = 1.25
 # rad of travel below which the cosine of gravity is a constant and a slope to within 3 %, so that names are shared.
 LITTLE_TRAVEL = 0.5
 MOST_ORDERS = 12  # of one family; each costs a scan
+# Independent samples in motion for each number, below which no name is certain: the usual rule of regression (Harrell
+# 2015, Regression Modeling Strategies, section 4.4).
+PER_NUMBER = 10
 
 
 class ServoPlant(Plant):
@@ -337,6 +340,10 @@ class ServoPlant(Plant):
     def complete(self, before: Array, model: ServoHypothesis) -> bool:
         """Whether a model leaves no more than noise and what is not worth naming."""
         return bool(quiet(self.rms(self.errors(model)), self.own.floor, self.tolerance * self.scale))
+
+    def enough(self, model: ServoHypothesis) -> bool:
+        """Whether there are `PER_NUMBER` independent samples for each number, as there are in all but short logs."""
+        return bool(self.inverse.n_effective >= PER_NUMBER * model.vector().size)
 
     def alone(self, model: ServoHypothesis) -> Array:
         """The model's residual, polished with the artefacts of its own records instead of those of its base."""
