@@ -17,23 +17,24 @@ NAMELESS = SimpleNamespace(name="", p_value=1e-6, size=0.2, signal="")
 
 
 def verdict(
-    after, run, *, taken=("stribeck",), size=0.0, rivals=(), remainder=(), floor=0.01, exact=False, floors=1.0, gap=1.0,
-    first=10.0, swapped=False, by_run=False, enough=True,
+    after, run, *, taken=("stribeck",), remainder=(), floor=0.01, exact=False, floors=1.0, gap=1.0, first=10.0,
+    by_run=False, enough=True, **effect,
 ):  # fmt: skip
     """Of a record with such a gap, ``after`` of which is left where noise alone leaves ``floor``.
 
-    The free run closes by ``run``, begins at ``first`` and ends at so many of its own ``floors``; the looks say that
-    each effect explains ``size``.
+    The free run closes by ``run``, begins at ``first`` and ends at so many of its own ``floors``. Of each effect, the
+    looks say that it explains ``size``, ``swapped`` or not, and that it has ``rivals``.
     """
     plant = SimpleNamespace(
         tolerance=0.004, scale=1.0, exact=exact, enough=lambda model: enough,
         figures=lambda base, model, nameless: Figures(gap, after, floor, nameless, by_run),
     )  # fmt: skip
-    look = SimpleNamespace(signal="velocity", swapped=swapped)
+    effect = {"rivals": (), "size": 0.0} | effect
+    look = SimpleNamespace(signal="velocity", swapped=effect.pop("swapped", False))
     found = SimpleNamespace(
         base=None,
         model=None,
-        taken=[SimpleNamespace(name=n, rivals=rivals, size=size, look=look) for n in taken],
+        taken=[SimpleNamespace(name=n, look=look, **effect) for n in taken],
         remainder=list(remainder),
         steps=[None],
     )

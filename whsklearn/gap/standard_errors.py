@@ -99,7 +99,7 @@ def p_of_zero(fit: Linearised, index: int) -> float:
     away = np.linalg.pinv(slopes[:, sized]) @ -centre
     size[size == 0.0] = np.inf
     values, vectors = np.linalg.eigh(spread / np.outer(size, size))
-    seen = values > 1e-10
+    seen = values > 1e-10  # the others are directions in which the covariance is a pseudo-inverse: nothing is known
     root = (vectors[:, seen] / np.sqrt(values[seen])).T  # its square is the inverse of the correlations
     rest = ~sized & ~shaped & np.isfinite(size)
     room = np.maximum([fit.x - low, high - fit.x], 0.0)[:, rest] / size[rest] + 1e-9

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -73,6 +74,18 @@ def test_the_correction_starts_anywhere_and_ends_at_the_record(factor):
     off = ServoTerm(candidate("stribeck"), (factor * 0.8, 0.3, 1.0))
     _, corrected = servo_own.own(inverse, model.with_terms((*model.terms[:-1], off)), np.random.default_rng(0))
     assert corrected.terms[-1].q[0] == pytest.approx(0.8, rel=0.03)
+
+
+def test_the_age_of_the_drive_is_that_beside_the_numbers_that_fit_the_log(monkeypatch):
+    """Beside other numbers it is another one, of which own records leave what the log does not."""
+    view, model = view_of([])
+    fitted = view.fit(model)
+    off = fitted.with_terms(tuple(replace(t, q=(0.6 * t.q[0], *t.q[1:])) for t in fitted.terms))
+    assert view.age(off) != pytest.approx(view.age(fitted), rel=0.1)
+    asked, age = [], type(view).age
+    monkeypatch.setattr(type(view), "age", lambda self, m: asked.append(age(self, m)) or asked[-1])
+    servo_own.own(view, off, np.random.default_rng(0))
+    assert asked[0] == pytest.approx(view.age(fitted), rel=1e-3)
 
 
 def test_a_shaken_axis_logged_late_makes_the_same_record():

@@ -31,6 +31,7 @@ DRIVE_NOISE = 2.5
 # Smallest noise as a share of the encoder's step: a reading that rests on its grid shows none, and one spread evenly
 # over a step shows 0.29.
 GRID_AS_NOISE = 0.2
+DISSIPATED = ("viscous", "coulomb")  # friction that any axis may have
 
 
 def filtered_motion(position: Array, dt: float, cutoff: float) -> tuple[Array, Array, Array]:
@@ -128,9 +129,6 @@ def tracking(dt: float) -> float:
     return float(np.clip(0.02 / dt, 0.2, 2.0))
 
 
-DISSIPATED = ("viscous", "coulomb")  # what lags behind an acceleration, and any axis may have
-
-
 def logged_late(view: InverseView, model: ServoHypothesis) -> int:
     """Samples by which a drive was logged after it had acted, see `whsklearn.identification.drive_lead`.
 
@@ -140,9 +138,8 @@ def logged_late(view: InverseView, model: ServoHypothesis) -> int:
     """
     bare = view.bare()
     there = {t.name for t in model.terms}
-    for name in DISSIPATED:
-        if name not in there:
-            model = model.with_term(ServoTerm(candidate(name), (0.0,)))
+    for name in (n for n in DISSIPATED if n not in there):  # in this order, so that a log has one result
+        model = model.with_term(ServoTerm(candidate(name), (0.0,)))
     columns, target = bare.columns(model, bare.torque(model))[0][bare.at], bare.target(model)[0][bare.at]
     as_logged = bare.rms(target - columns @ np.linalg.lstsq(columns, target, rcond=1e-10)[0])
 
