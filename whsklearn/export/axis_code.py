@@ -48,7 +48,14 @@ class Fragment:
 
 @dataclass
 class AxisCode:
-    """The input of a template for an axis."""
+    """The input of a template for an axis.
+
+    >>> from whsklearn import ServoAxis
+    >>> from whsklearn.export.languages import C
+    >>> code = axis_code(ServoAxis(0.05, law="viscous", sample_rate=500.0), C())
+    >>> code.dt, code.substeps, code.history, code.lags
+    (0.002, 20, 1, False)
+    """
 
     # reading, substep: the measured position as a function of the state; one fine step under the drive ``u`` at the
     # time ``t``

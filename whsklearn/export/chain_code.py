@@ -25,6 +25,11 @@ class CodedChain:
 
     Polynomials in the delay operator, beginning with the direct path; f1 and f2 begin with 1; without a law, v = x.
     Effects act at the ports of a chain whose blocks both have a delay (`whsklearn.systems.chain`).
+
+    >>> late = np.array([0.0, 1.0])
+    >>> chain = CodedChain(0.5 * late, np.array([1.0, -0.5]), None, late, np.ones(1), dt=0.01)
+    >>> chain.direct, [x.tolist() for x in chain.linear()]
+    (False, [[0.0, 0.0, 0.5], [1.0, -0.5]])
     """
 
     b1: NDArray[Any]
@@ -59,7 +64,14 @@ class CodedChain:
 
 @dataclass
 class ChainCode:
-    """One sample as statements, and the variables kept between samples."""
+    """One sample as statements, and the variables kept between samples.
+
+    >>> from whsklearn.export.languages import C
+    >>> late = np.array([0.0, 1.0])
+    >>> code = chain_code(CodedChain(0.5 * late, np.array([1.0, -0.5]), None, late, np.ones(1), dt=0.01), C())
+    >>> code.states, code.step.lines[1]
+    ({'first': 1, 'second': 1}, 's->first[0] = (0.5 * drive) - ((-0.5) * m_0);')
+    """
 
     step: Fragment
     states: dict[str, int]

@@ -16,6 +16,11 @@ class Symbol(NamedTuple):
     """An expression whose value is known only at run time; ``kind`` is ``real`` or ``bool``.
 
     A product with a constant keeps the ``factor`` and the other operand, so that further constant factors are merged.
+
+    >>> from whsklearn.export.specialise import Specialiser
+    >>> work = Specialiser(C())
+    >>> work.binary("Mult", work.binary("Mult", Symbol("x"), 2.0), 3.0).text
+    '(6.0 * x)'
     """
 
     text: str
