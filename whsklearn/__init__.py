@@ -22,20 +22,10 @@ if _typing.TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
-    "Arm",
-    "DifferentialEvolutionRegressor",
-    "InverseDynamicsLags",
-    "MILSRegressor",
-    "MultiInnovationGradientRegressor",
-    "PEMRegressor",
-    "RLSRegressor",
-    "RMILSRegressor",
-    "RigidBodyLags",
-    "ServoAxis",
-    "StreamingPEMRegressor",
-    "WienerHammersteinLags",
-    "WienerHammersteinSystem",
-]
+    "Arm", "DifferentialEvolutionRegressor", "InverseDynamicsLags", "MILSRegressor", "MultiInnovationGradientRegressor",
+    "PEMRegressor", "RLSRegressor", "RMILSRegressor", "RigidBodyLags", "ServoAxis", "StreamingPEMRegressor",
+    "WienerHammersteinLags", "WienerHammersteinSystem",
+]  # fmt: skip
 
 # Names come on first use (PEP 562): Numba and scikit-learn take over a second, and `whsklearn --help` needs neither.
 _ELSEWHERE = {

@@ -102,15 +102,8 @@ class ChangeAlarm(BaseEstimator):
     def update(self, innovations: ArrayLike) -> NDArray[np.int64]:
         """Process innovations y - y_hat(t|t-1) in time order; return the indices at which an alarm was raised.
 
-        Parameters
-        ----------
-        innovations : array-like of shape (n,)
-            In the unit of y.
-
-        Raises
-        ------
-        ValueError
-            If a parameter is out of range or an innovation is not a finite number.  The alarm then stays unchanged.
+        ``innovations`` (n,): in the unit of y. Raises ValueError if a parameter is out of range or an innovation is not
+        a finite number.  The alarm then stays unchanged.
         """
         e = np.atleast_1d(real_array(innovations, "ChangeAlarm: innovations"))
         if e.ndim != 1 or not np.isfinite(e).all():
@@ -287,12 +280,7 @@ def forgetting_after(rows: int, settled: float = 1.0) -> float:
     into the past, so the memory grows with the time since the change, and the estimate
     settles.  The samples before the change are forgotten at once by the estimator's ``forget_past``.
 
-    Parameters
-    ----------
-    rows : int
-        Samples since the change was detected.
-    settled : float, default=1
-        Final forgetting factor.
+    ``rows``: samples since the change was detected. ``settled``: final forgetting factor.
 
     Examples
     --------
@@ -309,17 +297,8 @@ def set_forgetting(model: Any, forgetting: float) -> None:
     Lower it for a while after an alarm so that the estimate follows the change, then raise it
     again so that the estimate settles.
 
-    Parameters
-    ----------
-    model : estimator
-        An estimator with a parameter ``forgetting``; its learned state is kept.
-    forgetting : float
-        The new forgetting factor, in (0, 1].
-
-    Raises
-    ------
-    ValueError
-        If ``forgetting`` is out of range.
+    ``model``: an estimator with a parameter ``forgetting``; its learned state is kept. ``forgetting``: the new
+    forgetting factor, in (0, 1]. Raises ValueError if ``forgetting`` is out of range.
 
     Examples
     --------

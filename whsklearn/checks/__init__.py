@@ -5,10 +5,6 @@ from whsklearn.checks.scikit_learn import expected_failed_checks
 from whsklearn.checks.streaming import check_streaming, state_difference, streaming_checks
 
 __all__ = [
-    "EffectContractError",
-    "check_effect",
-    "check_streaming",
-    "expected_failed_checks",
-    "state_difference",
+    "EffectContractError", "check_effect", "check_streaming", "expected_failed_checks", "state_difference",
     "streaming_checks",
-]
+]  # fmt: skip

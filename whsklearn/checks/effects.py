@@ -49,20 +49,8 @@ def check_effect(effect: type[Effect] | Effect) -> tuple[str, ...]:
     be exactly that of the axis without it; and a small effect, simulated, must do what the
     torque of its columns does to the same axis (5 %).
 
-    Parameters
-    ----------
-    effect : Effect or subclass of Effect
-        A class is checked at its default values.
-
-    Returns
-    -------
-    tuple of str
-        Names of the checks that were passed.
-
-    Raises
-    ------
-    EffectContractError
-        If a check fails; the sentence says which and by how much.
+    ``effect``: a class is checked at its default values. Returns names of the checks that were passed. Raises
+    EffectContractError if a check fails; the sentence says which and by how much.
 
     Examples
     --------

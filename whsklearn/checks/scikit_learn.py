@@ -26,10 +26,7 @@ def expected_failed_checks(estimator: Any) -> dict[str, str]:
     the equivalence of a weight with repeated rows: a row takes part in p windows, so the last p - 1 rows have been in
     fewer than that, and repeated rows fill the windows sooner. With lags, samples have an order.
 
-    Parameters
-    ----------
-    estimator : estimator
-        Of this package.
+    ``estimator``: of this package.
 
     References
     ----------

@@ -85,10 +85,7 @@ def streaming_checks() -> Iterator[tuple[str, Callable[[Any, NDArray[np.float64]
 def state_difference(a: Any, b: Any) -> float:
     """Largest difference between two states, relative to each array's largest entry; inf if they differ in kind.
 
-    Parameters
-    ----------
-    a, b : dict, list, ndarray or number
-        As `get_state` gives them.
+    ``a``, ``b``: as `get_state` gives them.
 
     Examples
     --------

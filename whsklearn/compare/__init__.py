@@ -6,12 +6,6 @@ from whsklearn.compare.records import at_an_alarm, at_an_alarm_of, compare_arms,
 from whsklearn.compare.report import write_report
 
 __all__ = [
-    "ArmLog",
-    "Change",
-    "Comparison",
-    "at_an_alarm",
-    "at_an_alarm_of",
-    "compare_arms",
-    "compare_records",
+    "ArmLog", "Change", "Comparison", "at_an_alarm", "at_an_alarm_of", "compare_arms", "compare_records",
     "write_report",
-]
+]  # fmt: skip

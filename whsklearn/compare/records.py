@@ -505,10 +505,7 @@ SHORTEST = 50  # samples of an experiment that is used
 def at_an_alarm(columns: Sequence[str]) -> Callable[[Side, Side], dict[str, Any]] | None:
     """What compares the rows of an axis's stream; None unless they are time, a drive and a motion by their units.
 
-    Parameters
-    ----------
-    columns : sequence of str
-        Of the rows: time, input, output.
+    ``columns``: of the rows: time, input, output.
 
     Examples
     --------

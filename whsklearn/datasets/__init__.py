@@ -15,21 +15,7 @@ from whsklearn.datasets.wiener_hammerstein import make_wiener_hammerstein
 from whsklearn.logs import Finding, LogReport, check_log, load_log
 
 __all__ = [
-    "Finding",
-    "LogReport",
-    "check_log",
-    "default_arm",
-    "default_axis",
-    "draw_effect",
-    "fetch_cascaded_tanks",
-    "fetch_coupled_drives",
-    "fetch_emps",
-    "fetch_kr300",
-    "fetch_silverbox",
-    "load_log",
-    "load_turntable",
-    "make_arm_log",
-    "make_servo_log",
-    "make_wiener_hammerstein",
-    "reference_signal",
-]
+    "Finding", "LogReport", "check_log", "default_arm", "default_axis", "draw_effect", "fetch_cascaded_tanks",
+    "fetch_coupled_drives", "fetch_emps", "fetch_kr300", "fetch_silverbox", "load_log", "load_turntable",
+    "make_arm_log", "make_servo_log", "make_wiener_hammerstein", "reference_signal",
+]  # fmt: skip

@@ -43,10 +43,7 @@ class _Publication:
     def folder(self, given: str | os.PathLike[str] | None, download: bool, complete: Callable[[Path], object]) -> Path:
         """The first folder for which ``complete`` is true, or that of the files which the publisher sends.
 
-        Raises
-        ------
-        FileNotFoundError
-            If there is none; the message says where the records are to be had.
+        Raises FileNotFoundError if there is none; the message says where the records are to be had.
         """
         root = given if given is not None else os.environ.get("WHSKLEARN_DATA")
         places = [Path(root) / name for name in (*self.folders, "")] if root else []

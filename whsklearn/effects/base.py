@@ -241,10 +241,7 @@ class Effect(_Frozen):
     def resized(self, magnitude: float) -> Self:
         """The same effect at another size.
 
-        Parameters
-        ----------
-        magnitude : float
-            Value of the field ``size``, in its unit.
+        ``magnitude``: value of the field ``size``, in its unit.
 
         Examples
         --------
@@ -313,12 +310,7 @@ class Effect(_Frozen):
     def from_row(cls, row: Sequence[float] | NDArray[np.float64], **options: str) -> Self:
         """The effect of a row of numbers, the inverse of `row`.
 
-        Parameters
-        ----------
-        row : sequence of float
-            The numbers in the order of the fields.
-        **options : str
-            Fields that are text.
+        ``row``: the numbers in the order of the fields. ``**options``: fields that are text.
 
         Examples
         --------
@@ -340,25 +332,14 @@ class Effect(_Frozen):
 
     @classmethod
     def bounds(cls, scales: Scales) -> list[tuple[float, float]]:
-        """Search range, in one record, of every number in `searched`.
-
-        Parameters
-        ----------
-        scales : Scales
-            Of the record.
-        """
+        """Search range of every number in `searched`, in a record of these ``scales``."""
         return [cls.quantities[f].bounds(scales) for f in cls.searched()]
 
     @classmethod
     def starts(cls, scales: Scales) -> list[tuple[float, ...]]:
-        """Points in `searched` from which a search of one record begins: the product of the quantities' grids.
+        """Points in `searched` from which a search of a record of these ``scales`` begins: the product of their grids.
 
         Above 60 points the grids are thinned; those of quantities with starts of their own are thinned last.
-
-        Parameters
-        ----------
-        scales : Scales
-            Of the record.
         """
         grids = [cls.quantities[f].grid(scales)[: 1 if f in cls.later else None] for f in cls.searched()]
         while math.prod(map(len, grids)) > MOST_STARTS:
@@ -369,13 +350,8 @@ class Effect(_Frozen):
 
     @classmethod
     def later_starts(cls, scales: Scales) -> list[tuple[float, ...]]:
-        """Starting points in `later` once the effect is accepted: the product of their grids without the value at which
-        they were held.
-
-        Parameters
-        ----------
-        scales : Scales
-            Of the record.
+        """Starting points in `later` once the effect is accepted: the product of their grids in a record of these
+        ``scales``, without the value at which they were held.
         """
         grids = [cls.quantities[f].grid(scales) for f in cls.later]
         return list(itertools.product(*(g[1:] or g for g in grids)))
@@ -387,13 +363,7 @@ class Effect(_Frozen):
 
     @classmethod
     def parent_of(cls, **options: str) -> str:
-        """The effect without which a variant is not tried: `parent`, unless a choice decides.
-
-        Parameters
-        ----------
-        **options : str
-            Fields that are text.
-        """
+        """The effect without which a variant is not tried: `parent`, unless a choice in ``options`` decides."""
         return cls.parent
 
     @property
@@ -408,12 +378,7 @@ class Effect(_Frozen):
     def from_coefficients(cls, coefficients: Sequence[float] | NDArray[np.float64], **fields: Any) -> Self:
         """The effect whose columns have these weights; other fields are as given or default.
 
-        Parameters
-        ----------
-        coefficients : sequence of float
-            Weights of its columns.
-        **fields
-            The other fields.
+        ``coefficients``: weights of its columns. ``**fields``: the other fields.
 
         Examples
         --------
@@ -466,12 +431,8 @@ class Effect(_Frozen):
     def along(self, row: Sequence[float], signals: Any) -> NDArray[np.float64]:
         """The drive that the effect takes with the numbers in ``row``, or its contribution to the reading, shape (n,).
 
-        Parameters
-        ----------
-        row : sequence of float
-            Numbers in place of its own, as in `row`.
-        signals : object
-            As `columns` takes them; what is absent counts as zero.
+        ``row``: numbers in place of its own, as in `row`. ``signals``: as `columns` takes them; what is absent counts
+        as zero.
         """
         absent = np.zeros(np.asarray(signals.position).size)
         time, position, velocity, acceleration, drive = (
@@ -489,10 +450,8 @@ class Effect(_Frozen):
     def contribution(self, signals: Any) -> NDArray[np.float64]:
         """The drive that the effect takes (Nm), or what it adds to the measured position (rad).
 
-        Parameters
-        ----------
-        signals : Bunch
-            ``time`` (s), ``position`` (rad), ``velocity``, ``acceleration`` and ``drive`` (Nm), shape (n,) each.
+        ``signals``: ``time`` (s), ``position`` (rad), ``velocity``, ``acceleration`` and ``drive`` (Nm), shape (n,)
+        each.
         """
         weights = self.coefficients  # a limit may be infinite; its column is then zero
         return self.columns(signals) @ np.where(np.isfinite(weights), weights, 0.0)
@@ -508,10 +467,7 @@ class Effect(_Frozen):
     ) -> Any:
         """`contribution` for signals given one by one, broadcast against each other: a number, or an array (n,).
 
-        Parameters
-        ----------
-        time, position, velocity, acceleration, drive : array-like
-            In s, rad, rad/s, rad/s2 and Nm.
+        ``time``, ``position``, ``velocity``, ``acceleration``, ``drive``: in s, rad, rad/s, rad/s2 and Nm.
 
         Examples
         --------
@@ -559,15 +515,7 @@ def _code_of(field: dataclasses.Field[Any]) -> property:
 def get_effect(name: str) -> type[Effect]:
     """The effect class of a canonical name.
 
-    Parameters
-    ----------
-    name : str
-        Such as ``cogging``.
-
-    Raises
-    ------
-    ValueError
-        If no effect has that name.
+    ``name``: such as ``cogging``. Raises ValueError if no effect has that name.
 
     Examples
     --------
@@ -600,10 +548,7 @@ def shapes_of(name: str) -> tuple[type[Effect], ...]:
 def effect_names(place: str | None = None) -> tuple[str, ...]:
     """Names in the catalogue, of one place or of all places, in the order of the chain.
 
-    Parameters
-    ----------
-    place : str, optional
-        One of ``PLACES``.
+    ``place``: one of ``PLACES``.
 
     Examples
     --------

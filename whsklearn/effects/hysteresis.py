@@ -106,10 +106,7 @@ class LuGre(PreslidingHysteresis):
         gained after x_s: a grid of dampings alone would begin with peaks that are hundreds of times too large or too
         small.
 
-        Parameters
-        ----------
-        scales : Scales
-            Of the record.
+        ``scales``: of the record.
         """
         once = super().starts(scales)
         field = cls.searched().index("damping")

@@ -177,12 +177,7 @@ class FrictionLaw:
     def regressors(self, x: ArrayLike, dx: ArrayLike, kappa: float = np.inf) -> NDArray[np.float64]:
         """Every term at weight one, stacked along a new last axis.
 
-        Parameters
-        ----------
-        x, dx : array-like of shape (n,)
-            Signal and its change, x(t) - x(t-1).
-        kappa : float, default=inf
-            sign(dx) is tanh(kappa dx).
+        ``x``, ``dx`` (n,): signal and its change, x(t) - x(t-1). ``kappa``: sign(dx) is tanh(kappa dx).
         """
         x, dx = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(dx, dtype=float))
         values = law_values(self.codes, self.shapes, x.ravel(), dx.ravel(), float(kappa))
@@ -191,10 +186,7 @@ class FrictionLaw:
     def reweighted(self, weights: Sequence[float] | NDArray[np.float64]) -> FrictionLaw:
         """The same terms with other weights.
 
-        Parameters
-        ----------
-        weights : sequence of float
-            One per term, in the unit of y.
+        ``weights``: one per term, in the unit of y.
         """
         return FrictionLaw([t.resized(float(w)) for t, w in zip(self.terms, weights, strict=True)])
 
@@ -202,10 +194,7 @@ class FrictionLaw:
 def reduced_law(viscous: float = 0.05, coulomb: float = 0.7, stribeck: float = 0.2) -> FrictionLaw:
     """Law (4): gamma_6 dx + beta_1 sign(dx) - beta_2 tanh(dx); Example 5.1's values by default.
 
-    Parameters
-    ----------
-    viscous, coulomb, stribeck : float
-        gamma_6 (y per x), beta_1 and beta_2 (in the unit of y).
+    ``viscous``, ``coulomb``, ``stribeck``: gamma_6 (y per x), beta_1 and beta_2 (in the unit of y).
 
     Examples
     --------
@@ -219,10 +208,7 @@ def reduced_law(viscous: float = 0.05, coulomb: float = 0.7, stribeck: float = 0
 def smooth_law(gamma: Sequence[float]) -> FrictionLaw:
     """Law (3) from its six positive parameters gamma_1 ... gamma_6.
 
-    Parameters
-    ----------
-    gamma : sequence of six floats
-        gamma_1 and gamma_4 in the unit of y, gamma_6 in y per x, the others in 1 per x.
+    ``gamma``: gamma_1 and gamma_4 in the unit of y, gamma_6 in y per x, the others in 1 per x.
 
     Examples
     --------
@@ -240,10 +226,7 @@ def smooth_law(gamma: Sequence[float]) -> FrictionLaw:
 def polynomial_law(coefficients: Sequence[float]) -> FrictionLaw:
     """v = sum of coefficients[k] x^k, a static nonlinearity of x.
 
-    Parameters
-    ----------
-    coefficients : sequence of float
-        In ascending powers from the constant, in y per x to the k-th power.
+    ``coefficients``: in ascending powers from the constant, in y per x to the k-th power.
 
     Examples
     --------
@@ -257,12 +240,7 @@ def polynomial_law(coefficients: Sequence[float]) -> FrictionLaw:
 def piecewise_linear_law(knots: Sequence[float], slopes: Sequence[float]) -> FrictionLaw:
     """The continuous characteristic through 0 with slopes[0] below knots[0], slopes[i] after knots[i-1].
 
-    Parameters
-    ----------
-    knots : sequence of float
-        Increasing, in the unit of x.
-    slopes : sequence of float
-        One more than knots, in y per x.
+    ``knots``: increasing, in the unit of x. ``slopes``: one more than knots, in y per x.
 
     Examples
     --------
@@ -283,10 +261,7 @@ def piecewise_linear_law(knots: Sequence[float], slopes: Sequence[float]) -> Fri
 def cubic_spline_law(knots: Sequence[float], values: Sequence[float]) -> FrictionLaw:
     """The natural cubic spline in x through the values at the knots, straight beyond the outer ones.
 
-    Parameters
-    ----------
-    knots, values : sequence of float
-        Increasing positions, in the unit of x, and values there, in the unit of y.
+    ``knots``, ``values``: increasing positions, in the unit of x, and values there, in the unit of y.
 
     Examples
     --------

@@ -76,15 +76,7 @@ class Scales:
         return 4.0 / (self.inertia * (2.0 * math.pi * self.resonance) ** 2)
 
     def of(self, unit: str, name: str = "") -> tuple[float | None, float]:
-        """Scale and origin of a quantity by its unit or by the name of the scale; None if there is none.
-
-        Parameters
-        ----------
-        unit : str
-            Such as ``rad/s``.
-        name : str, optional
-            A scale's own name.
-        """
+        """Scale and origin of a quantity by its ``unit`` or by the ``name`` of the scale; None if there is none."""
         name = name or _OF_UNIT.get(unit, "")
         if not name:
             return None, 0.0
@@ -150,12 +142,7 @@ class Quantity:
     open_below: bool = False
 
     def labelled(self, name: str) -> str:
-        """The name with the unit appended, as in a column name: ``torque_nm``.
-
-        Parameters
-        ----------
-        name : str
-            Of the field.
+        """The ``name`` with the unit appended, as in a column name: ``torque_nm``.
 
         Examples
         --------
@@ -166,14 +153,9 @@ class Quantity:
         return name if self.unit == "1" else f"{name}_{unit}"
 
     def bounds(self, scales: Scales) -> tuple[float, float]:
-        """Search range in one record: the plausible range, cut to what the record can show.
+        """Search range in a record of these ``scales``: the plausible range, cut to what the record can show.
 
         If the two do not overlap, as in a log in degrees or millimetres, the record's own range is used.
-
-        Parameters
-        ----------
-        scales : Scales
-            Of the record.
 
         Examples
         --------
@@ -201,12 +183,7 @@ class Quantity:
     def grid(self, scales: Scales, n: int = N_STARTS) -> tuple[float, ...]:
         """Starting values of a search in one record, in increasing order.
 
-        Parameters
-        ----------
-        scales : Scales
-            Of the record.
-        n : int, default=5
-            Number of values if the quantity has no starts of its own.
+        ``scales``: those of the record. ``n``: number of values if the quantity has no starts of its own.
 
         Examples
         --------
@@ -258,12 +235,7 @@ def number(default: float, unit: str, low: float, high: float, **search: Any) ->
 def choice(default: str, by_text: Mapping[str, int]) -> Any:
     """A text field of an effect, which selects its equation.
 
-    Parameters
-    ----------
-    default : str
-        One of the texts.
-    by_text : dict of str to int
-        The code of each allowed text.
+    ``default``: one of the texts. ``by_text``: the code of each allowed text.
 
     Examples
     --------

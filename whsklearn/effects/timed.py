@@ -75,11 +75,5 @@ class ParameterChange(Effect):
 
     @classmethod
     def parent_of(cls, **options: str) -> str:
-        """A change of friction requires that friction in the model.
-
-        Parameters
-        ----------
-        **options : str
-            Fields that are text.
-        """
+        """The friction that a change of friction requires; ``options`` holds the parameter that changes."""
         return options["parameter"] if options["parameter"] in ("viscous", "coulomb") else ""

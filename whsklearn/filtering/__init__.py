@@ -4,14 +4,6 @@ from whsklearn.filtering.records import Motion, central_difference, decimate, mo
 from whsklearn.filtering.streams import causal_delay, causal_kernels, causal_motion, causal_window
 
 __all__ = [
-    "Motion",
-    "causal_delay",
-    "causal_kernels",
-    "causal_motion",
-    "causal_window",
-    "central_difference",
-    "decimate",
-    "motion",
-    "velocity_noise",
-    "zero_phase",
-]
+    "Motion", "causal_delay", "causal_kernels", "causal_motion", "causal_window", "central_difference", "decimate",
+    "motion", "velocity_noise", "zero_phase",
+]  # fmt: skip

@@ -143,17 +143,8 @@ def central_difference(x: ArrayLike, sample_rate: float) -> NDArray[np.float64]:
 def motion(position: ArrayLike, sample_rate: float, cutoff: float, order: int = 4) -> Motion:
     """Position, velocity and acceleration of a record: zero-phase filter, then central differences twice.
 
-    Parameters
-    ----------
-    position : array-like of shape (n,)
-        Measured position.
-    sample_rate, cutoff, order
-        As for `zero_phase`.
-
-    Returns
-    -------
-    Motion
-        Aligned in time with the position.
+    ``position`` (n,): measured position. ``sample_rate``, ``cutoff``, ``order``: as for `zero_phase`. The result is
+    aligned in time with the position.
 
     Examples
     --------
@@ -174,10 +165,7 @@ def velocity_noise(position: ArrayLike, sample_rate: float, cutoff: float, order
     White noise of the position is seen above the cutoff, where no motion is; what of it passes into the velocity
     follows from the filter's impulse response. A lattice of step q counts as noise of variance q^2 / 12.
 
-    Parameters
-    ----------
-    position, sample_rate, cutoff, order
-        As for `motion`.
+    ``position``, ``sample_rate``, ``cutoff``, ``order``: as for `motion`.
 
     Examples
     --------
@@ -204,21 +192,8 @@ def decimate(x: ArrayLike, factor: int) -> NDArray[np.float64]:
     Filtering target and columns alike takes out what lies above the motion's band and leaves the
     parameters where they are (Gautier 1997); the last row is always kept.
 
-    Parameters
-    ----------
-    x : array-like of shape (n,) or (n, k)
-        Signals, one a column.
-    factor : int
-        1 leaves the rows as they are.
-
-    Returns
-    -------
-    ndarray of shape (ceil(n / factor), ...)
-
-    Raises
-    ------
-    ValueError
-        If the factor is below 1 or the record too short for the filter.
+    ``x`` (n,) or (n, k): signals, one a column. ``factor``: 1 leaves the rows as they are.
+    Returns (ceil(n / factor), ...). Raises ValueError if the factor is below 1 or the record too short for the filter.
 
     Notes
     -----

@@ -16,12 +16,7 @@ from whsklearn.filtering.records import Motion
 def causal_window(sample_rate: float, cutoff: float, degree: int = 3) -> int:
     """Odd length of the moving window whose local polynomial passes up to ``cutoff``.
 
-    Parameters
-    ----------
-    sample_rate, cutoff : float
-        In Hz.
-    degree : int, default=3
-        Of the local polynomial.
+    ``sample_rate``, ``cutoff``: in Hz. ``degree``: of the local polynomial.
 
     Notes
     -----
@@ -124,14 +119,7 @@ def causal_delay(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Another signal of the stream, ``delay`` samples late (zeros at first), and its memory.
 
-    Parameters
-    ----------
-    x : ndarray of shape (n,)
-        New samples, in order.
-    memory : ndarray of shape (m,)
-        As returned last time; empty at first.
-    delay : int
-        In samples.
+    ``x`` (n,): new samples, in order. ``memory`` (m,): as returned last time; empty at first. ``delay``: in samples.
 
     Examples
     --------

@@ -9,16 +9,6 @@ from whsklearn.logs.slips import Slip, slips_in
 from whsklearn.logs.source import Column, Source
 
 __all__ = [
-    "Column",
-    "ColumnError",
-    "Finding",
-    "LogError",
-    "LogReport",
-    "LogWarning",
-    "Slip",
-    "Source",
-    "check_log",
-    "load_log",
-    "open_source",
-    "slips_in",
-]
+    "Column", "ColumnError", "Finding", "LogError", "LogReport", "LogWarning", "Slip", "Source", "check_log",
+    "load_log", "open_source", "slips_in",
+]  # fmt: skip

@@ -25,18 +25,8 @@ DISTINCT = 0.9
 def check_log(time: Array, signals: dict[str, Array], rows: NDArray[np.intp] | None = None) -> LogReport:
     """Check a log.
 
-    Parameters
-    ----------
-    time : ndarray of shape (n,)
-        Stamps in seconds.
-    signals : dict of str to ndarray of shape (n,)
-        ``drive``, ``position`` and, if logged, ``reference``.
-    rows : ndarray of int, shape (n,), optional
-        Row numbers in the file, if some were left out.
-
-    Returns
-    -------
-    LogReport
+    ``time`` (n,): stamps in seconds. ``signals``: ``drive``, ``position`` and, if logged, ``reference``, (n,) each.
+    ``rows`` (n,): row numbers in the file, if some were left out.
 
     Examples
     --------

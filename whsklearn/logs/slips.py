@@ -47,15 +47,7 @@ class Slip(NamedTuple):
 def slips_in(log: Any) -> list[Slip]:
     """Likely slips in a log that `load_log` read: units, signs, a velocity in place of a position.
 
-    Parameters
-    ----------
-    log : Bunch
-        As `load_log` returns it, with ``position``.
-
-    Returns
-    -------
-    list of Slip
-        Empty if nothing looks wrong.
+    ``log``: as `load_log` returns it, with ``position``. Returns an empty list if nothing looks wrong.
 
     Examples
     --------

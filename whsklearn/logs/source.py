@@ -95,31 +95,16 @@ class Source:
     def of_arrays(cls, name: str, arrays: Mapping[str, Any], **known: Any) -> Source:
         """The columns of a file that is in memory as a whole.
 
-        Parameters
-        ----------
-        name : str
-            Of the file.
-        arrays : dict of str to array-like of shape (n,)
-            By the names of the columns.
-        **known
-            Other fields, such as ``units``.
+        ``name``: of the file. ``arrays`` (n,): by the names of the columns. ``**known``: other fields, such as
+        ``units``.
         """
         return cls(name, list(arrays), lambda wanted: {w: Column(np.asarray(arrays[w])) for w in wanted}, **known)
 
     def resolve(self, wanted: str | int, role: str) -> str:
         """The column's name for a name or a number from 0.
 
-        Parameters
-        ----------
-        wanted : str or int
-            Name, or number from 0.
-        role : str
-            The role it is needed for, such as ``drive``; for the message.
-
-        Raises
-        ------
-        ColumnError
-            If there is no such column.
+        ``wanted``: name, or number from 0. ``role``: the role it is needed for, such as ``drive``; for the message.
+        Raises ColumnError if there is no such column.
         """
         text = utf8(str(wanted))
         if text in self.names:

@@ -95,10 +95,7 @@ def nmse(y: ArrayLike, y_hat: ArrayLike, skip: int = 0) -> float:
 def mu_e(y: ArrayLike, y_hat: ArrayLike, skip: int = 0) -> float:
     """Mean of the error y - y_hat, in the unit of y (index (2) of section 5.1).
 
-    Parameters
-    ----------
-    y, y_hat, skip
-        As for `nmse`, but y may be constant.
+    ``y``, ``y_hat``, ``skip``: as for `nmse`, but y may be constant.
 
     Examples
     --------
@@ -112,10 +109,7 @@ def mu_e(y: ArrayLike, y_hat: ArrayLike, skip: int = 0) -> float:
 def abs_mu_e(y: ArrayLike, y_hat: ArrayLike, skip: int = 0) -> float:
     """Absolute value of `mu_e`: how far the run is off on average, whichever way.
 
-    Parameters
-    ----------
-    y, y_hat, skip
-        As for `mu_e`.
+    ``y``, ``y_hat``, ``skip``: as for `mu_e`.
 
     Examples
     --------
@@ -129,10 +123,7 @@ def abs_mu_e(y: ArrayLike, y_hat: ArrayLike, skip: int = 0) -> float:
 def rmse(y: ArrayLike, y_hat: ArrayLike, skip: int = 0) -> float:
     """Root mean square of the error y - y_hat, in the unit of y (index (3) of section 5.1).
 
-    Parameters
-    ----------
-    y, y_hat, skip
-        As for `nmse`, but y may be constant.
+    ``y``, ``y_hat``, ``skip``: as for `nmse`, but y may be constant.
 
     Examples
     --------
@@ -147,15 +138,8 @@ def rmse(y: ArrayLike, y_hat: ArrayLike, skip: int = 0) -> float:
 def parameter_error(theta_hat: ArrayLike, theta: ArrayLike) -> float:
     """Relative parameter error, delta = norm(theta_hat - theta) / norm(theta) of section 5.1 and Fig. 2d.
 
-    Parameters
-    ----------
-    theta_hat, theta : array-like of shape (n_params,)
-        Estimated and true parameters in the same order.
-
-    Raises
-    ------
-    ValueError
-        If lengths differ, a value is not finite or theta is zero.
+    ``theta_hat``, ``theta`` (n_params,): estimated and true parameters in the same order. Raises ValueError if lengths
+    differ, a value is not finite or theta is zero.
 
     Examples
     --------

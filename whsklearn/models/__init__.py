@@ -7,12 +7,5 @@ from whsklearn.models.chain import ChainModel, LinearModel
 from whsklearn.models.files import as_arm, load_model, save_model
 
 __all__ = [
-    "ArmModel",
-    "AxisModel",
-    "ChainModel",
-    "IdentifiedModel",
-    "LinearModel",
-    "as_arm",
-    "load_model",
-    "save_model",
-]
+    "ArmModel", "AxisModel", "ChainModel", "IdentifiedModel", "LinearModel", "as_arm", "load_model", "save_model",
+]  # fmt: skip

@@ -68,12 +68,8 @@ class ArmModel(IdentifiedModel):
     def simulate(self, u: ArrayLike, *, start: Any = 0.0) -> NDArray[np.float64]:
         """Positions (n, n_joints) from the drives (n, n_joints) alone, at rest before the first sample.
 
-        Parameters
-        ----------
-        u : array-like of shape (n, n_joints)
-            Drives, in ``units``.
-        start : float or array-like of shape (n_joints,), default=0.0
-            Positions before the first sample, in ``units``.
+        ``u`` (n, n_joints): drives, in ``units``. ``start`` (n_joints,): positions before the first sample, in
+        ``units``.
         """
         by, far = self.factors
         u = np.asarray(u, dtype=float) * by

@@ -80,10 +80,7 @@ class AxisModel(IdentifiedModel):
     def system(self, **changes: Any) -> ServoAxis:
         """The axis as `ServoAxis`, to simulate it in closed loop or with other parts.
 
-        Parameters
-        ----------
-        **changes
-            Fields of `ServoAxis` to replace.
+        ``**changes``: fields of `ServoAxis` to replace.
         """
         parts = {"sample_rate": 1.0 / self.dt, "substeps": self.steps, "sensor": Sensor(side=self.side), **changes}
         return ServoAxis(self.inertia, self.law, self.effects, **parts)
@@ -155,14 +152,8 @@ class AxisModel(IdentifiedModel):
     def simulate(self, u: ArrayLike, *, start: float = 0.0, speed: float = 0.0) -> NDArray[np.float64]:
         """Output (n,) in its unit, from the input (n,) alone.
 
-        Parameters
-        ----------
-        u : array-like of shape (n,)
-            Input in ``units``.
-        start : float, default=0.0
-            Initial position, in ``units``, if the output is a position.
-        speed : float, default=0.0
-            Initial velocity, in ``units``, those of a position per second.
+        ``u`` (n,): input in ``units``. ``start``: initial position, in ``units``, if the output is a position.
+        ``speed``: initial velocity, in ``units``, those of a position per second.
 
         Examples
         --------

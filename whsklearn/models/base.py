@@ -119,12 +119,8 @@ class IdentifiedModel:
     def simulate(self, u: ArrayLike, *, start: float = 0.0) -> NDArray[np.float64]:
         """Output (n,) in its unit, from the input (n,) alone, starting at rest before the first sample.
 
-        Parameters
-        ----------
-        u : array-like of shape (n,)
-            Input in ``units``.
-        start : float, default=0.0
-            Initial position, in ``units``, if the output is a position; gravity and cogging depend on it.
+        ``u`` (n,): input in ``units``. ``start``: initial position, in ``units``, if the output is a position; gravity
+        and cogging depend on it.
         """
         raise NotImplementedError
 

@@ -82,10 +82,7 @@ class LinearModel(IdentifiedModel):
     def delayed(self, samples: int) -> LinearModel:
         """The same with a longer delay.
 
-        Parameters
-        ----------
-        samples : int
-            To add to `delay`.
+        ``samples``: to add to `delay`.
 
         Examples
         --------
@@ -240,10 +237,7 @@ class ChainModel(IdentifiedModel):
     def signals(self, u: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """x, v and y before any integration, each of shape (n,), in SI.
 
-        Parameters
-        ----------
-        u : array-like of shape (n,)
-            Input in SI.
+        ``u`` (n,): input in SI.
         """
         from scipy.signal import lfilter
 

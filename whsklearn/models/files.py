@@ -80,21 +80,8 @@ def save_model(model: IdentifiedModel, path: str | os.PathLike[str]) -> None:
 def load_model(path: str | os.PathLike[str]) -> Any:
     """Read a model file that `save_model`, ``identify`` or ``gap`` wrote.
 
-    Parameters
-    ----------
-    path : str or path
-        Of a JSON file.
-
-    Returns
-    -------
-    LinearModel, ChainModel, AxisModel or ArmModel
-
-    Raises
-    ------
-    ValueError
-        If the file is not a model file, is of a newer version, or holds an impossible number.
-    OSError
-        If the file cannot be opened.
+    ``path``: of a JSON file. Returns LinearModel, ChainModel, AxisModel or ArmModel. Raises ValueError if the file is
+    not a model file, is of a newer version, or holds an impossible number. Raises OSError if the file cannot be opened.
 
     Examples
     --------

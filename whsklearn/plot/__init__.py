@@ -15,11 +15,6 @@ from whsklearn.plot.displays import (
 )
 
 __all__ = [
-    "ConvergenceDisplay",
-    "EffectDisplay",
-    "HorizonDisplay",
-    "ResidualDisplay",
-    "TrackingDisplay",
-    "flat_parameters",
+    "ConvergenceDisplay", "EffectDisplay", "HorizonDisplay", "ResidualDisplay", "TrackingDisplay", "flat_parameters",
     "parameter_paths",
-]
+]  # fmt: skip

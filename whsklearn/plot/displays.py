@@ -21,10 +21,7 @@ BLOCKS = {"a": "L1", "b": "L1", "c": "L2", "d": "L2"}
 def flat_parameters(parameters: Mapping[str, Any]) -> dict[str, float]:
     """One number a name, in the order of the chain: L1, friction, L2; a[0] = c[0] = 1 are left out.
 
-    Parameters
-    ----------
-    parameters : mapping of str to float or array
-        Such as ``parameters_`` of an estimator.
+    ``parameters``: such as ``parameters_`` of an estimator.
 
     Examples
     --------

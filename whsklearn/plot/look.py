@@ -27,10 +27,7 @@ class Display:
     def plot(self, axes: Any = None) -> Any:
         """Draw it; ``figure_`` and ``axes_`` hold the picture.
 
-        Parameters
-        ----------
-        axes : (array of) matplotlib axes, optional
-            Where to draw; a new figure by default.
+        ``axes``: where to draw; a new figure by default.
         """
         raise NotImplementedError
 

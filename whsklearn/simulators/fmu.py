@@ -141,10 +141,7 @@ class FMUSimulator:
     def with_numbers(self, x: Array) -> FMUSimulator:
         """The FMU at other parameters, their signs kept.
 
-        Parameters
-        ----------
-        x : ndarray
-            As ``numbers`` gives them.
+        ``x``: as ``numbers`` gives them.
         """
         other = copy.copy(self)
         values: Array = np.sign(list(self.parameters.values())) * np.exp(x)

@@ -268,10 +268,7 @@ class MuJoCoSimulator:
     def with_numbers(self, x: Array) -> MuJoCoSimulator:
         """The model at other numbers; the inertia is changed by the joint's armature.
 
-        Parameters
-        ----------
-        x : ndarray
-            As ``numbers`` gives them; if the velocities at the starts are missing, they stay.
+        ``x``: as ``numbers`` gives them; if the velocities at the starts are missing, they stay.
         """
         n, other = len(self.parameters), copy.copy(self)
         if self._start is not None and x.size > n:
@@ -358,10 +355,7 @@ class MuJoCoSimulator:
     def write(self, path: str | os.PathLike[str]) -> Path:
         """Write ``repaired.xml``; returns its path.
 
-        Parameters
-        ----------
-        path : str or path
-            A folder.
+        ``path``: a folder.
         """
         atomic_write(path, self.to_xml().encode())
         return Path(path)

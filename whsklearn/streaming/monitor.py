@@ -247,37 +247,18 @@ class StreamMonitor:
     def take(self, rows: Iterable[Sequence[float]], first: int = 1) -> None:
         """Learn from rows of numbers.
 
-        Parameters
-        ----------
-        rows : iterable of sequences of float, or ndarray of shape (n_rows, n_columns)
-            The time if ``options.timed``, the inputs, the output.
-        first : int, default=1
-            Number of the first row; records refer to bad rows by number.
-
-        Raises
-        ------
-        Refused
-            At the first row that holds NaN or infinity or comes late, if bad rows are refused; the rows before it are
-            learnt.
+        ``rows`` (n_rows, n_columns): the time if ``options.timed``, the inputs, the output. ``first``: number of the
+        first row; records refer to bad rows by number. Raises Refused: at the first row that holds NaN or infinity or
+        comes late, if bad rows are refused; the rows before it are learnt.
         """
         self._take_all(list(rows), _finite, first)
 
     def feed(self, lines: Sequence[bytes], parse: Callable[[bytes], list[float]], first: int) -> None:
         """Learn from lines of text.
 
-        Parameters
-        ----------
-        lines : sequence of bytes
-            One row each; blank lines are skipped.
-        parse : callable
-            Converts a line to a row of numbers, or raises `whsklearn.streaming.rows.BadRow`.
-        first : int
-            Number of the first line.
-
-        Raises
-        ------
-        Refused
-            At the first bad row, if bad rows are refused; the rows before it are learnt.
+        ``lines``: one row each; blank lines are skipped. ``parse``: converts a line to a row of numbers, or raises
+        `whsklearn.streaming.rows.BadRow`. ``first``: number of the first line. Raises Refused: at the first bad row, if
+        bad rows are refused; the rows before it are learnt.
         """
         self._take_all(lines, lambda line: parse(line) if line.strip() else None, first)
 
@@ -427,10 +408,7 @@ class StreamMonitor:
     def tell_moved(self, wait: float = 0.0) -> None:
         """Emit what changed at the last alarm, if its comparison is ready.
 
-        Parameters
-        ----------
-        wait : float
-            Seconds to wait for a comparison that has begun.
+        ``wait``: seconds to wait for a comparison that has begun.
         """
         for told in self.sides.done(wait) if self.sides is not None else ():
             self.emit({"kind": "moved"} | told)
@@ -499,10 +477,7 @@ class StreamMonitor:
     def set_state(self, state: dict[str, Any]) -> None:
         """Continue from a state that `get_state` returned.
 
-        Parameters
-        ----------
-        state : dict
-            State of a monitor with the same model and options.
+        ``state``: state of a monitor with the same model and options.
         """
         self.carried = Carried(**state["carried"])
         self.clock.set_state(state.get("clock", {}))

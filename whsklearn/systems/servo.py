@@ -57,10 +57,7 @@ class Conditions(NamedTuple):
 def record_frame(record: Bunch) -> pd.DataFrame:
     """The log as a logger would write it: time_s, reference_rad, torque_nm, position_rad.
 
-    Parameters
-    ----------
-    record : Bunch
-        The result of `ServoAxis.simulate`.
+    ``record``: the result of `ServoAxis.simulate`.
 
     Examples
     --------
@@ -300,10 +297,7 @@ class ServoAxis:
         friction, so these are set to values of a small turntable.  Its reference is
         ``0.8 sin(2/5 pi t)``, see `whsklearn.datasets.reference_signal`.
 
-        Parameters
-        ----------
-        **changes
-            Fields of `ServoAxis` to change.
+        ``**changes``: fields of `ServoAxis` to change.
         """
         rig: dict[str, Any] = {
             "inertia": 0.02,
@@ -349,12 +343,7 @@ class ServoAxis:
     def with_parameters(self, values: Mapping[str, float] | None = None, /, **more: float) -> Self:
         """Return the same axis with other parameters.
 
-        Parameters
-        ----------
-        values : mapping of str to float, optional
-            Values by the names in `parameters`.
-        **more : float
-            The same, as keyword arguments.
+        ``values``: values by the names in `parameters`. ``**more``: the same, as keyword arguments.
 
         Examples
         --------
@@ -383,10 +372,7 @@ class ServoAxis:
     def vector(self, names: Sequence[str]) -> NDArray[np.float64]:
         """Return the chosen parameters as a vector.
 
-        Parameters
-        ----------
-        names : sequence of str
-            Of `parameters`.
+        ``names``: of `parameters`.
         """
         known = self.parameters
         missing = [n for n in names if n not in known]
@@ -397,12 +383,7 @@ class ServoAxis:
     def with_vector(self, names: Sequence[str], values: ArrayLike) -> Self:
         """The same axis with the chosen parameters taken from a vector.
 
-        Parameters
-        ----------
-        names : sequence of str
-            Of `parameters`.
-        values : array-like of shape (n_names,)
-            In the units of those parameters.
+        ``names``: of `parameters`. ``values`` (n_names,): in the units of those parameters.
         """
         return self.with_parameters(dict(zip(names, np.asarray(values, dtype=float).tolist(), strict=True)))
 
@@ -421,10 +402,8 @@ class ServoAxis:
         Effects of the sensor and those that can only be simulated have none; a phased
         effect has two, labelled ``name__cos`` and ``name__sin``.
 
-        Parameters
-        ----------
-        signals : Bunch
-            ``time`` (s), ``position`` (rad), ``velocity``, ``acceleration`` and ``drive`` (Nm), shape (n,) each.
+        ``signals``: ``time`` (s), ``position`` (rad), ``velocity``, ``acceleration`` and ``drive`` (Nm), shape (n,)
+        each.
         """
         blocks, names = [np.asarray(signals.acceleration, dtype=float).reshape(-1, 1)], ["inertia"]
         for label, e in zip(self.term_names[1:], (*self.law.terms, *self.effects), strict=True):
@@ -464,23 +443,9 @@ class ServoAxis:
     def simulate_drive(self, drive: ArrayLike, **options: Any) -> Bunch:
         """Replay a logged drive (Nm) in open loop, held between samples.
 
-        Parameters
-        ----------
-        drive : array-like of shape (n,)
-            The drive as logged.
-        **options
-            As for `simulate`, and ``position``, ``velocity`` (measured), ``resync`` (s:
-            return to them that often), ``hold`` (``"zero"`` or ``"linear"``).
-
-        Returns
-        -------
-        Bunch
-            As for `simulate`, with NaN for the reference.
-
-        Raises
-        ------
-        FloatingPointError
-            If the simulation does not stay finite.
+        ``drive`` (n,): the drive as logged. ``**options``: as for `simulate`, and ``position``, ``velocity``
+        (measured), ``resync`` (s: return to them that often), ``hold`` (``"zero"`` or ``"linear"``). Returns as for
+        `simulate`, with NaN for the reference. Raises FloatingPointError if the simulation does not stay finite.
         """
         return self._simulate(drive=drive, **options)
 

@@ -99,10 +99,7 @@ class WienerHammersteinSystem:
     def theta(self) -> NDArray[np.float64]:
         """The true theta of (6): [g a, g b (+ g at b_1), other weights, c[1:], d], g the linear term's weight.
 
-        Raises
-        ------
-        ValueError
-            If the law has no term that is linear in x or dx.
+        Raises ValueError if the law has no term that is linear in x or dx.
         """
         key = self.law.key
         if key is None:
@@ -120,17 +117,8 @@ class WienerHammersteinSystem:
     def signals(self, u: ArrayLike, d: ArrayLike | None = None) -> Bunch:
         """Simulate every signal of the chain.
 
-        Parameters
-        ----------
-        u : array-like of shape (n,) or (n, 1)
-            Input.
-        d : array-like of shape (n,), optional
-            Noise of (2), which enters before L2's denominator; none by default.
-
-        Returns
-        -------
-        Bunch
-            ``x``, ``v``, ``y``, each of shape (n,); with direct paths, x and v are taken ``direct`` samples later.
+        ``u`` (n,) or (n, 1): input. ``d`` (n,): noise of (2), which enters before L2's denominator; none by default.
+        Returns ``x``, ``v``, ``y``, each of shape (n,); with direct paths, x and v are taken ``direct`` samples later.
         """
         u = np.ascontiguousarray(np.asarray(u, dtype=float).reshape(-1))
         noise = np.zeros_like(u) if d is None else np.array(d, dtype=float).reshape(-1)
@@ -162,11 +150,6 @@ class WienerHammersteinSystem:
     def simulate(self, u: ArrayLike, d: ArrayLike | None = None) -> NDArray[np.float64]:
         """The output y of shape (n,) alone; arguments as for `signals`.
 
-        Parameters
-        ----------
-        u : array-like of shape (n,)
-            Input, in the unit of the log.
-        d : array-like of shape (n,), optional
-            Noise of (2).
+        ``u`` (n,): input, in the unit of the log. ``d`` (n,): noise of (2).
         """
         return self.signals(u, d).y

@@ -13,13 +13,6 @@ from whsklearn.tracking.runs import (
 )
 
 __all__ = [
-    "BesideRun",
-    "Run",
-    "Tracker",
-    "TrackingError",
-    "estimator_params",
-    "experiments",
-    "log_candidates",
-    "open_tracker",
+    "BesideRun", "Run", "Tracker", "TrackingError", "estimator_params", "experiments", "log_candidates", "open_tracker",
     "tracking_uri",
-]
+]  # fmt: skip

@@ -92,10 +92,7 @@ class BesideRun:
     def close(self, seconds: float = CLOSE_SECONDS) -> int:
         """End the run within the given time; return the number of lost sets of metrics.
 
-        Parameters
-        ----------
-        seconds : float, default=10
-            Longest time to wait.
+        ``seconds``: longest time to wait.
         """
         self._end.set()
         self._thread.join(seconds)

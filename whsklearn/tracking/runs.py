@@ -36,10 +36,7 @@ BATCH = {"metrics": 800, "params": 100, "tags": 100}  # what one log_batch may h
 def tracking_uri(root: str | os.PathLike[str] = ".") -> str:
     """Where runs are stored: ``MLFLOW_TRACKING_URI`` if it is set, otherwise ``mlruns/mlflow.db`` beneath `root`.
 
-    Parameters
-    ----------
-    root : str or path
-        Folder above ``mlruns``.
+    ``root``: folder above ``mlruns``.
 
     Examples
     --------
@@ -323,14 +320,7 @@ class Run:
     def log_input(self, X: ArrayLike, y: ArrayLike, name: str) -> None:
         """Record name, shape and digest of the data set, but not the samples.
 
-        Parameters
-        ----------
-        X : array-like of shape (n, n_features)
-            Input.
-        y : array-like of shape (n,)
-            Output.
-        name : str
-            Of the data set.
+        ``X`` (n, n_features): input. ``y`` (n,): output. ``name``: of the data set.
         """
         if self._client is not None:
             mlflow = store.import_mlflow()
@@ -369,12 +359,7 @@ class Run:
 
         Its metadata hold the name of the input's column and the units of input and output.
 
-        Parameters
-        ----------
-        path : str or path
-            Of ``model.json``.
-        rows : DataFrame of shape (n, 1)
-            Inputs; the first rows become the example, which names the column.
+        ``path``: of ``model.json``. ``rows`` (n, 1): inputs; the first rows become the example, which names the column.
         """
         if self._client is None:
             return ""
@@ -404,10 +389,7 @@ class Run:
     def log_artifact(self, path: str | os.PathLike[str]) -> None:
         """Keep a file as an artifact.
 
-        Parameters
-        ----------
-        path : str or path
-            Of a file.
+        ``path``: of a file.
         """
         if self._client is not None:
             extra = Path(path).stat().st_size / store.UPLOAD_BYTES
@@ -419,14 +401,9 @@ class Run:
         Served, it takes numbers of any kind, as rows, lists or a frame; the example names its columns, see
         `input_example`.
 
-        Parameters
-        ----------
-        model : estimator
-            Fitted.
-        X : array-like of shape (n_samples, n_features)
-            Inputs; the first rows become the example.
-        registered_name, alias : str
-            Register it under this name and let ``models:/registered_name@alias`` point to it.
+        ``model``: fitted. ``X`` (n_samples, n_features): inputs; the first rows become the example.
+        ``registered_name``, ``alias``: register it under this name and let ``models:/registered_name@alias`` point to
+        it.
         """
         if self._client is None:
             return ""
@@ -484,15 +461,8 @@ def experiments(root: str | os.PathLike[str] = ".") -> list[tuple[str, str]]:
 
     Experiments made by other programs are given the columns of their page (`view_of`).
 
-    Parameters
-    ----------
-    root : str or path
-        Folder above ``mlruns``.
-
-    Raises
-    ------
-    TrackingError
-        If the tracking server is down or the store cannot be opened.
+    ``root``: folder above ``mlruns``. Raises TrackingError if the tracking server is down or the store cannot be
+    opened.
 
     Examples
     --------
@@ -519,10 +489,7 @@ def experiments(root: str | os.PathLike[str] = ".") -> list[tuple[str, str]]:
 def estimator_params(estimator: Any) -> dict[str, Any]:
     """The parameters of an estimator; nested ones are named by path, objects are given by class.
 
-    Parameters
-    ----------
-    estimator : estimator
-        Of scikit-learn.
+    ``estimator``: of scikit-learn.
 
     Examples
     --------

@@ -13,16 +13,6 @@ from whsklearn.validation.residuals import (
 from whsklearn.validation.splitters import memory_length, time_series_split
 
 __all__ = [
-    "CorrelationTest",
-    "Excitation",
-    "HorizonCurve",
-    "WhitenessTest",
-    "convergence_bound",
-    "cross_correlation_test",
-    "error_against_horizon",
-    "excitation",
-    "memory_length",
-    "residual_tests",
-    "time_series_split",
-    "whiteness_test",
-]
+    "CorrelationTest", "Excitation", "HorizonCurve", "WhitenessTest", "convergence_bound", "cross_correlation_test",
+    "error_against_horizon", "excitation", "memory_length", "residual_tests", "time_series_split", "whiteness_test",
+]  # fmt: skip

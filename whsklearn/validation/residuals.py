@@ -209,12 +209,7 @@ def residual_tests(e: ArrayLike, u: ArrayLike, max_lag: int = 25) -> dict[str, C
     ``u^2, e^2`` odd ones as well (Coulomb, saturation), at little power; ``|u|, |e|`` what
     the others miss.  They tell that something is left and of what family, not what it is.
 
-    Parameters
-    ----------
-    e, u : array-like of shape (n,)
-        Residuals and input.
-    max_lag : int, default=25
-        In samples.
+    ``e``, ``u`` (n,): residuals and input. ``max_lag``: in samples.
 
     Notes
     -----

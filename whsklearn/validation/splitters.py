@@ -40,13 +40,8 @@ def memory_length(estimator: Any) -> int:
 def time_series_split(estimator: Any, n_splits: int = 5) -> TimeSeriesSplit:
     """`TimeSeriesSplit` with a gap as long as the estimator's memory.
 
-    Parameters
-    ----------
-    estimator : object
-        The one to be validated; `memory_length` of it is the gap, so that no sample of a test
-        fold shares a regressor with training.
-    n_splits : int, default=5
-        Number of folds.
+    ``estimator``: the one to be validated; `memory_length` of it is the gap, so that no sample of a test fold shares a
+    regressor with training. ``n_splits``: number of folds.
 
     Notes
     -----
