@@ -134,15 +134,11 @@ def learn(view: Any, model: ServoHypothesis) -> Learned | None:
 
 
 class Normal(NamedTuple):
-    """Normal equations: Z'Z and Z'y of the record, (Z, y) of its blocks, and Z'Z and Z'y of each.
+    """Normal equations of the record and of its blocks, from which every penalty is judged."""
 
-    They are formed once for all penalties, and only solved again: forming them took most of the time.
-    """
-
-    gram: Array
-    right: Array
-    blocks: list[tuple[Array, Array]]
-    parts: list[tuple[Array, Array]]
+    gram: Array  # (k, k): Z'Z
+    right: Array  # (k,): Z'y
+    parts: list[tuple[Array, Array, float]]  # Z'Z, Z'y and y'y of each block
 
 
 class CurveProblem:
@@ -173,9 +169,9 @@ class CurveProblem:
 
     def normal(self, z: Array) -> Normal:
         """Normal equations of [columns] on the target: of the whole record and of every block of it."""
-        blocks = [(z[part], self.target[part]) for part in np.array_split(np.arange(self.target.size), N_BLOCKS)]
-        gram, right = z.T @ z, z.T @ self.target
-        return Normal(gram, right, blocks, [(zb.T @ zb, zb.T @ yb) for zb, yb in blocks])
+        blocks = zip(np.array_split(z, N_BLOCKS), np.array_split(self.target, N_BLOCKS), strict=True)
+        parts = [(zb.T @ zb, zb.T @ yb, float(yb @ yb)) for zb, yb in blocks]
+        return Normal(sum(p[0] for p in parts), sum(p[1] for p in parts), parts)
 
     def solved(self, normal: Normal, penalty: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Weights of all columns; columns that must be positive but are not are dropped."""
@@ -196,11 +192,10 @@ class CurveProblem:
         _, free = self.solved(normal, penalty)
         at = np.ix_(free, free)
         gram, total = normal.gram[at] + penalty[at], 0.0
-        for (zb, yb), (gram_b, right_b) in zip(normal.blocks, normal.parts, strict=True):
+        for gram_b, right_b, power in normal.parts:
             # a hill that only this block reaches cannot be determined by the others: its penalty keeps it at zero
-            numbers = scaled_solve(gram - gram_b[at], (normal.right - right_b)[free])
-            left = yb - zb[:, free] @ numbers
-            total += float(left @ left)
+            numbers = scaled_solve(gram - (here := gram_b[at]), (normal.right - right_b)[free])
+            total += power + float(numbers @ (here @ numbers - 2.0 * right_b[free]))
         return total
 
     def gain(self, error: float) -> float:
