@@ -92,7 +92,8 @@ def _paint(painter: Callable[[Any, Diagnosis], bool], d: Diagnosis) -> str:
     from matplotlib.figure import Figure
 
     with matplotlib.rc_context({"svg.fonttype": "path", "svg.hashsalt": painter.__name__, "path.simplify": True}):
-        figure = Figure(figsize=(6.2, 3.3), layout="tight")
+        figure = Figure(figsize=(6.2, 3.3))
+        figure.subplots_adjust(left=0.13, right=0.98, bottom=0.15, top=0.91)  # a layout engine takes as long as drawing
         canvas = FigureCanvasSVG(figure)
         axes = figure.subplots()
         axes.spines[["top", "right"]].set_visible(False)
@@ -288,6 +289,7 @@ def _candidates(axes: Any, d: Diagnosis) -> bool:
         bar.set(edgecolor=colour, facecolor=colour if c.status == "named" or c.p_value <= d.alpha else "none")
     axes.set(xlabel="share of the gap that it explains (%)", xlim=(0, 100))
     axes.tick_params(axis="y", labelsize=8)
+    axes.figure.set_layout_engine("tight")  # names may be long: they hold an arm's joint
     return True
 
 
