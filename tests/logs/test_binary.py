@@ -106,3 +106,17 @@ def test_units_of_hdf5_are_found_in_any_case(tmp_path, name):
         file["q"] = np.arange(5.0)
         file["q"].attrs[name] = b"deg"
     assert open_source(tmp_path / "a.h5").units == {"q": "deg"}
+
+
+def test_units_of_the_columns_of_one_hdf5_data_set_are_a_list(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["log"] = np.zeros(9, dtype=[("t", "f8"), ("u", "f4")])
+        file["log"].attrs["units"] = ["ms", "mNm"]
+        file["both"] = np.zeros((9, 2))
+        file["both"].attrs["unit"] = np.array([b"deg", b""])
+        file["odd"] = np.zeros((9, 2))
+        file["odd"].attrs["unit"] = ["deg", "rad", "Nm"]  # for another number of columns: whose they are is unknown
+        file["one"] = np.zeros((9, 2))
+        file["one"].attrs["unit"] = "deg"  # as before, a single unit of several columns is no unit of each
+    assert open_source(tmp_path / "a.h5").units == {"log.t": "ms", "log.u": "mNm", "both.0": "deg"}

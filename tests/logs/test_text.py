@@ -98,3 +98,22 @@ def test_decimal_commas_between_commas_need_quotes(tmp_path):
 def _written(path, content):
     path.write_text(content)
     return path
+
+
+def test_a_header_amid_the_data_may_repeat_the_names_but_not_change_their_units(tmp_path):
+    lines = text().splitlines()
+    assert lines[0] == "time_s,torque_nm,position_rad"
+    (tmp_path / "same.csv").write_text("\n".join([*lines[:150], lines[0], *lines[150:], ""]))
+    log = load_log(tmp_path / "same.csv", **NAMES)
+    assert len(log.y) == 300
+    other = "time_s,torque_mnm,position_rad"
+    (tmp_path / "other.csv").write_text("\n".join([*lines[:150], other, *lines[150:], ""]))
+    with pytest.raises(LogError, match=r"row 149 is a header in which 'torque_nm' is called 'torque_mnm'.*split"):
+        load_log(tmp_path / "other.csv", **NAMES)
+
+
+def test_lists_in_cells_are_told(tmp_path):
+    rows = [f"{k / 100},\"['yaw', 'pitch']\",\"[{k / 7:.3f}, 0.1]\"" for k in range(20)]
+    (tmp_path / "states.csv").write_text("\n".join(["time,name,position", *rows]))
+    with pytest.raises(LogError, match=r"has lists in its cells, such as '\[0.000, 0.1\]'; .* one column for each"):
+        open_source(tmp_path / "states.csv")

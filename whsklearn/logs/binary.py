@@ -150,9 +150,11 @@ def open_hdf5(path: Path) -> Source:
                 tall = shape[0] >= shape[1]
                 places.update({f"{name}.{i}": (name, np.s_[:, i] if tall else i) for i in range(min(shape))})
         named = {str(k).lower(): v for k, v in item.attrs.items()}
-        unit = named.get("unit", named.get("units", ""))
-        if name in places and unit:
-            units[name] = unit.decode() if isinstance(unit, bytes) else str(unit)
+        stated = np.atleast_1d(np.asarray(named.get("unit", named.get("units", []))))
+        columns = [c for c, (dataset, _) in places.items() if dataset == name]
+        if len(stated) == len(columns):  # one for the data set, or one for each of its columns
+            texts = [u.decode() if isinstance(u, bytes) else str(u) for u in stated]
+            units.update({c: u for c, u in zip(columns, texts, strict=True) if u})
 
     with damaged(path, "HDF5 file", OSError), h5py.File(path, "r") as file:
         file.visititems(note)

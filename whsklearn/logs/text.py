@@ -33,6 +33,8 @@ _CALLED = {
 _ROWS = 200_000  # of a chunk
 _FOOTER = 50  # rows at the end that may contain words instead of data: statistics and signatures of recorders
 _DATE = r".*\d[-/:.T]\d.*"
+_MOST_HEADERS = 1000  # that are compared with the first one
+_LIST = re.compile(r"\[[^\[\]\"]*\d[^\[\]\"]*\]")
 
 
 class _Table(NamedTuple):
@@ -225,6 +227,12 @@ def _why_none(lines: list[str], name: str, more: bool) -> str:
         )
     if not live:
         return f"{name} has comments but no samples; record or export the log again."
+    lists = [_LIST.search(t) for t in live[1:3]]
+    if all(lists):
+        return (
+            f"{name} has lists in its cells, such as {lists[0][0][:40]!r}; export the log with one column for each "  # type: ignore[index]
+            "element, or as MCAP, a ROS bag or Parquet."
+        )
     return (
         f"{name} is not a table of numbers: line 1 is {live[0][:60]!r}, and no later line has numbers separated by "
         "commas, semicolons, tabs or blanks; export the log as CSV with one header line."
@@ -304,12 +312,13 @@ def _read(table: _Table, columns: dict[str, int], notes: list[str]) -> dict[str,
         reason = str(error).strip().rstrip(".")
         raise LogError(f"{path.name} is not a readable CSV file ({reason}); export it again as UTF-8.") from None
     inorder = sorted(columns.items(), key=lambda c: c[1])
-    return _typed({name: parts[i][:-1] if table.cut else parts[i] for name, i in inorder}, layout.decimal, notes)
+    cells = {name: parts[i][:-1] if table.cut else parts[i] for name, i in inorder}
+    return _typed(path.name, cells, layout.decimal, notes)
 
 
-def _typed(cells: dict[str, Any], decimal: str, notes: list[str]) -> dict[str, Column]:
+def _typed(file: str, cells: dict[str, Any], decimal: str, notes: list[str]) -> dict[str, Column]:
     """Floats if all cells of a column are numbers, otherwise the text; words below the data and repeated headers are
-    removed.
+    removed. A header in between that names a column differently, as after a change of units, is refused.
     """
     import pandas as pd
 
@@ -328,6 +337,14 @@ def _typed(cells: dict[str, Any], decimal: str, notes: list[str]) -> dict[str, C
             del words[name]
         else:
             words[name] = odd
+    for row in np.flatnonzero(again)[:_MOST_HEADERS]:
+        for name, values in text.items():
+            cell = "" if pd.isna(values[row]) else values[row].strip().strip('"')
+            if is_word(cell) and not re.fullmatch(re.escape(cell) + r"(\.\d+)?", name):
+                raise LogError(
+                    f"{file}: row {row} is a header in which {name!r} is called {cell!r}, so the rows below may have "
+                    "other units; split the file there."
+                )
     # A footer line begins with a word, such as "Mean;0.3;0.1"; a word in a later cell is a failed reading.
     footer = next(iter(words.values()), np.zeros(rows, dtype=bool)).copy()
     footer[: max(rows - int(np.argmin(footer[::-1])), rows - _FOOTER)] = False
