@@ -28,9 +28,9 @@ PACKAGE = Path(whsklearn.__file__).parent
 SCRIPT = """
 import numpy as np
 from whsklearn.effects.codes import VISCOUS
-from whsklearn.effects.rows import law_values
-value = law_values(np.array([VISCOUS]), np.zeros((1, 3)), np.zeros(1), np.ones(1), np.inf)[0, 0]
-print(value, sum(law_values.stats.cache_hits.values()))
+from whsklearn.effects import rows
+value = rows.law_values(np.array([VISCOUS]), np.zeros((1, 3)), np.zeros(1), np.ones(1), np.inf)[0, 0]
+print(value, sum(rows._law_values.stats.cache_hits.values()))
 """
 
 

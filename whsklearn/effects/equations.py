@@ -152,7 +152,8 @@ def natural_spline(knot, last_but_one, last, x):
     p, q, m = x - knot, x - last_but_one, last - last_but_one
     if x >= last:  # in closed form, because the cubes cancel there
         slope = 3.0 * (last_but_one - knot)
-        return (last - knot) ** 2 - m * m + slope * (x - last), slope, 0.0
+        width = last - knot
+        return width * width - m * m + slope * (x - last), slope, 0.0
     value, slope = p * p * p / (last - knot), 3.0 * p * p / (last - knot)
     if q > 0.0:
         value -= q * q * q / m

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from whsklearn._numba import borrowed, njit, part
 from whsklearn.effects import codes, equations
@@ -61,14 +62,20 @@ def term(code, s0, s1, s2, x, dx, kappa):
     return directed_term(code, s0, s1, s2, x, dx, s, ds)
 
 
-@njit(error_model="numpy", short=True)
-def law_values(law, shapes, x, dx, kappa):
+def law_values(
+    law: NDArray[np.int64], shapes: NDArray[np.float64], x: NDArray[np.float64], dx: NDArray[np.float64], kappa: float
+) -> NDArray[np.float64]:
     """The values of each term of a ``law``, given by its codes, along a record, at weight one; shape (K, n)."""
     out = np.empty((law.size, x.size))
+    _law_values(out, law, shapes, x, dx, kappa)
+    return out
+
+
+@njit(error_model="numpy", counted=False, short=True)
+def _law_values(out, law, shapes, x, dx, kappa):
     for k in range(law.size):
         for i in range(x.size):
             out[k, i] = term(law[k], shapes[k, 0], shapes[k, 1], shapes[k, 2], x[i], dx[i], kappa)[0]
-    return out
 
 
 # --- all effects: torque or reading of a row -------------------------------------------------------------------------

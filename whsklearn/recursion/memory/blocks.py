@@ -34,20 +34,18 @@ def first_block(theta: Array, dims: Integers, u: Array, restart: Bools, spread: 
     Returns ``signals`` (3, n), or (2, n) without a covariance.
     Returns ``increment_rms``: root mean square of dx.
     """
-    signals = np.empty((3 if len(spread) else 2, len(u)))
-    return signals, float(_fill(signals, theta, dims, u, restart, spread))
+    na, nb, n1 = int(dims[0]), int(dims[1]), len(spread)
+    signals = np.empty((3 if n1 else 2, len(u)))
+    past = np.zeros(na), np.zeros(nb + 1), np.zeros((nb + 1, n1)), np.zeros(n1)
+    return signals, float(_fill(signals, theta[: na - 1], theta[na - 1 : na - 1 + nb], u, restart, spread, past))
 
 
-@njit(error_model="numpy", short=True)
-def _fill(out, theta, dims, u, restart, spread):
+@njit(error_model="numpy", counted=False, short=True)
+def _fill(out, a, b, u, restart, spread, past):
     """Write the signals into ``out``; return the rms of dx."""
-    na, nb, n1 = dims[0], dims[1], spread.shape[0]
-    b = theta[na - 1 : na - 1 + nb]
+    u_past, x_past, g_past, g = past
+    na, nb, n1 = a.size + 1, b.size, spread.shape[0]
     power = 0.0
-    u_past = np.zeros(na)
-    x_past = np.zeros(nb + 1)
-    g_past = np.zeros((nb + 1, n1))
-    g = np.zeros(n1)
     for t in range(u.shape[0]):
         if restart[t]:
             clear(u_past)
@@ -57,7 +55,7 @@ def _fill(out, theta, dims, u, restart, spread):
                     g_past[j, k] = 0.0
         x = u_past[0]
         for i in range(1, na):
-            x += theta[i - 1] * u_past[i]
+            x += a[i - 1] * u_past[i]
         for j in range(nb):
             x -= b[j] * x_past[j]
         x = min(max(x, -LARGEST), LARGEST)
@@ -96,10 +94,15 @@ def _advance_gradient(past, g, na, b, u_past, x_past, spread):
 
 
 # --- L2 of (2) along a record ---------------------------------------------------------------------------------------
-@njit(error_model="numpy", short=True)
-def numerator_of_l2(v, c, restart):
+def numerator_of_l2(v: Array, c: Array, restart: Bools) -> Array:
     """The sum of v(t) and c_m v(t-m-1), in which each experiment begins at rest."""
     out = np.zeros(v.size)
+    _weigh(out, v, c, restart)
+    return out
+
+
+@njit(error_model="numpy", counted=False, short=True)
+def _weigh(out, v, c, restart):
     since = 0
     for t in range(v.size):
         if restart[t]:
@@ -108,13 +111,17 @@ def numerator_of_l2(v, c, restart):
         for k in range(min(c.size, since - 1)):
             out[t] += c[k] * min(max(v[t - 2 - k], -LARGEST), LARGEST)
         since += 1
-    return out
 
 
-@njit(error_model="numpy", short=True)
-def denominator_of_l2(v, d, restart):
+def denominator_of_l2(v: Array, d: Array, restart: Bools) -> Array:
     """y(t) = v(t) - sum d_n y(t-n)."""
     y = np.zeros(v.size)
+    _divide(y, v, d, restart)
+    return y
+
+
+@njit(error_model="numpy", counted=False, short=True)
+def _divide(y, v, d, restart):
     since = 0
     for t in range(v.size):
         if restart[t]:
@@ -124,7 +131,6 @@ def denominator_of_l2(v, d, restart):
             s -= d[k] * y[t - 1 - k]
         y[t] = s
         since += 1
-    return y
 
 
 @njit(cache=True, error_model="numpy")

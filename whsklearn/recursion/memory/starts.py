@@ -69,13 +69,18 @@ def regressors(theta: Array, law: Law, u: Array, y: Array, restart: Bools) -> Ar
     return lagged(f, y, restart, int(dims[2]), int(dims[3]))
 
 
-@njit(error_model="numpy", short=True)
-def lagged(f, y, restart, nc, nd):
+def lagged(f: Array, y: Array, restart: Bools, nc: int, nd: int) -> Array:
     """f(t-1), .. f(t-n_c), -y(t-1), .. -y(t-n_d) of every sample; zero before the start of its experiment."""
-    nw, n = f.shape
-    rows = np.zeros((n, nc * nw + nd))
+    rows = np.zeros((y.size, nc * len(f) + nd))
+    _lag(rows, f, y, restart, nc, nd)
+    return rows
+
+
+@njit(error_model="numpy", counted=False, short=True)
+def _lag(rows, f, y, restart, nc, nd):
+    nw = f.shape[0]
     since = 0
-    for t in range(n):
+    for t in range(y.size):
         if restart[t]:
             since = 0
         for m in range(min(nc, since)):
@@ -84,7 +89,6 @@ def lagged(f, y, restart, nc, nd):
         for i in range(min(nd, since)):
             rows[t, nc * nw + i] = -y[t - 1 - i]
         since += 1
-    return rows
 
 
 def least_squares_start(theta: Array, law: Law, rows: Array, y: Array) -> Array:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from whsklearn._numba import njit, part
+from whsklearn.effects.base import Array
 
 WIND_UP = 1e3  # forgetting may raise P to at most this many times P(0)
 LEAST_PIVOT = 1e-13  # of an information matrix with a diagonal of one: a few hundred rounding errors
@@ -55,16 +56,22 @@ def inflate(ud, factor, ceiling):
             ud[j, j] = min(ud[j, j] * factor, ceiling)
 
 
-@njit(error_model="numpy", short=True)
-def factors_of_inverse(information):
+def factors_of_inverse(information: Array) -> Array:
     """U and D of P = information^-1, for a symmetric positive semidefinite matrix of any scaling.
 
     information = L L' gives P = L^-T L^-1, whose first factor is upper triangular: it is U sqrt(D).  The pivots of the
     matrix, scaled to a diagonal of one, are at least LEAST_PIVOT.  A parameter that has no effect on the record
     is therefore uncertain, but its variance is finite.
     """
+    n = len(information)
+    inverse = np.zeros((n, n))
+    _invert(information, inverse, np.zeros((n, n)), np.empty(n))
+    return inverse
+
+
+@njit(error_model="numpy", counted=False, short=True)
+def _invert(information, inverse, low, scale):
     n = information.shape[0]
-    low, inverse, scale = np.zeros((n, n)), np.zeros((n, n)), np.empty(n)
     for j in range(n):
         scale[j] = 1.0 / np.sqrt(max(information[j, j], 1e-200))
     for j in range(n):
@@ -83,13 +90,17 @@ def factors_of_inverse(information):
         for i in range(j):
             inverse[j, i] *= scale[i] / d
         inverse[j, j] = d * d
-    return inverse
 
 
-@njit(error_model="numpy", short=True)
-def times(ud, v):
+def times(ud: Array, v: Array) -> Array:
     """P v."""
     out = np.zeros(v.size)
+    _times(out, ud, v)
+    return out
+
+
+@njit(error_model="numpy", counted=False, short=True)
+def _times(out, ud, v):
     for j in range(v.size):
         s = v[j]
         for i in range(j):
@@ -98,10 +109,9 @@ def times(ud, v):
         out[j] += s
         for i in range(j):
             out[i] += ud[j, i] * s
-    return out
 
 
-def covariance(ud: np.ndarray) -> np.ndarray:
+def covariance(ud: Array) -> Array:
     """P = U D U' of shape (n, n), exactly symmetric."""
     root = (np.tril(ud, -1).T + np.eye(ud.shape[0])) * np.sqrt(np.diag(ud))
     p = root @ root.T

@@ -109,22 +109,19 @@ def run_windows(
         at an IDLE one.
     Returns ``since`` after the last sample.
     """
+    na, nb, _, _, nw = law[0].tolist()
+    m, n, n_state = samples.u.shape[1], models.theta.shape[1], models.before.shape[1]
+    # one array, so that the kernel counts no references: the line of samples, four of theta, a state with room for p
+    scratch = np.zeros((m + 2) * (still.size + recent.y.size) + 4 * n + n_state + p * (2 * na + 2 * nb + nw))
     # plain tuples: Numba takes twice as long to unpack named ones, which was a third of a row
-    return _run_windows(
-        tuple(models), tuple(recent), since, seen, tuple(schedule), law, p, frozen, tuple(samples), still
+    return int(
+        _run_models(
+            tuple(models), tuple(recent), since, seen, tuple(schedule), law, p, frozen, tuple(samples), still, scratch
+        )
     )
 
 
-@njit(error_model="numpy", short=True)
-def _run_windows(models, recent, since, seen, schedule, law, p, frozen, samples, still):
-    dims, n, m = law[0], models[0].shape[1], samples[0].shape[1]
-    room = models[2].shape[1] + p * (2 * dims[0] + 2 * dims[1] + dims[4])  # as `state_size`, without compiling it
-    # one array, so that nothing below counts references
-    scratch = np.zeros((m + 2) * (still.size + recent[1].size) + 4 * n + room)
-    return _run_models(models, recent, since, seen, schedule, law, p, frozen, samples, still, scratch)
-
-
-@njit(cache=False, error_model="numpy", counted=False)
+@njit(error_model="numpy", counted=False, short=True)
 def _run_models(models, recent, since, seen, schedule, law, p, frozen, samples, still, scratch):
     models, recent, schedule, samples = Models(*models), Samples(*recent), Schedule(*schedule), Samples(*samples)
     count, m = samples.y.size, samples.u.shape[1]
