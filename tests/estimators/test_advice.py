@@ -192,3 +192,33 @@ def test_a_search_is_not_told_of_each_wrong_law():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         cross_val_score(RMILSRegressor(WienerHammersteinLags(), random_state=0), X, y, cv=TimeSeriesSplit(2))
+
+
+def test_rows_too_small_for_the_default_start_are_told_with_what_helps():
+    rng = np.random.default_rng(3)
+    X = rng.standard_normal((300, 3))
+    y = X @ [1.0, 2.0, -1.0] + 0.1 * rng.standard_normal(300)
+    with pytest.warns(UserWarning, match=r"P0=1e.06 holds .* start: multiply X by 1e.04, or give P0=3e"):
+        held = RLSRegressor().fit(1e-4 * X, y)
+    assert nmse(y, 1e-4 * X @ held.theta_) > 0.02
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for model, rows in ((RLSRegressor(), X), (RLSRegressor(), 1e-3 * X), (RLSRegressor(P0=3e11), 1e-4 * X)):
+            assert nmse(y, rows @ model.fit(rows, y).theta_) < 0.002
+        RLSRegressor(P0=1e-3).fit(X, y)  # somebody chose it
+        RLSRegressor().fit(0.0 * X, y)
+
+
+def test_a_batch_fit_too_says_that_its_law_is_not_that_of_the_record():
+    rng = np.random.default_rng(5)
+    u = rng.standard_normal((1500, 1))
+    x = lfilter([0.0, 1.0, 0.5], [1.0, -0.8, 0.3], u[:, 0])
+    dx = np.diff(x, prepend=0.0)
+    noise = lfilter([1.0], [1.0, -0.5, 0.2], 0.02 * rng.standard_normal(1500))
+    of_x, of_dx = (lfilter([0.0, 1.0, 0.3], [1.0, -0.5, 0.2], v) + noise for v in (np.tanh(x), dx + 0.8 * np.sign(dx)))
+    model = PEMRegressor(WienerHammersteinLags(2, 2, 2, 2, law="viscous,coulomb"), n_starts=4, random_state=0)
+    with pytest.warns(UserWarning, match=r"Functions of the input explain \d+ % .* law in x"):
+        model.fit(u, of_x)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        model.fit(u, of_dx)

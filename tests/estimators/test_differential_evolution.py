@@ -35,3 +35,11 @@ def test_the_same_seed_gives_the_same_answer_and_more_generations_a_better_one()
 def test_settings_that_cannot_be_are_refused(name, value):
     with pytest.raises(ValueError, match=f"{name} is"):
         DifferentialEvolutionRegressor(**{name: value}).fit(np.ones((20, 1)), np.ones(20))
+
+
+def test_units_of_the_output_make_no_difference():
+    X, y = make_wiener_hammerstein(80, random_state=1)
+    one, large, small = (DifferentialEvolutionRegressor(n_generations=8, random_state=3).fit(X, s * y).predict(X) / s
+                         for s in (1.0, 2.0**30, 2.0**-30))  # fmt: skip
+    np.testing.assert_allclose(large, one, rtol=1e-9)
+    np.testing.assert_allclose(small, one, rtol=1e-9)

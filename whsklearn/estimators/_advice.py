@@ -35,6 +35,7 @@ LEAST_OUTPUT, MOST_OUTPUT, LEAST_INPUT, MOST_INPUT = 0.05, 10.0, 5e-4, 2e3
 TOLD_BY_INPUT, BY_CHANCE = 0.03, 5.0
 LEAST_TOLD = 1e-4  # of the output's variance; without noise, all that is left of a right model follows the input
 FUNCTIONS = (np.positive, np.abs, np.square, np.sign, lambda v: np.clip(v, -4.0, 4.0) ** 3)  # of x and of dx
+LOOSE = 100.0  # of P0 times the squares of a column: its weight is then a hundredth off, by the start alone
 LATEST, UNSETTLED = 20_000, 300  # samples that are looked at; those at their start, where the state is not known
 FEWEST_ROWS = 10  # per parameter; below this a fit follows the noise
 INSEPARABLE = 0.999  # correlation of two weights: the variance of each is then 500 times that of their sum
@@ -166,6 +167,17 @@ def of_scale(X: Array, y: Array) -> str | None:
                 f"one: divide {name} by {size:.0e}, or give memory=4096, which finds the scale by itself."
             )
     return None
+
+
+def of_a_tight_start(rows: Array, p0: float) -> str | None:
+    """The warning for rows so small that the default P0 holds their weights near theta0, as a ridge penalty does."""
+    squares = float(np.max(np.sum(rows * rows, axis=0), initial=0.0))
+    if not 0.0 < p0 * squares < LOOSE:
+        return None
+    return (
+        f"No column of X has squares that sum to more than {squares:.2g}, so P0={p0:g} holds the weights near their "
+        f"start: multiply X by {1.0 / np.sqrt(squares / len(rows)):.0e}, or give P0={1e4 * LOOSE / squares:.0e}."
+    )
 
 
 def of_an_axis(names: list[str], theta: Array, covariance: Array, n_rows: int, path: Array) -> str | None:

@@ -14,11 +14,11 @@ from sklearn.base import TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
 from whsklearn._inputs import check_whole, starts
-from whsklearn.effects.base import Array, Bools
+from whsklearn.effects.base import Array
 from whsklearn.estimators import _advice
 from whsklearn.estimators import _model as wh
 from whsklearn.estimators._checked import warn
-from whsklearn.estimators._records import Given, checked_weights, fold_of_a_search, is_plain, joined
+from whsklearn.estimators._records import Given, checked_weights, is_plain, joined
 from whsklearn.estimators._streams import AnyStream, FullStream, PublishedStream, RowsStream, noise_variance
 from whsklearn.estimators._undo import copied
 from whsklearn.estimators.base import AxisRegressor
@@ -112,8 +112,11 @@ class RecursiveRegressor(AxisRegressor):
             stream.run(state, rows, targets, restart, weights)
             stream.settle(state)
             self._keep(stream, state, seed, groups)
-            self._warn_of_an_axis(X[:, 0], len(targets))
-            if weights is None and self.forgetting == 1.0:
+            if tight := self._told_of_the_start(stream, rows):
+                warn(tight, stacklevel=3)
+            else:
+                self._warn_of_an_axis(X[:, 0], len(targets))
+            if weights is None and self.forgetting == 1.0 and self._has_converged:
                 self._warn_of_the_law(X, y, restart)
         return self
 
@@ -285,17 +288,17 @@ class RecursiveRegressor(AxisRegressor):
         independent = int(n_rows * getattr(self.lags_, "independent_share", 1.0))
         warn(_advice.of_an_axis(self._column_names(), self._theta(), self._covariance(), independent, path), stacklevel)
 
-    def _warn_of_the_law(self, X: Array, y: Array, restart: Bools, stacklevel: int = 4) -> None:
-        """Warn of a chain that misses something that follows the input, unless a constant is missing, which is told.
+    @property
+    def _has_converged(self) -> bool:
+        """Whether a chain was fitted with a memory; the pure recursion need not have converged."""
+        return self._is_wiener_hammerstein and self.gradient == "full" and getattr(self, "memory", 0) > 0
 
-        Not of the pure recursion, which need not have converged, and not in a search, which tries bad settings.
-        """
-        if not (self._is_wiener_hammerstein and self.gradient == "full" and getattr(self, "memory", 0) > 0):
-            return
-        s = self._structure()
-        if fold_of_a_search() is None and _advice.of_a_constant(s.law, X, y) is None:
-            law = s.dims, s.law.codes, s.law.shapes
-            warn(_advice.of_the_law(self._running()[0], law, X, y, restart), stacklevel)
+    def _told_of_the_start(self, stream: AnyStream, rows: Array) -> str | None:
+        """What is said of least squares on rows that begins with a P0 and theta0 that nobody chose."""
+        given = getattr(self, "P0", None) is not None or getattr(self, "theta0", None) is not None
+        if not isinstance(stream, RowsStream) or stream.gradient or given:
+            return None
+        return _advice.of_a_tight_start(rows, stream.p0)
 
     # -- settings ------------------------------------------------------------------------
 

@@ -11,7 +11,7 @@ from sklearn.base import RegressorMixin
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from whsklearn._inputs import check_lengths, check_whole, in_one_sentence, starts, writeable
-from whsklearn.effects.base import Array
+from whsklearn.effects.base import Array, Bools
 from whsklearn.estimators import _advice
 from whsklearn.estimators import _model as wh
 from whsklearn.estimators._checked import CheckedModel, warn
@@ -236,6 +236,16 @@ class AxisRegressor(RegressorMixin, CheckedModel):
         restart = np.zeros(len(y), dtype=np.bool_)
         restart[0] = True
         return _finite(wh.predictions(*self._running(), X, y, restart, horizon))
+
+    def _warn_of_the_law(self, X: Array, y: Array, restart: Bools, stacklevel: int = 4) -> None:
+        """Warn of a chain that misses something that follows the input, unless a constant is missing, which is told.
+
+        Not in a search, which tries bad settings.
+        """
+        s = self._structure()
+        if fold_of_a_search() is None and _advice.of_a_constant(s.law, X, y) is None:
+            law = s.dims, s.law.codes, s.law.shapes
+            warn(_advice.of_the_law(self._running()[0], law, X, y, restart), stacklevel)
 
     def _running(self) -> tuple[Array, wh.Structure]:
         """The running estimate of the natural parameters, with signs in doubt left unresolved, and the structure."""

@@ -12,7 +12,7 @@ from whsklearn.estimators import _model as wh
 from whsklearn.estimators._records import joined
 from whsklearn.estimators.pem import PEMRegressor
 from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
-from whsklearn.recursion.memory.starts import denominator_of
+from whsklearn.recursion.memory.starts import denominator_of, term_scales
 
 
 class DifferentialEvolutionRegressor(PEMRegressor):
@@ -25,8 +25,9 @@ class DifferentialEvolutionRegressor(PEMRegressor):
     n_generations : int, default=200
         Largest number of generations.
     bound : float, default=3.0
-        Entries of a and c and the law's weights are searched within +-bound. Denominators are
-        parametrised by reflection coefficients, so that every candidate is stable.
+        Entries of a and c are searched within +-bound, and weights of the law within +-bound times that at which their
+        term alone has the size of the output. Denominators are parametrised by reflection coefficients, so that every
+        candidate is stable.
     random_state : int, RandomState or None
         Draws the population.
 
@@ -88,6 +89,9 @@ class DifferentialEvolutionRegressor(PEMRegressor):
         u = np.ascontiguousarray(X)
         limits = np.full((n, 2), [-self.bound, self.bound])
         limits[blocks[1]] = limits[blocks[4]] = [-0.999, 0.999]
+        seed = self._draw_seed()
+        law = structure.dims, structure.law.codes, structure.law.shapes
+        limits[blocks[2]] *= term_scales(law, u, y, restart, np.random.default_rng(seed))[:, None]
 
         def natural(genes: Array) -> Array:
             out = genes.copy()
@@ -99,7 +103,7 @@ class DifferentialEvolutionRegressor(PEMRegressor):
             return float(min(e @ e, 1e300))
 
         found = differential_evolution(
-            cost, limits, maxiter=int(self.n_generations), popsize=10, rng=self._draw_seed(), polish=False, tol=1e-8
+            cost, limits, maxiter=int(self.n_generations), popsize=10, rng=seed, polish=False, tol=1e-8
         )
         theta = natural(found.x)
         self.cost_ = float(found.fun)

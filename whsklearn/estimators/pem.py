@@ -326,6 +326,8 @@ class PEMRegressor(ChainRegressor):
         if self.criterion == "simulation":
             return self._fit_simulation(X, y, restart, weights)
         self.state_ = self._fit_prediction(X, y, restart, weights)
+        if weights is None and not self._structure().advance:
+            self._warn_of_the_law(X, y, restart)
         return self
 
     def _fit_prediction(self, X: Array, y: Array, restart: Bools, weights: Array | None) -> dict[str, Any]:
