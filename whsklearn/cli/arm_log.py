@@ -20,10 +20,10 @@ PER_JOINT = ("LOG009", "LOG019", "LOG022")  # a joint at rest, unknown units, a 
 # Words of a column's name, the most reliable last.  A measured current is preferred to a torque that the controller
 # commands, because the command may come from a model.
 DRIVES = ("current", "currents", "iq", "i", "strom"), (
-    "torque", "torques", "trq", "tau", "moment", "moments", "effort", "efforts", "force", "forces", "drehmoment",
+    "torque", "torques", "trq", "tau", "moment", "moments", "effort", "efforts", "eff", "force", "forces", "drehmoment",
     "kraft",
 )  # fmt: skip
-POSITIONS = (("position", "positions", "pos", "angle", "angles", "theta", "q", "winkel", "lage"),)
+POSITIONS = ("enc", "encoder"), ("position", "positions", "pos", "angle", "angles", "theta", "q", "winkel", "lage")
 ASKED = {"target", "desired", "des", "d", "reference", "ref", "command", "commanded", "cmd", "setpoint", "goal", "soll"}
 NEITHER = {
     "velocity", "velocities", "vel", "speed", "dot", "acceleration", "acc", "error", "ext", "external", "hat", "limit",

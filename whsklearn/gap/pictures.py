@@ -152,12 +152,12 @@ def _of_joint(joint: str) -> Callable[[Any, Diagnosis], bool]:
     """The function that draws one joint of an arm."""
 
     def painter(axes: Any, d: Diagnosis) -> bool:
-        time, drive, before, after = d.pictures["joints"][joint]
+        time, drive, before, after, unit = d.pictures["joints"][joint]
         axes.plot(*thinned(time, drive), color=MEASURED, lw=0.8, label="drive")
         axes.plot(time, before, color=BEFORE, lw=0.8, label="missing before")
         if d.repaired:
             axes.plot(time, after, color=AFTER, lw=0.8, label="missing after")
-        axes.set(xlabel="time (s)", ylabel=titled(f"drive of {joint}", d.pictures["units"][0]))
+        axes.set(xlabel="time (s)", ylabel=titled(f"drive of {joint}", unit))
         _legend(axes)
         return True
 

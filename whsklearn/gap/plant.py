@@ -171,6 +171,8 @@ class Plant(Protocol):
         Of drive and motion, in which the numbers of effects are stated.
     gap_unit, gap_word, whole : str
         Unit of the gap, what it is called ("missing torque") and what it is a share of ("drive").
+    subject : str
+        Whose drive it is, if there are several (" of elbow").
     tolerance : float
         Smallest effect worth naming, rms as a share of ``scale``.
     scale : float
@@ -189,6 +191,7 @@ class Plant(Protocol):
     own_units: dict[str, str]
     gap_word: str
     whole: str
+    subject: str = ""
     tolerance: float
     scale: float
     horizons: tuple[float, ...]

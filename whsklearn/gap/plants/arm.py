@@ -116,6 +116,8 @@ class ArmPlant(Plant):
             except ValueError as error:
                 return [DataProblem("data-arm", "The log cannot be used", str(error))]
         v = self.view
+        if v.arm.slides.any():
+            self.units = self.logged = ("N", "m") if v.arm.slides.all() else ("Nm", "")
         texts = [*(str(w.message) for w in said if w.category is UserWarning), *suspicions(arm, q, u)]
         problems = [DataProblem("data-arm", "Check the log", text, fatal=False) for text in texts]
         rows = self.lags, q, u, (v.phi, v.target, v.keep), self.record.groups
@@ -317,7 +319,14 @@ class ArmPlant(Plant):
         """N and m at a joint that slides."""
         arm = self.view.arm
         sliding = {j for j, slides in zip(arm.joints, arm.slides, strict=True) if slides}
-        return ("N", "m") if sliding & {joint, *re.split(r"[+-]", joint)} else self.units
+        return ("N", "m") if sliding & {joint, *re.split(r"[+-]", joint)} else ("Nm", "rad")
+
+    @property
+    def per(self) -> Array:
+        """What positions are divided by, (n_joints,): each joint's own motion if some slide and others turn."""
+        slides = self.view.arm.slides
+        mixed = slides.any() and not slides.all()
+        return np.std(self.view.moved.position, axis=0) if mixed else np.ones(slides.size)
 
     def objection(self, model: ArmState, grown: ArmState) -> str:
         """The physical objections to a term's parameters."""
@@ -462,7 +471,8 @@ class ArmPlant(Plant):
             ).position
 
         try:
-            self._runs[key] = np.asarray(self.record.by_piece(run, drive, moved.position, moved.velocity).ravel())
+            free = self.record.by_piece(run, drive, moved.position, moved.velocity)
+            self._runs[key] = np.asarray((free / self.per).ravel())
         except FloatingPointError:
             self._runs[key] = np.full(path.size, np.nan)
         return self._runs[key]
@@ -503,7 +513,7 @@ class ArmPlant(Plant):
         edge = max(int(self.view.kept[0]), round(max(self.horizons) * self.lags.sample_rate))
         for s, _ in self.record.pieces:
             train[s][:edge] = train[s][-edge:] = True
-        return self.record.position.ravel(), np.outer(~train, self._acting(*models, *self._judged)).ravel()
+        return (self.record.position / self.per).ravel(), np.outer(~train, self._acting(*models, *self._judged)).ravel()
 
     def figures(self, base: ArmState, model: ArmState, nameless: float = 0.0) -> Figures:
         """Shares of the drive at the joint of the named effects with the largest change, or at that with the gap.
@@ -525,6 +535,7 @@ class ArmPlant(Plant):
             here = frozenset(np.array(self.view.arm.joints)[named] if model.terms else ())
             sizes = [k.size for k in self.looked if not k.name and (k.size >= self.tolerance or k.place & here)]
             still = max((size for size in sizes if size <= nameless), default=0.0)
+        self.subject = f" of {self.view.arm.joints[j]}"
         return Figures(float(before[j]), float(after[j]), float(floor[j]), still)
 
     def _acting(self, *models: ArmState) -> NDArray[np.bool_]:
@@ -597,6 +608,8 @@ class ArmPlant(Plant):
             "effect, or at all if there is none.",
             SPLIT,
         ]
+        if not self.units[1]:
+            notes.append("Some joints slide and others turn: errors of free runs are shares of each joint's rms motion.")
         tests = [whiteness(self.gap(m).left, name) for name, m in (("before", base), ("after", model))]
         return Told(tests, notes, self._pictures(base, model), self._joints(base, model))
 
@@ -608,16 +621,19 @@ class ArmPlant(Plant):
         runs = {name: self.simulate(m, self.headline) for name, m in (("before", base), ("after", model))}
         orders = np.arange(0.5, 40.0, 0.25)
         share = max(view.drive_rms[j], 1e-300)
-        rows = view.time[view.kept]
+        rows, name, signals = view.time[view.kept], view.arm.joints[j], self._signals(j)
+        motion = signals[f"position of {name}"][1]
         return {
             "time": self.record.time, "measured": self.record.position[:, j],
-            "runs": {k: x.reshape(-1, n)[:, j] for k, x in runs.items()},
+            "output": f"position of {name}" + (f" ({motion})" if not self.units[1] else ""),
+            "runs": {k: x.reshape(-1, n)[:, j] * self.per[j] for k, x in runs.items()},
             "held": self.measured()[1].reshape(-1, n)[:, j], "gap_time": rows, "usable": view.keep[:, j],
-            "floor": float(self.floor[j]), "axes": self._signals(j), "units": self.units,
-            "what": f"{self.gap_word} of {view.arm.joints[j]}, as a share",
+            "floor": float(self.floor[j]), "axes": signals, "units": self.units,
+            "what": f"{self.gap_word} of {name}, as a share",
             "joints": {
-                name: (rows, view.target[:, i], *(np.where(view.keep[:, i], g[:, i], np.nan) for g in gaps))
-                for i, name in enumerate(view.arm.joints)
+                joint: (rows, view.target[:, i], *(np.where(view.keep[:, i], g[:, i], np.nan) for g in gaps),
+                        self.units_at(joint)[0])
+                for i, joint in enumerate(view.arm.joints)
             },
             **spectra(
                 gaps[0][:, j] / share, gaps[1][:, j] / share, view.step, view.moved.position[view.kept, j], orders
