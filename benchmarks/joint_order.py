@@ -48,9 +48,9 @@ def exchanged(arm: Any, q: np.ndarray, u: np.ndarray, dt: float) -> list[Row]:
         lags = RigidBodyLags(arm, 1.0 / dt)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)
-            seen = lags.joint_rows(q[:, order], u[:, order])
-            said = swapped(lags, q[:, order], u[:, order], seen)
-        left = _left(*seen)
+            seen = lags.records(q[:, order], u[:, order])
+            said = swapped(seen)
+        left = _left(seen.phi, seen.target, seen.keep)
         true = true if pair else left
         ways = (pair, pair[::-1]) if pair else ()
         named = [f"the columns of {arm.joints[i]} by those given for {arm.joints[j]}" for i, j in ways]

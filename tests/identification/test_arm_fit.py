@@ -143,8 +143,7 @@ def test_a_log_as_it_should_be_raises_no_suspicion():
 
 
 def order_told(q, torque):
-    lags = RigidBodyLags(ARM, 1 / DT)
-    return swapped(lags, q, torque, lags.joint_rows(q, torque))
+    return swapped(RigidBodyLags(ARM, 1 / DT).records(q, torque))
 
 
 def test_joints_in_another_order_are_told_by_what_is_left_of_their_drives():
@@ -164,23 +163,20 @@ def test_two_exchanged_joints_are_told_beside_a_third_whose_drive_is_half_noise(
     u[:, 2] += u[:, 2].std() * noise
     lags = RigidBodyLags(arm, RATE)
     for order, told in (([0, 1, 2], 0), ([1, 0, 2], 1)):
-        assert len(swapped(lags, q[:, order], u[:, order], lags.joint_rows(q[:, order], u[:, order]))) == told
+        assert len(swapped(lags.records(q[:, order], u[:, order]))) == told
 
 
 def test_orders_of_many_joints_are_compared_at_some_instants_only(monkeypatch):
     arm = drawn_arm(7, 3, slides=0.0, branch=0.0, gravity=(0, 0, -9.81))
     q, u = smooth_log(arm, seconds=6.0)
     noisy = u + 0.3 * u.std(axis=0) * np.random.default_rng(0).standard_normal(u.shape).cumsum(axis=0) / len(u) ** 0.5
-    lags, rows = RigidBodyLags(arm, RATE), RigidBodyLags.joint_rows
+    lags, rows = RigidBodyLags(arm, RATE), RigidBodyLags.records
     other = np.array([0, 4, 2, 3, 1, 5, 6])
     asked = []
-    monkeypatch.setattr(RigidBodyLags, "joint_rows", lambda *args: asked.append(args) or rows(*args))
-    assert swapped(lags, q, noisy, lags.joint_rows(q, noisy)) == []
+    monkeypatch.setattr(RigidBodyLags, "records", lambda *args: asked.append(args) or rows(*args))
+    assert swapped(lags.records(q, noisy)) == []
     assert len(asked) <= 2  # of 21 exchanges, the one that leaves least at some instants is tried on all rows
-    assert (
-        "of j1 by those given for j4"
-        in swapped(lags, q[:, other], u[:, other], lags.joint_rows(q[:, other], u[:, other]))[0]
-    )
+    assert "of j1 by those given for j4" in swapped(lags.records(q[:, other], u[:, other]))[0]
 
 
 @pytest.mark.parametrize("joint", ARM.joints)

@@ -8,11 +8,12 @@ that are seen by that joint's drive.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from whsklearn.compare.rows import FEWEST_BLOCKS, MOST_BLOCKS, Array, Regression, drifting, slowest_of
+from whsklearn.lags.arm_rows import ArmRows
 from whsklearn.lags.rigid_body import RigidBodyLags
 from whsklearn.systems._arm_kernels import N_BODY
 from whsklearn.systems.arm import NUMBERS, Arm
@@ -62,10 +63,9 @@ def arm_rows(records: Sequence[ArmLog], arm: Arm, labels: Sequence[str]) -> list
     cutoff = min(k.cutoff_ for k in lags)
     for k in lags:
         k.set_params(cutoff=cutoff)
-    views = [k._views(r.position, r.drive) for k, r in zip(lags, records, strict=True)]
-    each = [k.joint_weights(v.phi, v.target, v.keep) for k, v in zip(lags, views, strict=True)]
-    weights = 1.0 / np.sqrt(np.mean([1.0 / w**2 for w in each], axis=0))
-    return [_rows(k, v, r, weights, label) for k, v, r, label in zip(lags, views, records, labels, strict=True)]
+    views = [k.records(r.position, r.drive) for k, r in zip(lags, records, strict=True)]
+    weights = 1.0 / np.sqrt(np.mean([1.0 / v.weights**2 for v in views], axis=0))
+    return [_rows(v, weights, label) for v, label in zip(views, labels, strict=True)]
 
 
 def poor_joints(rows: Sequence[Regression], joints: Sequence[str]) -> dict[str, float]:
@@ -81,12 +81,12 @@ def poor_joints(rows: Sequence[Regression], joints: Sequence[str]) -> dict[str, 
     return {joint: share for joint, share in most.items() if share > MOST_LEFT}
 
 
-def _rows(lags: RigidBodyLags, view: Any, record: ArmLog, weights: Array, label: str) -> Regression:
+def _rows(view: ArmRows, weights: Array, label: str) -> Regression:
     """Joint after joint, the rows that count of each, weighed."""
-    arm, n = lags.arm_, lags.arm_.n_joints
+    lags, arm, n = view.lags, view.lags.arm_, view.lags.arm_.n_joints
     flat = (view.phi * weights[:, None])[view.keep], (view.target * weights)[view.keep]
     first = np.linalg.lstsq(flat[0], flat[1], rcond=1e-9)[0]
-    rate = lags.age_rows(record.position, record.drive, first)
+    rate = view.per_age(np.asarray(first))
     step = float(view.kept[1] - view.kept[0]) / lags.sample_rate
     names, units = [], []
     for name in lags.base_.names:
@@ -107,7 +107,7 @@ def _rows(lags: RigidBodyLags, view: Any, record: ArmLog, weights: Array, label:
         )
     columns, target, at, channel, path = (np.concatenate(x) for x in zip(*parts, strict=True))
     time = at * step
-    clock = np.arange(len(record.position)) / lags.sample_rate
+    clock = np.arange(len(view.position)) / lags.sample_rate
     slowest = min(slowest_of(view.moved.position[:, j], clock) for j in moving)
     nuisances, drift_of = drifting(columns, tuple(names), time, slowest)
     swings = int(2.0 * slowest * float(np.ptp(time)))  # a block shorter than a swing is no record of its own

@@ -77,7 +77,9 @@ def summary(d: Any, plant: Any) -> str:
 
     what, whole = plant.gap_word, plant.whole
     before, after, floor = d.figures
-    opening = f"Of the rms {whole}{plant.subject}, the {what} is {percent(before)}; noise alone gives {percent(floor)}. "
+    opening = (
+        f"Of the rms {whole}{plant.subject}, the {what} is {percent(before)}; noise alone gives {percent(floor)}. "
+    )
     if before > 1.0:
         opening += f"Above 100 % the base model is worse than none, which would leave all of the {whole} missing. "
     course = "stays at" if percent(after) == percent(before) else "falls to" if after < before else "rises to"

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from whsklearn.effects import Effect
+    from whsklearn.lags.arm_rows import ArmRows
 
 
 # Blocks of a record, each omitted once for the spread of the numbers. Between two records of 14 unchanged arms of six
@@ -122,48 +123,40 @@ def identify_arm(
     """
     q, torque = np.asarray(position, dtype=float), np.asarray(drive, dtype=float)
     lags = RigidBodyLags(robot, sample_rate=1.0 / dt, **settings)
-    rows = lags.joint_rows(q, torque, groups)
-    enough_rows(lags, rows[2], len(q))
+    rows = lags.records(q, torque, groups)
+    enough_rows(rows)
     if not settings.keys() & {"law", "effects"}:
-        effects = _frictions(lags, q, torque, groups, rows)
+        effects = _frictions(rows)
         if any(row != (InputOffset(),) for row in effects.values()):
-            lags.set_params(effects=effects)
-            rows = lags.joint_rows(q, torque, groups)
-    phi, target, keep = rows
-    if wrong := in_degrees(lags, q, torque, rows, groups) or swapped(lags, q, torque, rows, groups):
+            rows = lags.set_params(effects=effects).records(q, torque, groups)
+    if wrong := in_degrees(rows) or swapped(rows):
         raise ValueError(wrong[0])
     for text in suspicions(lags.arm_, q, torque):
         warnings.warn(text, UserWarning, stacklevel=3)
-    if "reversals" not in settings and (reversals := reversals_of(lags, q, torque, groups, rows)):
-        lags.set_params(reversals=reversals)
-        phi, target, keep = lags.joint_rows(q, torque, groups)
-    weights = lags.weights_ = lags.joint_weights(phi, target, keep)
-    names = lags.base_.names
-    first = fitted(phi, target, keep, weights)[0]
-    phi, moving = with_ages(phi, keep, lags.age_rows(q, torque, first, groups))
-    theta, covariance = _with_blocks(phi, target, keep, weights)
-    ages = dict(zip([lags.arm_.joints[int(j)] for j in moving], theta[len(names) :].tolist(), strict=True))
+    if "reversals" not in settings and (reversals := reversals_of(rows)):
+        rows = lags.set_params(reversals=reversals).records(q, torque, groups)
+    lags.weights_ = rows.weights
+    names, joints = lags.base_.names, lags.arm_.joints
+    aged, moving = with_ages(rows)
+    theta, covariance = _with_blocks(aged, rows.weights)
+    ages = dict(zip([joints[int(j)] for j in moving], theta[len(names) :].tolist(), strict=True))
     theta, covariance = theta[: len(names)], covariance[: len(names), : len(names)]
     errors = dict(zip(names, np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist(), strict=True))
-    joints, missing = lags.arm_.joints, held_out(phi, target, keep, weights)
-    size = np.sqrt(np.sum(np.where(keep, target, 0.0) ** 2, axis=0) / np.maximum(keep.sum(axis=0), 1))
+    missing = held_out(aged.phi, rows.target, rows.keep, rows.weights)
+    size = np.sqrt(np.sum(np.where(rows.keep, rows.target, 0.0) ** 2, axis=0) / np.maximum(rows.keep.sum(axis=0), 1))
     model = ArmModel(
         lags.interpret(theta, covariance), dict(zip(names, theta.tolist(), strict=True)), dt=dt,
         logged="position", standard_errors=errors, units={"input": "Nm", "output": "rad"}, covariance=covariance,
         unexplained={j: float(x) for j, x in zip(joints, missing * size, strict=True) if np.isfinite(x)},
-        varied=dict(zip(joints, target.std(axis=0).tolist(), strict=True)), reversals=lags.reversals or {},
+        varied=dict(zip(joints, rows.target.std(axis=0).tolist(), strict=True)), reversals=lags.reversals or {},
     )  # fmt: skip
     return ArmFit(
         model, lags, dict(zip(joints, missing.tolist(), strict=True)),
-        {j: one_axis(lags, k, q, torque, groups) for k, j in enumerate(joints)}, nominal_numbers(lags),
-        covariance, ages,
+        {j: one_axis(rows, k) for k, j in enumerate(joints)}, nominal_numbers(lags), covariance, ages,
     )  # fmt: skip
 
 
-def reversals_of(
-    lags: RigidBodyLags, q: Array, torque: Array, groups: ArrayLike | None,
-    rows: tuple[Array, Array, NDArray[np.bool_]],
-) -> dict[str, tuple[float, float]]:  # fmt: skip
+def reversals_of(rows: ArmRows) -> dict[str, tuple[float, float]]:
     """How dry friction reverses at each joint where that predicts held-out blocks better: see `RigidBodyLags`.
 
     The two numbers of a joint minimise its error on blocks that were not fitted.  They are kept if that lowers
@@ -171,19 +164,16 @@ def reversals_of(
     times the error at a wrist, and a delay is then not told from a lag, which the records do tell
     (`python -m benchmarks.blind_arms --evidence`).
     """
-    phi, target, keep = rows
-    weights, names = lags.joint_weights(*rows), lags.base_.names
-    first = fitted(*rows, weights)[0]
-    phi = with_ages(phi, keep, lags.age_rows(q, torque, first, groups))[0]
-    out, others = {}, Others(phi, target, keep, weights)
-    along, speeds = lags.axis_rows(q, torque, groups)
+    lags, keep, names, phi = rows.lags, rows.keep, rows.lags.base_.names, with_ages(rows)[0].phi
+    out, others = {}, Others(phi, rows.target, keep, rows.weights)
+    speeds = np.sqrt(np.mean(rows.moved.velocity**2, axis=0))
     for k, joint in enumerate(lags.arm_.joints):
         dry = [t for t in lags.axes_[joint][1] if isinstance(t, DRY) and f"{joint}.{t.name}" in names]
         n = int(keep[:, k].sum())
         if not dry or n < 2 * phi.shape[2]:
             continue
         at = [names.index(f"{joint}.{t.name}") for t in dry]
-        columns = partial(along, joint, dry)
+        columns = partial(rows.axis_columns, joint, dry)
         error, speed = others.at(k, at), float(speeds[k])
 
         def left(x: Array, error: Any = error, columns: Any = columns, speed: float = speed) -> float:
@@ -240,20 +230,17 @@ class Others:
         return error
 
 
-def enough_rows(lags: RigidBodyLags, keep: NDArray[np.bool_], n: int) -> None:
-    """Raise ValueError if a log of n samples gives fewer rows ``keep`` (m, n_joints) than the arm has numbers."""
-    if keep.sum() < len(lags.base_.names):
-        raise ValueError(
-            f"The log of {n / lags.sample_rate:.3g} s gives {int(keep.sum())} rows for {len(lags.base_.names)} "
-            "numbers; record longer."
-        )
+def enough_rows(rows: ArmRows) -> None:
+    """Raise ValueError if the log gives fewer rows than the arm has numbers."""
+    there, needed = int(rows.keep.sum()), len(rows.lags.base_.names)
+    if there < needed:
+        seconds = len(rows.position) / rows.lags.sample_rate
+        raise ValueError(f"The log of {seconds:.3g} s gives {there} rows for {needed} numbers; record longer.")
 
 
-def _frictions(
-    lags: RigidBodyLags, q: Array, torque: Array, groups: ArrayLike | None, rows: tuple[Array, Array, NDArray[np.bool_]]
-) -> dict[str, tuple[Effect, ...]]:
+def _frictions(rows: ArmRows) -> dict[str, tuple[Effect, ...]]:
     """Offsets, and friction that the record surely shows: along sums of neighbours, and growing with the torque."""
-    arm = lags.arm_
+    arm = rows.lags.arm_
     law: tuple[Effect, ...] = (Viscous(), Coulomb())
     effects: dict[str, tuple[Effect, ...]] = {j: (InputOffset(),) for j in arm.joints}
     pairs = [(int(p), k) for k, p in enumerate(arm.parents) if p >= 0 and arm.slides[p] == arm.slides[k]]
@@ -262,48 +249,41 @@ def _frictions(
         {j: (LoadFriction(),) for j in arm.joints},
     ]
     for more in families:
-        if shown := _shown(lags, more, q, torque, groups, rows):
+        if shown := _shown(rows, more):
             effects |= {axis: (*effects.get(axis, ()), *more[axis]) for axis in shown}
-            lags = clone(lags).set_params(effects=effects, cutoff=lags.cutoff_)
-            rows = lags.joint_rows(q, torque, groups)
+            lags = clone(rows.lags).set_params(effects=effects, cutoff=rows.lags.cutoff_)
+            rows = lags.records(rows.position, rows.drive, rows.groups)
     return effects
 
 
-def _shown(
-    lags: RigidBodyLags, more: dict[str, tuple[Effect, ...]], q: Array, torque: Array, groups: ArrayLike | None,
-    rows: tuple[Array, Array, NDArray[np.bool_]],
-) -> list[str]:  # fmt: skip
+def _shown(rows: ArmRows, more: dict[str, tuple[Effect, ...]]) -> list[str]:
     """Axes at which all of these effects are surely above zero, and whose held-out error is smaller with them.
 
     What is a function of the drive has to be sure with the torque of the fit without it, too: of a measured drive that
     is little but friction, c |u| sign(v) is the drive itself with its noise, and explains all of it.
     """
-    phi, target, keep = rows
-    first = fitted(*rows, lags.joint_weights(*rows))[0]
-    rate = lags.age_rows(q, torque, first, groups)
-    before = with_ages(phi, keep, rate)[0], target, keep
+    first, target, keep, p = _first(rows), rows.target, rows.keep, rows.phi.shape[2]
+    rate, before = rows.per_age(first), held_out(with_ages(rows)[0].phi, target, keep, rows.weights)
     driven = any(isinstance(e, LoadFriction) for row in more.values() for e in row)
-    direction = {a: direction_of(lags.arm_.joints, a) for a in more}
-    added = []
-    for drive in (lags.predicted(q, torque, first, groups), torque) if driven else (torque,):
-        along = lags.axis_rows(q, drive, groups)[0]
-        added.append({a: along(a, more[a])[:, None, :] * direction[a][:, None] for a in more})
+    direction = {a: direction_of(rows.lags.arm_.joints, a) for a in more}
+    added = [
+        {a: rows.axis_columns(a, more[a], drive=drive)[:, None, :] * direction[a][:, None] for a in more}
+        for drive in ((rows.predicted(first), None) if driven else (None,))
+    ]
     growing, asked = list(more), 0
     while growing and len(growing) != asked:  # until all of those fitted together are significant
         asked = len(growing)
         for columns in added:
-            wider = np.concatenate([phi, *(columns[a] for a in growing)], axis=2)
-            weights = lags.joint_weights(wider, target, keep)
-            with_them = with_ages(wider, keep, rate)[0], target, keep
-            ends = phi.shape[2] + np.cumsum([0, *(len(more[a]) for a in growing)])
+            wider = rows.with_columns(*(columns[a] for a in growing))
+            weights, aged = wider.weights, _aged(wider, rate)
+            ends = p + np.cumsum([0, *(len(more[a]) for a in growing)])
             at = {a: list(range(i, j)) for a, i, j in zip(growing, ends, ends[1:], strict=False)}
-            theta, white = fitted(*with_them, weights)
-            growing = [a for a, i in at.items() if _sure(theta, white, i)]
+            growing = [a for a, i in at.items() if _sure(*fitted(aged.phi, target, keep, weights), i)]
             if len(growing) < asked:  # errors by blocks are no smaller, and take longer
                 break
-            covariance = _with_blocks(*with_them, weights)[1]
-            less = held_out(*with_them, weights) < held_out(*before, weights)
-            growing = [a for a, i in at.items() if less[direction[a] != 0.0].all() and _sure(theta, covariance, i)]
+            less = held_out(aged.phi, target, keep, weights) < before
+            known = _with_blocks(aged, weights)
+            growing = [a for a, i in at.items() if less[direction[a] != 0.0].all() and _sure(*known, i)]
             if len(growing) < asked:
                 break
     return growing
@@ -314,21 +294,33 @@ def _sure(theta: Array, covariance: Array, columns: list[int]) -> bool:
     return bool(np.all(theta[columns] > GROWS * np.sqrt(np.diag(covariance)[columns])))
 
 
-def with_ages(phi: Array, keep: NDArray[np.bool_], rate: Array) -> tuple[Array, NDArray[np.int64]]:
-    """Columns extended by the drive ages of the moving joints, and the list of these joints.
+def _first(rows: ArmRows) -> Array:
+    """Weights of the columns by themselves."""
+    return fitted(rows.phi, rows.target, rows.keep, rows.weights)[0]
+
+
+def _aged(rows: ArmRows, rate: Array) -> ArmRows:
+    """The rows with the ages of the moving joints' drives as columns, from `ArmRows.per_age`."""
+    moving = np.any(rows.keep & (rate != 0.0), axis=0)
+    return rows.with_columns(rate[:, :, None] * np.eye(len(moving))[:, moving])
+
+
+def with_ages(rows: ArmRows) -> tuple[ArmRows, NDArray[np.int64]]:
+    """Rows whose columns are extended by the drive ages of the moving joints, and the list of these joints.
 
     A drive is held over a sample and logged late or early; with its age in the fit, friction and inertia are not
     biased.
     """
-    moving = np.flatnonzero(np.any(keep & (rate != 0.0), axis=0))
-    return np.concatenate([phi, rate[:, :, None] * np.eye(rate.shape[1])[:, moving]], axis=2), moving
+    rate = rows.per_age(_first(rows))
+    return _aged(rows, rate), np.flatnonzero(np.any(rows.keep & (rate != 0.0), axis=0))
 
 
-def _with_blocks(phi: Array, target: Array, keep: NDArray[np.bool_], weights: Array) -> tuple[Array, Array]:
+def _with_blocks(rows: ArmRows, weights: Array) -> tuple[Array, Array]:
     """Weights of the columns, and their covariance by leaving out blocks of the record."""
-    theta, white = fitted(phi, target, keep, weights)
-    error = (target - phi @ theta) * weights
-    return theta, block_covariance((phi * weights[:, None])[keep], error[keep], blocks_of(keep), white)
+    keep = rows.keep
+    theta, white = fitted(rows.phi, rows.target, keep, weights)
+    error = (rows.target - rows.phi @ theta) * weights
+    return theta, block_covariance((rows.phi * weights[:, None])[keep], error[keep], blocks_of(keep), white)
 
 
 def blocks_of(keep: NDArray[np.bool_]) -> NDArray[np.int64]:
@@ -529,18 +521,18 @@ def held_out(
     return np.asarray(np.sqrt(left / np.where(whole > 0.0, whole, np.nan)))
 
 
-def one_axis(lags: RigidBodyLags, joint: int, q: Array, torque: Array, groups: ArrayLike | None = None) -> float:
+def one_axis(rows: ArmRows, joint: int) -> float:
     """`held_out` of one joint as a single axis, behind the same filter; NaN if it does not move."""
-    arm = lags.arm_
+    lags, arm = rows.lags, rows.lags.arm_
     alone = Arm([arm.joints[joint]], [-1], [False], [np.eye(3)], [[0, 0, 0]], [[0, 0, 1]], gravity=(0, 0, 0))
     own = RigidBodyLags(
         alone, lags.sample_rate, law=lags.law, cutoff=lags.cutoff_, slow=lags.slow, reversals=lags.reversals
     )
     try:
-        rows = own.joint_rows(q[:, [joint]], torque[:, [joint]], groups)
+        seen = own.records(rows.position[:, [joint]], rows.drive[:, [joint]], rows.groups)
     except ValueError:
         return float("nan")
-    return float(held_out(*rows, own.joint_weights(*rows))[0])
+    return float(held_out(seen.phi, seen.target, seen.keep, seen.weights)[0])
 
 
 def nominal_numbers(lags: RigidBodyLags) -> dict[str, float]:
@@ -596,24 +588,19 @@ def suspicions(arm: Arm, q: Array, torque: Array) -> list[str]:
     return out
 
 
-def swapped(
-    lags: RigidBodyLags, q: Array, torque: Array, rows: tuple[Array, Array, NDArray[np.bool_]],
-    groups: ArrayLike | None = None,
-) -> list[str]:  # fmt: skip
+def swapped(rows: ArmRows) -> list[str]:
     """A sentence if the drives fit far better with the columns of the joints in another order, else none.
 
     A joint's own columns explain its own drive best, whatever the others are.  If the numbers that all joints share
     then leave much of a drive, the positions are in another order, too: it is sought by exchanging two, turning all
     round or shifting them by one, as long as that leaves less.  It has to be better for every joint that it moves: a
     large effect that one joint lacks is no such order.
-
-    ``lags``: with which ``rows`` were made. ``q``, ``torque`` are (n, n_joints). ``rows``: as
-    `RigidBodyLags.joint_rows` makes them of these. ``groups`` (n,): marks experiments.
     """
-    names = lags.arm_.joints
+    lags, q, torque = rows.lags, rows.position, rows.drive
+    names, triple = lags.arm_.joints, (rows.phi, rows.target, rows.keep)
     given = places = np.arange(len(names))
-    before = _left(*rows)
-    drives, left = _ordered(*rows)
+    before = _left(*triple)
+    drives, left = _ordered(*triple)
 
     def clearly() -> bool:
         moved = (places != given) | (drives != given)
@@ -626,7 +613,7 @@ def swapped(
 
     bad = np.flatnonzero(left > MUCH)
     if bad.size and not clearly():
-        trial, whole = clone(lags).set_params(cutoff=lags.cutoff_), max(experiments(groups, len(q)), key=_length)
+        trial, whole = clone(lags).set_params(cutoff=lags.cutoff_), max(experiments(rows.groups, len(q)), key=_length)
         middle = whole.start + max((_length(whole) - SOME) // 2, 0)
         part = slice(middle, min(middle + SOME, whole.stop))
         moves = [given[::-1], np.roll(given, 1), np.roll(given, -1)]
@@ -683,23 +670,20 @@ class _Instants:
         return [_left(phi, self.drive[:, drives], self.fast[:, places]) for drives in orders]
 
 
-def in_degrees(
-    lags: RigidBodyLags, q: Array, torque: Array, rows: tuple[Array, Array, NDArray[np.bool_]],
-    groups: ArrayLike | None = None,
-) -> list[str]:  # fmt: skip
+def in_degrees(rows: ArmRows) -> list[str]:
     """A sentence if the drives of joints that turn fit far better with their positions taken as degrees, else none.
 
     Those of half of them have to, and all no worse in sum: the drive of a wrist is mostly friction, in any unit.
-
-    The arguments are those of `swapped`.
     """
+    lags, q = rows.lags, rows.position
     turns = ~np.asarray(lags.arm_.slides, dtype=bool)
     if not (np.ptp(q[:, turns], axis=0) > FAR).any():
         return []
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
         trial = clone(lags).set_params(cutoff=lags.cutoff_)
-        left, before = _left(*trial.joint_rows(np.where(turns, np.radians(q), q), torque, groups)), _left(*rows)
+        left = _left(*trial.joint_rows(np.where(turns, np.radians(q), q), rows.drive, rows.groups))
+    before = _left(rows.phi, rows.target, rows.keep)
     if 2 * np.sum((left <= CLEARLY * before)[turns]) < turns.sum() or left.sum() > before.sum():
         return []
     return ["The drives fit far better with the positions taken as degrees; give --unit position=deg."]

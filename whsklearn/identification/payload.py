@@ -25,7 +25,6 @@ from whsklearn.identification.arm_fit import (
     Known,
     block_covariance,
     blocks_of,
-    fitted,
     updated,
     with_ages,
 )
@@ -106,13 +105,12 @@ def find_payload(empty: ArmFit, position: ArrayLike, drive: ArrayLike, *, gain_e
         Relative standard deviation of the drive gains, taken as common to all joints: the mass is proportional to them.
     """
     lags = clone(empty.lags)
-    phi, target, keep = lags.joint_rows(position, drive)
-    weights = lags.joint_weights(phi, target, keep)
+    rows = lags.records(position, drive)
+    phi, keep, weights = rows.phi, rows.keep, rows.weights
     known = Known.of(empty.model, lags.base_.names)
-    first = fitted(phi, target, keep, weights)[0]
-    beside, moving = with_ages(phi, keep, lags.age_rows(position, drive, first))
+    beside, moving = with_ages(rows)
     record = Beside(
-        (beside * weights[:, None])[keep], ((target - phi @ known.values) * weights)[keep],
+        (beside.phi * weights[:, None])[keep], ((rows.target - phi @ known.values) * weights)[keep],
         np.pad(known.root, ((0, 0), (0, len(moving)))), blocks_of(keep), np.nonzero(keep)[1],
     )  # fmt: skip
     found = []

@@ -20,8 +20,9 @@ from sklearn.utils.validation import check_array, check_is_fitted, validate_data
 
 from whsklearn.effects import InputOffset, PreslidingHysteresis
 from whsklearn.effects.base import Array
-from whsklearn.filtering.records import Motion, central_difference, motion, motion_cutoff, velocity_noise, zero_phase
+from whsklearn.filtering.records import Motion, motion, motion_cutoff, velocity_noise, zero_phase
 from whsklearn.filtering.streams import causal_delay, causal_kernels, causal_motion, causal_window
+from whsklearn.lags.arm_rows import ArmRows, turning
 from whsklearn.lags.axis_rows import DRIVEN, column_names, effect_terms, experiments, sized_effects, stack_columns
 from whsklearn.models.files import as_arm
 from whsklearn.systems._arm_kernels import N_BODY
@@ -29,7 +30,7 @@ from whsklearn.systems.arm import direction_of
 from whsklearn.systems.base_parameters import BaseParameters, base_parameters
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Mapping
 
     from numpy.typing import ArrayLike, NDArray
 
@@ -46,7 +47,6 @@ EDGE = 3
 # so that two laws of one robot keep the same parameters of its links.
 DRAWN = 200
 AT_ONCE = 128  # samples of links, or columns behind the filter: of all, each step would hold a copy (GB for 20 joints)
-ABRUPT = 1e-12, 0.0  # rad/s and s: a reversal at rest and at once
 NOISY = 5.0  # times the velocity's noise: a joint with a lower rms speed counts as not moving
 
 
@@ -56,16 +56,6 @@ class ArmRowState(NamedTuple):
     path: Any
     drive: Any
     seen: int
-
-
-class FilteredRecords(NamedTuple):
-    """Records behind the filters, one after the other."""
-
-    phi: Any  # (m, n_joints, n_columns)
-    target: Any  # (m, n_joints): drives
-    keep: Any  # (m, n_joints): rows that count: those of fast joints
-    moved: Any  # of all samples behind the finer filter, (n, n_joints) each
-    kept: Any  # (m,): samples of the rows
 
 
 class RigidBodyLags(TransformerMixin, BaseEstimator):
@@ -282,7 +272,8 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
             As for `rows`.
         """
         if not self.causal:
-            return self._views(X, y, groups)[:3]
+            found = self.records(X, y, groups)
+            return found.phi, found.target, found.keep
         X = np.asarray(check_array(X, dtype=np.float64))
         self.fit(X)
         target = self._checked_drives(y, len(X))
@@ -317,36 +308,6 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
             at += block.shape[2]
         return out
 
-    def axis_rows(
-        self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None
-    ) -> tuple[Callable[..., Array], Array]:
-        """A function that makes more columns at the rows of `joint_rows`, and the rms speed of each joint, (n_joints,).
-
-        It takes the name of an axis, effects, and optionally how dry friction reverses there, the speed and the lead as
-        in ``reversals``; it returns the columns along the axis, (m, k).
-
-        Parameters
-        ----------
-        X, y, groups
-            As for `joint_rows`, which must have been called with this record.
-        """
-        X, drive = np.asarray(X, dtype=float), np.asarray(y, dtype=float)
-        pieces = [
-            (self._moved(X[s]), zero_phase(drive[s], self.sample_rate, self._fine)) for s in experiments(groups, len(X))
-        ]
-
-        def columns(axis: str, terms: Sequence[Any], reversal: tuple[float, float] | None = None) -> Array:
-            d = direction_of(self.arm_.joints, axis)
-            turns, out = {axis: reversal} if reversal else self.reversals, []
-            for moved, smooth in pieces:
-                n, along = len(smooth), Motion(*(x @ d for x in moved))
-                time, sign = np.arange(n) / self.sample_rate, turning(turns, [axis], along)
-                made = stack_columns(tuple(terms), along, smooth @ d, time, sign)[:, 1:]
-                out.append(self._filtered(made)[self.samples_of(n)])
-            return np.concatenate(out)
-
-        return columns, np.sqrt(np.mean(np.concatenate([moved.velocity for moved, _ in pieces]) ** 2, axis=0))
-
     def joint_weights(self, phi: Array, target: Array, keep: NDArray[np.bool_]) -> Array:
         """1 / standard deviation of the residual of each joint's rows, fitted alone; or the given weights.
 
@@ -374,51 +335,29 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         smallest = 1e-9 * max(float(np.abs(target).max()), 1e-300)
         return 1.0 / np.maximum(out, smallest)
 
-    def predicted(self, X: ArrayLike, y: ArrayLike, theta: ArrayLike, groups: ArrayLike | None = None) -> Array:
-        """Drives for these weights, before the filter, (n, n_joints).
+    def records(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> ArmRows:
+        """Whole records behind the filters: their unweighted rows, and the motion from which they are computed.
 
         Parameters
         ----------
         X, y, groups
-            As for `joint_rows`.
-        theta : array-like of shape (n_columns,)
+            As for `rows`.
         """
-        X, drive = np.asarray(X, dtype=float), np.asarray(y, dtype=float)
-        return np.concatenate([self._along(X[s], drive[s], np.asarray(theta)) for s in experiments(groups, len(X))])
-
-    def age_rows(self, X: ArrayLike, y: ArrayLike, theta: ArrayLike, groups: ArrayLike | None = None) -> Array:
-        """Change of each joint's drive per second of its age, at the rows of `joint_rows`, (m, n_joints).
-
-        It is that of the drive that these weights predict, because a measured one would explain its own noise.
-
-        Parameters
-        ----------
-        X, y, groups
-            As for `joint_rows`.
-        theta : array-like of shape (n_columns,)
-        """
-        torque = self.predicted(X, y, theta, groups)
-        smooth = ((self._filtered(torque[s]), s.stop - s.start) for s in experiments(groups, len(torque)))
-        return np.concatenate([central_difference(x, self.sample_rate)[self.samples_of(n)] for x, n in smooth])
-
-    def _views(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> FilteredRecords:
-        """Experiments behind the filters: their unweighted rows, and the motion from which they are computed."""
         X = np.asarray(check_array(X, dtype=np.float64))
         self.fit(X)
         target = self._checked_drives(y, len(X))
         drive, pieces = self._drive(X, target), list(experiments(groups, len(X)))
-        longest = X[max(pieces, key=lambda s: s.stop - s.start)][:, : self.arm_.n_joints]
+        position = X[:, : self.arm_.n_joints]
+        longest = position[max(pieces, key=lambda s: s.stop - s.start)]
         if len(pieces) > 1 and self.cutoff is None:
             self._set_cutoff(self._cutoff_of(longest, len(X)))
         along = [self._columns_along(X[s], drive[s]) for s in pieces]
-        limits = self._limits(longest, np.concatenate([moved.velocity for _, moved in along]))
+        moved = Motion(*map(np.concatenate, zip(*(one for _, one in along), strict=True)))
+        limits = self._limits(longest, moved.velocity)
         each = [self._seen(*one, target[s], limits) for one, s in zip(along, pieces, strict=True)]
-        if len(each) == 1:
-            return each[0]
-        moved = Motion(*map(np.concatenate, zip(*(one.moved for one in each), strict=True)))
-        kept = np.concatenate([one.kept + s.start for one, s in zip(each, pieces, strict=True)])
-        phi, target, keep = map(np.concatenate, zip(*(one[:3] for one in each), strict=True))
-        return FilteredRecords(phi, target, keep, moved, kept)
+        phi, filtered, keep = map(np.concatenate, zip(*each, strict=True))
+        kept = np.concatenate([self.samples_of(s.stop - s.start) + s.start for s in pieces])
+        return ArmRows(self, position, target, groups, phi, filtered, keep, moved, kept)
 
     def _filtered(self, signals: Array) -> Array:
         """Signals (n, ...) of a record, filtered like the columns."""
@@ -657,16 +596,24 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
             each = stack_columns(self.axes_[group[0]][1], along, *given)[:, 1:].reshape(len(group), length, -1)
             yield np.einsum("kj,ktw->tjkw", d, each).reshape(length, n, -1)
 
-    def _along(self, X: Array, drive: Array, theta: Array) -> Array:
-        """Drives of one record for these weights, (n, n_joints); those of the links without their columns."""
-        moved, n, at = self._moved(X), self.arm_.n_joints, N_BODY * self.arm_.n_joints
+    def drives(self, moved: Motion, smooth: Array, theta: Array) -> Array:
+        """Drives of one record for these weights, (n, n_joints); those of the links without their columns.
+
+        Parameters
+        ----------
+        moved : Motion
+            Behind the finer filter, (n, n_joints) each.
+        smooth : ndarray of shape (n, n_joints)
+            The measured drives behind it, for effects that depend on them.
+        theta : ndarray of shape (n_columns,)
+        """
+        n, at = self.arm_.n_joints, N_BODY * self.arm_.n_joints
         full = np.zeros(self.base_.mapping.shape[1])
         full[self.base_.kept] = theta
         links = full[:at].reshape(n, N_BODY)
         bare = dataclasses.replace(self.arm_, inertial=links, armature=None, effects=(), sums={}, sum_armature={})
         out = bare.inverse_dynamics(*moved)
-        smooth = zero_phase(drive, self.sample_rate, self._fine)
-        for block in self._axis_columns(moved, smooth, np.arange(len(X)) / self.sample_rate):
+        for block in self._axis_columns(moved, smooth, np.arange(len(out)) / self.sample_rate):
             out += block @ full[at : (at := at + block.shape[2])]
         return out
 
@@ -692,7 +639,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         moved, rate = self._moved(X), self.sample_rate
         return self.columns(moved, zero_phase(drive, rate, self._fine), np.arange(len(X)) / rate), moved
 
-    def _seen(self, columns: Array, moved: Motion, target: Array, limits: Array) -> FilteredRecords:
+    def _seen(self, columns: Array, moved: Motion, target: Array, limits: Array) -> tuple[Any, ...]:
         """Rows of one record, two per period of the cut-off, without the filter's ends; and where joints are fast."""
         period = max(int(self.sample_rate / self.cutoff_), 1)
         keep = np.abs(moved.velocity) >= limits
@@ -702,7 +649,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         flat = columns.reshape(len(columns), -1)
         parts = [self._filtered(flat[:, i : i + AT_ONCE])[kept] for i in range(0, flat.shape[1], AT_ONCE)]
         phi = np.concatenate(parts, axis=1).reshape(len(kept), *columns.shape[1:])
-        return FilteredRecords(phi, self._filtered(target)[kept], keep[kept], moved, kept)
+        return phi, self._filtered(target)[kept], keep[kept]
 
     def _limits(self, X: Array, velocity: Array) -> Array:
         """Speed of each joint below which its rows are excluded, (n_joints,); infinite if it does not move.
@@ -790,15 +737,6 @@ def axes_of(arm: Arm, law: Any, effects: Any) -> dict[str, tuple[Array, tuple[An
         name: (direction_of(arm.joints, name), effect_terms(laws.get(name, ()), by_axis.get(name, "")))
         for name in {**laws, **by_axis}
     }
-
-
-def turning(reversals: Mapping[str, tuple[float, float]] | None, axes: Sequence[str], along: Motion) -> Array | None:
-    """Whose tanh is the sign of dry friction, for the motions along these axes one after the other; see `reversals`."""
-    if not reversals:
-        return None
-    each = [reversals.get(axis, ABRUPT) for axis in axes]
-    speed, lead = np.repeat(each, along.velocity.size // len(axes), axis=0).T
-    return np.asarray((along.velocity + lead * along.acceleration) / speed)
 
 
 def groups_of(axes: Mapping[str, tuple[Array, tuple[Any, ...]]]) -> list[list[str]]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
 from types import SimpleNamespace
@@ -34,6 +34,7 @@ from whsklearn.gap.plants.arm_terms import (
     Weight,
     at_a_joint,
     candidates,
+    completed,
     present,
 )
 from whsklearn.gap.plants.arm_view import LATEST, ArmRecord, ArmState, ArmView, law_of
@@ -112,7 +113,7 @@ class ArmPlant(Plant):
             warnings.simplefilter("always", UserWarning)
             try:
                 self.view = ArmView(self.lags, self.record, self.known)
-                enough_rows(self.lags, self.view.keep, len(q))
+                enough_rows(self.view)
             except ValueError as error:
                 return [DataProblem("data-arm", "The log cannot be used", str(error))]
         v = self.view
@@ -120,10 +121,9 @@ class ArmPlant(Plant):
             self.units = self.logged = ("N", "m") if v.arm.slides.all() else ("Nm", "")
         texts = [*(str(w.message) for w in said if w.category is UserWarning), *suspicions(arm, q, u)]
         problems = [DataProblem("data-arm", "Check the log", text, fatal=False) for text in texts]
-        rows = self.lags, q, u, (v.phi, v.target, v.keep), self.record.groups
-        if turned := in_degrees(*rows):
+        if turned := in_degrees(v):
             return [DataProblem("data-units", "The positions are in degrees", turned[0])]
-        return [*(DataProblem("data-order", "The joints are in another order", x) for x in swapped(*rows)), *problems]
+        return [*(DataProblem("data-order", "The joints are in another order", x) for x in swapped(v)), *problems]
 
     def base(self, rng: np.random.Generator) -> ArmState:
         """The rigid arm with its law, fitted; or the given arm, within what is known of it."""
@@ -342,7 +342,7 @@ class ArmPlant(Plant):
             beside = [ServoTerm(candidate(n), (base.get(f"{t.joint}.{n}", 0.0),)) for n in ("viscous",)]
             here = SimpleNamespace(terms=[ServoTerm(t.kind.catalogued, t.q), *beside])
             said = too_large(here, 0) or negative_damping(here, 0)  # type: ignore[arg-type]
-            if said := said or never_free(t.effect, view.signals(t.kind).position):
+            if said := said or never_free(t.effect, view.signals(t.kind.direction).position):
                 return said
             n = 2 if t.kind.cls is ContactStop else 1  # the first is a place or width; a stop's second, its softness
             for field, value, (low, high) in list(zip(fields, t.shape, ranges, strict=True))[:n]:
@@ -609,7 +609,9 @@ class ArmPlant(Plant):
             SPLIT,
         ]
         if not self.units[1]:
-            notes.append("Some joints slide and others turn: errors of free runs are shares of each joint's rms motion.")
+            notes.append(
+                "Some joints slide and others turn: errors of free runs are shares of each joint's rms motion."
+            )
         tests = [whiteness(self.gap(m).left, name) for name, m in (("before", base), ("after", model))]
         return Told(tests, notes, self._pictures(base, model), self._joints(base, model))
 
@@ -668,21 +670,6 @@ def outermost(looks: list[Look], arm: Arm) -> list[Look]:
     beside = [*loads.items(), *motors]
     inner = [k for i, k in loads.items() if any(j > i and other.gain > k.gain - ALIKE for j, other in beside)]
     return [k for k in looks if not any(k is one for one in inner)]
-
-
-def completed(arm: Arm, terms: Iterable[JointTerm]) -> Arm:
-    """The arm with all terms but gravity, which are other numbers of its links."""
-    for t in terms:
-        if t.kind.cls is Load:
-            arm = arm.with_body(t.joint, t.q[0], t.shape)
-        elif t.kind.cls is JointInertia and t.kind.index is None:
-            motors = arm.sum_armature
-            arm = replace(arm, sum_armature=motors | {t.joint: motors.get(t.joint, 0.0) + t.q[0]})
-        elif t.kind.cls is JointInertia:
-            arm = replace(arm, armature=arm.armature + t.q[0] * np.array(t.kind.direction))
-        elif t.kind.cls is not Weight:
-            arm = arm.with_effects({t.joint: t.effect})
-    return arm
 
 
 def record_of(log: Any, arm: Arm) -> ArmRecord:

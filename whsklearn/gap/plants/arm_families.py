@@ -133,7 +133,7 @@ def _orders(view: ArmView, kind: AtJoint) -> Blocks:
     step = max(0.2 * np.pi / scene.reach, high / 300)
     values = np.union1d(np.arange(np.ceil(low), high + 1), np.arange(low, max(high, low + step), step))
     values = values[values > 0.0]
-    size = view.blur(c.unit_columns((0.0,), view.signals(kind))[:, :1])
+    size = view.blur(c.unit_columns((0.0,), view.signals(kind.direction))[:, :1])
     for i in range(0, values.size, AT_ONCE):
         part = values[None, i : i + AT_ONCE]
         damped = size / (1.0 + (np.abs(v)[:, None] * part / (2 * np.pi * view.lags.cutoff_)) ** 8)

@@ -5,8 +5,8 @@ A name is (effect, joint): ``coulomb at elbow``; along two joints turned by one 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -212,3 +212,18 @@ def candidates(arm: Arm, there: dict[str, set[str]], *, frozen: bool, weight: in
             yield AtJoint(Load, joint, row)
     elif weight and "gravity" not in there.get("", set()):
         yield AtJoint(Weight, "", tuple(np.ones(arm.n_joints)), width=weight)
+
+
+def completed(arm: Arm, terms: Iterable[JointTerm]) -> Arm:
+    """The arm with all terms but gravity, which are other numbers of its links."""
+    for t in terms:
+        if t.kind.cls is Load:
+            arm = arm.with_body(t.joint, t.q[0], t.shape)
+        elif t.kind.cls is JointInertia and t.kind.index is None:
+            motors = arm.sum_armature
+            arm = replace(arm, sum_armature=motors | {t.joint: motors.get(t.joint, 0.0) + t.q[0]})
+        elif t.kind.cls is JointInertia:
+            arm = replace(arm, armature=arm.armature + t.q[0] * np.array(t.kind.direction))
+        elif t.kind.cls is not Weight:
+            arm = arm.with_effects({t.joint: t.effect})
+    return arm

@@ -17,18 +17,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.effects import Effect, Scales, codes
-from whsklearn.filtering import Motion, zero_phase
+from whsklearn.filtering import Motion
 from whsklearn.filtering.records import encoder_noise
 from whsklearn.gap.calibration import N_NULL, coloured, n_effective, null_rows, smoothed_power
-from whsklearn.gap.plants.arm_terms import AtJoint, JointInertia, JointTerm, Load, Weight
+from whsklearn.gap.plants.arm_terms import AtJoint, JointInertia, JointTerm, Load, Weight, completed
 from whsklearn.gap.plants.servo_candidates import ColumnSignals
 from whsklearn.gap.plants.servo_own import N_RECORDS
 from whsklearn.gap.record import MAD, Array, Segmented, rms
 from whsklearn.identification.arm_fit import SAME, Known, held_out
 from whsklearn.identification.drive_lead import OLDEST
 from whsklearn.identification.payload import MASS
+from whsklearn.lags.arm_rows import ArmRows, turning
 from whsklearn.lags.axis_rows import DRY
-from whsklearn.lags.rigid_body import RigidBodyLags, turning
+from whsklearn.lags.rigid_body import RigidBodyLags
 from whsklearn.logs.check import lattice
 from whsklearn.systems._arm_kernels import N_BODY
 from whsklearn.systems.arm_files import STANDARD_GRAVITY, body_numbers
@@ -90,7 +91,7 @@ class Own(NamedTuple):
     apart: Array  # (k, m, n_joints): residuals of single records by the noise of the encoders
 
 
-class ArmView:
+class ArmView(ArmRows):
     """One record after the filters.
 
     Parameters
@@ -103,9 +104,8 @@ class ArmView:
     """
 
     def __init__(self, lags: RigidBodyLags, record: ArmRecord, known: Known | None = None):
-        self.lags, self.record, self.known = lags, record, known
-        self.position, self.drive = record.position, record.drive
-        self.phi, self.target, self.keep, self.moved, self.kept = lags._views(self.position, self.drive, record.groups)
+        super().__init__(**vars(lags.records(record.position, record.drive, record.groups)))
+        self.record, self.known = record, known
         self.arm, self.dt = lags.arm_, 1.0 / lags.sample_rate
         self.n_rows, self.n_joints = self.target.shape
         self.time = record.clock
@@ -116,11 +116,10 @@ class ArmView:
         longest = self.position[max((s for s, _ in record.pieces), key=lambda s: s.stop - s.start)]
         self.noise = np.array([encoder_noise(x, lags.sample_rate) for x in longest.T])
         self.grid = np.array([lattice(x) for x in self.position.T])
-        self.weight = self.unbiased = lags.joint_weights(self.phi, self.target, self.keep)
+        self.weight = self.unbiased = self.weights
         self.repeats = self._repeats()
         self.artefact = np.zeros_like(self.target)
-        # replaced by a model's torque
-        self.torque = record.by_piece(lambda u: zero_phase(u, lags.sample_rate, lags._fine), self.drive)
+        self.torque = self.smooth  # replaced by a model's torque
         self.rate = np.zeros_like(self.target)
         self._columns: dict[Any, Array] = {}
         self._signals: dict[Any, ColumnSignals] = {}
@@ -133,10 +132,6 @@ class ArmView:
         """Rms by joint, over the rows that count."""
         count = np.maximum(self.keep.sum(axis=0), 1)
         return np.asarray(np.sqrt(np.sum(np.where(self.keep, x, 0.0) ** 2, axis=0) / count))
-
-    def blur(self, x: Array) -> Array:
-        """Signals of all samples, shape (n, ...), filtered and taken at the rows."""
-        return np.asarray(self.record.by_piece(self.lags._filtered, x)[self.kept])
 
     def motion_of(self, path: Array) -> Motion:
         """The motion along a path, (n, n_joints) each, behind the finer filter."""
@@ -165,16 +160,15 @@ class ArmView:
             )  # fmt: skip
         return self._scenes[kind.direction]
 
-    def signals(self, kind: AtJoint, moved: Motion | None = None, torque: Array | None = None) -> ColumnSignals:
+    def signals(self, direction: tuple[float, ...], moved: Motion | None = None) -> ColumnSignals:
         """The motion along a joint or a sum of joints; its drive is the torque that the model predicts."""
-        own = moved is None and torque is None
-        if own and kind.direction in self._signals:
-            return self._signals[kind.direction]
-        d = np.array(kind.direction)
-        q, v, a = (x @ d for x in (self.moved if moved is None else moved))
-        found = ColumnSignals(self.time, q, v, a, (self.torque if torque is None else torque) @ d)
-        if own:
-            self._signals[kind.direction] = found
+        if moved is None and direction in self._signals:
+            return self._signals[direction]
+        d = np.array(direction)
+        q, v, a = (x @ d for x in moved or self.moved)
+        found = ColumnSignals(self.time, q, v, a, self.torque @ d)
+        if moved is None:
+            self._signals[direction] = found
         return found
 
     def turned(self, effect: type[Effect], axis: str, signals: ColumnSignals) -> ColumnSignals:
@@ -205,7 +199,7 @@ class ArmView:
             along = self.lost(kind, shape)[:, None]
         else:
             assert kind.catalogued is not None
-            signals = self.turned(kind.cls, kind.joint, self.signals(kind))
+            signals = self.turned(kind.cls, kind.joint, self.signals(kind.direction))
             along = self.along_pieces(partial(kind.catalogued.unit_columns, shape), signals)
         seen = self.blur(along)
         if kind.index is not None:
@@ -233,7 +227,7 @@ class ArmView:
             earlier = partial(advance, kind.catalogued.code, age=shape[0], dt=self.dt)
             return np.asarray(self.record.by_piece(earlier, self.torque @ np.array(kind.direction)))
         u, effect = self.drive @ np.array(kind.direction), kind.catalogued.effect(shape)
-        return self.along_pieces(effect.contribution, self.signals(kind)._replace(drive=u))
+        return self.along_pieces(effect.contribution, self.signals(kind.direction)._replace(drive=u))
 
     @cached_property
     def weights_of_links(self) -> Array:
@@ -373,27 +367,14 @@ class ArmView:
     def along(self, model: ArmState, moved: Motion) -> Array:
         """Drives that the model needs along a motion, shape (n, n_joints), without effects that transform the drive."""
         arm = self.lags.interpret(model.numbers, physical=False)
+        arm = completed(arm, (t for t in model.terms if not t.kind.transforms))
         out = arm.inverse_dynamics(*moved, effects=False)
-        for k, (name, effects) in enumerate({**dict(zip(arm.joints, arm.effects, strict=True)), **arm.sums}.items()):
-            d = arm._every_direction()[k]
-            s = self.signals(AtJoint(JointInertia, name, tuple(d)), moved, self.torque)
+        acting = dict(zip(arm.joints, arm.effects, strict=True)) | arm.sums
+        for d, (name, effects) in zip(arm._every_direction(), acting.items(), strict=True):
+            s = self.signals(tuple(map(float, d)), moved)
             each = (self.along_pieces(e.contribution, self.turned(type(e), name, s)) for e in effects)
             out += np.outer(sum(each, np.zeros(len(out))), d)
-        for t in model.terms:
-            d = np.array(t.kind.direction)
-            if t.kind.cls is Load:
-                numbers = np.zeros((self.n_joints, N_BODY))
-                numbers[self.arm.index(t.joint)] = t.q[0] * point(t.shape)
-                body = dataclasses.replace(
-                    self.arm, inertial=numbers, armature=None, effects=(), sums={}, sum_armature={}
-                )
-                out += body.inverse_dynamics(*moved)
-            elif t.kind.cls is JointInertia:
-                out += t.q[0] * (moved.acceleration @ d)[:, None] * d
-            elif t.kind.catalogued is not None and not t.kind.transforms:
-                s = self.turned(t.kind.cls, t.joint, self.signals(t.kind, moved))
-                out += self.along_pieces(t.effect.contribution, s)[:, None] * d
-        return np.asarray(out)
+        return out
 
     def read(self, path: Array, rng: np.random.Generator) -> Array:
         """A path, shape (n, n_joints), as the encoders would have read it."""

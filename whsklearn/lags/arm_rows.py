@@ -1,0 +1,105 @@
+"""Records of an arm behind the filters of a `RigidBodyLags`: their rows, and more columns at these rows."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+
+from whsklearn.effects.base import Array
+from whsklearn.filtering.records import Motion, central_difference, zero_phase
+from whsklearn.lags.axis_rows import experiments, stack_columns
+from whsklearn.systems.arm import direction_of
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from whsklearn.lags.rigid_body import RigidBodyLags
+
+ABRUPT = 1e-12, 0.0  # rad/s and s: a reversal at rest and at once
+
+
+@dataclass
+class ArmRows:
+    """Whole records, one after the other; filters and memories begin anew at each."""
+
+    lags: RigidBodyLags
+    position: Array  # (n, n_joints), as measured, and so are the drives
+    drive: Array
+    groups: Any  # (n,): marks experiments, or None
+    phi: Array  # (m, n_joints, n_columns)
+    target: Array  # (m, n_joints): drives
+    keep: NDArray[np.bool_]  # (m, n_joints): rows that count: those of fast joints
+    moved: Motion  # of all samples behind the finer filter, (n, n_joints) each
+    kept: NDArray[np.int64]  # (m,): samples of the rows
+
+    @cached_property
+    def weights(self) -> Array:
+        """Weights of the joints, (n_joints,): see `RigidBodyLags.joint_weights`."""
+        return self.lags.joint_weights(self.phi, self.target, self.keep)
+
+    @cached_property
+    def smooth(self) -> Array:
+        """The drives behind the finer filter, (n, n_joints)."""
+        return self.of_each(lambda u: zero_phase(u, self.lags.sample_rate, self.lags._fine), self.drive)
+
+    def of_each(self, function: Callable[..., Array], *signals: Array) -> Array:
+        """Results of a function for every record, one after the other."""
+        pieces = experiments(self.groups, len(self.position))
+        return np.concatenate([function(*(x[s] for x in signals)) for s in pieces])
+
+    def blur(self, x: Array) -> Array:
+        """Signals of all samples, shape (n, ...), filtered and taken at the rows."""
+        return self.of_each(self.lags._filtered, x)[self.kept]
+
+    def with_columns(self, *more: Array) -> Self:
+        """The same rows with more columns, (m, n_joints, k) each."""
+        return dataclasses.replace(self, phi=np.concatenate([self.phi, *more], axis=2))
+
+    def axis_columns(
+        self, axis: str, terms: Sequence[Any], reversal: tuple[float, float] | None = None, drive: Array | None = None
+    ) -> Array:
+        """Columns of effects along an axis, (m, k).
+
+        ``reversal``: how dry friction reverses there, the speed and the lead as in ``reversals`` of `RigidBodyLags`.
+        ``drive`` (n, n_joints): of which effects are functions; as measured if not given.
+        """
+        d, rate = direction_of(self.lags.arm_.joints, axis), self.lags.sample_rate
+        turns = {axis: reversal} if reversal else self.lags.reversals
+
+        def made(u: Array, *signals: Array) -> Array:
+            moved = Motion(*signals)
+            return stack_columns(tuple(terms), moved, u, np.arange(len(u)) / rate, turning(turns, [axis], moved))[:, 1:]
+
+        smooth = self.smooth if drive is None else dataclasses.replace(self, drive=drive).smooth
+        return self.blur(self.of_each(made, smooth @ d, *(x @ d for x in self.moved)))
+
+    def predicted(self, theta: Array) -> Array:
+        """Drives for these weights of the columns, before the filter, (n, n_joints)."""
+        parts = self.of_each(lambda u, *moved: self.lags.drives(Motion(*moved), u, theta), self.smooth, *self.moved)
+        return np.asarray(parts)
+
+    def per_age(self, theta: Array) -> Array:
+        """Change of each joint's drive per second of its age, (m, n_joints).
+
+        It is that of the drive that these weights predict, because a measured one would explain its own noise.
+        """
+
+        def change(u: Array) -> Array:
+            return central_difference(self.lags._filtered(u), self.lags.sample_rate)
+
+        return self.of_each(change, self.predicted(theta))[self.kept]
+
+
+def turning(reversals: Mapping[str, tuple[float, float]] | None, axes: Sequence[str], along: Motion) -> Array | None:
+    """Whose tanh is the sign of dry friction, for the motions along these axes one after the other; see `reversals`."""
+    if not reversals:
+        return None
+    each = [reversals.get(axis, ABRUPT) for axis in axes]
+    speed, lead = np.repeat(each, along.velocity.size // len(axes), axis=0).T
+    return np.asarray((along.velocity + lead * along.acceleration) / speed)
