@@ -8,8 +8,8 @@ blocks that were not fitted, a share of that joint's rms drive, slow samples lef
 owners publish; "physical" is the arm whose links are bodies, on the samples fitted, and "free" the same for the base
 numbers as measured.  With ``--gap`` the gap of each record is asked instead: what the arm lacks in truth is found
 first (the TX40's wrist, blind), then Coulomb and viscous friction are taken from the law of one joint at a time, and
-gravity from all; "first" has the hidden effect first within its joint, of those that a record shows at all.  A load on
-the AIRBOT is asked for against the numbers without it, and half of the record without against the other half.  With
+gravity from all; "first" has the hidden effect first within its joint, of those that a record shows at
+all; what the finder refuses for its numbers is left out.  A load on the AIRBOT is asked for against the numbers without it, and half of the record without against the other half.  With
 ``--replay`` MuJoCo replays the logged drives on the exported arm, from the measured motion every 0.5 s: rms error in
 position beside that of our own free runs, and beside standing still, which is the motion in a window.  The friction is
 the one that MJCF holds, because friction that grows with the torque is lost in the file; the last line is our own free
@@ -131,6 +131,8 @@ def hidden(rig: str, urdf: str) -> tuple[int, int]:
         label = f"{name} at {joint}" if joint else name
         own = [k for k in looks if not k.place or not joint or joint in k.place]
         it = next(k for k in own if k.name == label)
+        while own[0] is not it and plant.objection(model, plant.refine(model, own[0])):
+            own = own[1:]  # the finder refuses it, too
         if it.p_value <= 0.01 and it.size >= plant.tolerance:
             seen, right = seen + 1, right + (own[0] is it)
             if own[0] is not it:

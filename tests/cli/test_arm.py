@@ -200,6 +200,9 @@ def test_a_name_or_a_number_tells_whose_column_it_is():
         ("position[#] velocity[#] effort[#]", "position[0]", "effort[0]"),
         ("/joint_states.position.# /joint_states.effort.#", "/joint_states.position.0", "/joint_states.effort.0"),
         ("arm2_J#_Pos arm2_J#_Vel arm2_J#_Trq", "arm2_J0_Pos", "arm2_J0_Trq"),
+        ("pos_# vel_# eff_#", "pos_0", "eff_0"),
+        ("enc#_deg cmd#_deg iq#_mA", "enc0_deg", "iq0_mA"),
+        ("encoder_# position_# current_#", "position_0", "current_0"),
     ],
 )
 @pytest.mark.parametrize("first", [0, 1])

@@ -9,7 +9,7 @@ import pytest
 from whsklearn.gap.localisation import NOWHERE
 from whsklearn.gap.sentences import article_list, summary
 
-PLANT = SimpleNamespace(gap_word="missing torque", whole="drive")
+PLANT = SimpleNamespace(gap_word="missing torque", whole="drive", subject="")
 
 
 def effect(name, aliases=()):

@@ -426,7 +426,7 @@ def test_a_joint_counts_by_its_own_variance_and_an_error_of_the_model_may_favour
     assert sizes[0] < 0.0 < sizes[1]
 
 
-def test_an_effect_at_a_slide_is_told_in_newtons():
+def test_an_effect_at_a_slide_is_told_in_newtons_and_runs_of_mixed_joints_in_shares_of_their_motion():
     arm = drawn_arm(2, 0, slides=0.0)
     arm = dataclasses.replace(arm, slides=[False, True], effects=[(Viscous(0.5), Coulomb(0.5))] * 2)
     q, u = smooth_log(arm.with_effects({"j1": Cogging(0.5, 9.0)}), seconds=8.0)
@@ -434,3 +434,12 @@ def test_an_effect_at_a_slide_is_told_in_newtons():
     found = GapFinder(arm).fit(ArmRecord(np.arange(len(q)) / RATE, q, u))
     assert names(found) == ["cogging at j1"]
     assert "amplitude_n" in found.effects_[0].parameters
+    assert found.diagnosis_.sentence.startswith("Of the rms drive of j1, the missing drive is")
+    plant, model, shown = found.plant_, found.found_.model, found.diagnosis_.pictures
+    far = np.std(q, axis=0) * [1000.0, 1.0]  # the same arm, were a radian a thousandth: a share of the motion stays
+    np.testing.assert_allclose(plant.per * [1000.0, 1.0], far, rtol=0.01)
+    runs = plant.simulate(model, 0.1).reshape(q.shape) * plant.per
+    np.testing.assert_allclose(runs, q, atol=0.2 * np.std(q, axis=0).min())
+    assert shown["output"] == "position of j1 (m)"
+    assert [shown["joints"][j][-1] for j in arm.joints] == ["Nm", "N"]
+    assert any("slide and others turn" in note for note in found.diagnosis_.notes)
