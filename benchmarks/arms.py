@@ -8,8 +8,9 @@ blocks that were not fitted, a share of that joint's rms drive, slow samples lef
 owners publish; "physical" is the arm whose links are bodies, on the samples fitted, and "free" the same for the base
 numbers as measured.  With ``--gap`` the gap of each record is asked instead: what the arm lacks in truth is found
 first (the TX40's wrist, blind), then Coulomb and viscous friction are taken from the law of one joint at a time, and
-gravity from all; "first" has the hidden effect first within its joint, of those that a record shows at
-all; what the finder refuses for its numbers is left out.  A load on the AIRBOT is asked for against the numbers without it, and half of the record without against the other half.  With
+gravity from all; "first" has the hidden effect first within its joint, of those that a record shows at all; what the
+finder refuses for its numbers is left out.  A load on the AIRBOT is asked for against the numbers without it, and half
+of the record without against the other half.  With
 ``--replay`` MuJoCo replays the logged drives on the exported arm, from the measured motion every 0.5 s: rms error in
 position beside that of our own free runs, and beside standing still, which is the motion in a window.  The friction is
 the one that MJCF holds, because friction that grows with the torque is lost in the file; the last line is our own free
