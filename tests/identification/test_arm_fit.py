@@ -10,10 +10,10 @@ import pytest
 from tests.lags.test_rigid_body import RATE, smooth_log
 from tests.systems.drawn_arms import drawn_arm
 from whsklearn.datasets import default_arm, make_arm_log
-from whsklearn.effects import CableSpring, Cogging, Coulomb, Viscous
+from whsklearn.effects import CableSpring, Cogging, Coulomb, InputOffset, LoadFriction, Viscous
 from whsklearn.filtering import motion
 from whsklearn.identification import identify_arm
-from whsklearn.identification.arm_fit import block_covariance, suspicions, swapped
+from whsklearn.identification.arm_fit import block_covariance, suspicions, swapped, unsure
 from whsklearn.lags import RigidBodyLags
 
 DT = 0.002
@@ -198,3 +198,16 @@ def test_a_log_of_fewer_rows_than_numbers_is_refused_with_both():
     q, torque = make_arm_log(return_arrays=True)
     with pytest.raises(ValueError, match=r"0\.08 s gives \d+ rows for \d+ numbers"):
         identify_arm(q[:40], torque[:40], dt=0.002, robot=default_arm())
+
+
+@pytest.mark.parametrize("grows", [0.0, 0.2])
+def test_friction_that_surely_grows_only_while_it_is_taken_to_jump_is_taken_back(grows):
+    arm = dataclasses.replace(drawn_arm(3, 7, slides=0.0, branch=0.0, gravity=(0, 0, -9.81)), effects=())
+    q, torque = smooth_log(arm)
+    v = np.column_stack([motion(x, RATE, 100.0).velocity for x in q.T])
+    sign = np.tanh(v / 0.15)
+    u = torque + (5.0 + grows * np.abs(torque)) * sign
+    u += 0.01 * u.std(axis=0) * np.random.default_rng(0).standard_normal(u.shape)
+    effects = {j: (InputOffset(), *((LoadFriction(),) if j == "j1" else ())) for j in arm.joints}
+    lags = RigidBodyLags(arm, RATE, effects=effects, reversals=dict.fromkeys(arm.joints, (0.15, 0.0)))
+    assert unsure(lags.records(q, u), effects) == ([] if grows else ["j1"])

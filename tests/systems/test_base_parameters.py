@@ -10,7 +10,8 @@ import pytest
 from tests.systems.drawn_arms import drawn_arm
 from whsklearn import Arm, RigidBodyLags
 from whsklearn.systems import base_parameters
-from whsklearn.systems.base_parameters import from_log_cholesky, log_cholesky, pseudo_inertia
+from whsklearn.systems.arm_files import pseudo_inertia
+from whsklearn.systems.base_parameters import from_log_cholesky, log_cholesky
 
 
 @pytest.mark.parametrize("seed", range(6))

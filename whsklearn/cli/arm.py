@@ -117,14 +117,16 @@ def identify(options: dict[str, Any]) -> None:
     tracker = tracker_for("identify", options["track"], data=Path(options["train"]).stem)
     found = identified(log, arm, **({"law": options["law"]} if options["law"] else {}))
     save_model(found.model, folder / "model.json")
-    atomic_write(folder / "identify.json", json.dumps(document(found), indent=1, allow_nan=False).encode() + b"\n")
-    click.echo(f"\n{joints_table(found)}\n\n{numbers_table(found)}\n")
+    told = document(found, log.stated)
+    atomic_write(folder / "identify.json", json.dumps(told, indent=1, allow_nan=False).encode() + b"\n")
+    tables = f"{joints_table(found)}\n\n{numbers_table(told)}"
+    click.echo(f"\n{tables}\n")
     click.echo(wrapped(f"Written: {folder / 'identify.json'}, {folder / 'model.json'} (with physical inertias)."))
     with tracker.run(f"identify {Path(options['train']).stem}") as run:
         run.log_params(given(options))
         run.log_tags({"recommended": "arm"})
         run.log_metrics({f"missing_{j}": v for j, v in found.missing.items() if not math.isnan(v)})
-        run.log_text(f"{joints_table(found)}\n\n{numbers_table(found)}", "table.txt")
+        run.log_text(tables, "table.txt")
     say_where(tracker)
 
 
@@ -199,12 +201,12 @@ def known(share: float) -> float | None:
     return None if math.isnan(share) else share
 
 
-def document(found: ArmFit) -> dict[str, Any]:
-    """The content of identify.json for an arm."""
-    model, units = found.model, found.model.parameter_units
+def document(found: ArmFit, stated: bool) -> dict[str, Any]:
+    """The content of identify.json for an arm; only if the drives' units are ``stated``, numbers have them, too."""
+    model, units, file = found.model, *((found.model.parameter_units, found.nominal) if stated else ({}, {}))
     parameters = [
         {"name": k, "value": v, "standard_error": model.standard_errors[k], "unit": units.get(k, ""),
-         "nominal": found.nominal.get(k), "merged": found.lags.base_.merged.get(k, {})}
+         "nominal": file.get(k), "merged": found.lags.base_.merged.get(k, {})}
         for k, v in model.parameters.items()
     ]  # fmt: skip
     joints = [
@@ -228,16 +230,13 @@ def joints_table(found: ArmFit) -> str:
     )  # fmt: skip
 
 
-def numbers_table(found: ArmFit) -> str:
+def numbers_table(told: dict[str, Any]) -> str:
     """Base numbers with intervals, the file's values, and the number of parameters merged into each."""
     rows = []
-    for name, value in found.model.parameters.items():
-        half = 1.96 * found.model.standard_errors[name]
-        nominal = found.nominal.get(name)
-        unit = found.model.parameter_units.get(name, "")
-        merged = len(found.lags.base_.merged.get(name, {}))
-        rows.append([name, f"{value:.4g}", f"{value - half:.4g} to {value + half:.4g}",
-                     None if nominal is None else f"{nominal:.4g}", unit, merged or ""])  # fmt: skip
+    for p in told["parameters"]:
+        value, half, file = p["value"], 1.96 * p["standard_error"], p["nominal"]
+        rows.append([p["name"], f"{value:.4g}", f"{value - half:.4g} to {value + half:.4g}",
+                     None if file is None else f"{file:.4g}", p["unit"], len(p["merged"]) or ""])  # fmt: skip
     return table(["number", "value", "95 % interval", "file", "unit", "merged"], rows)
 
 

@@ -205,7 +205,8 @@ def read_arm(path: str, options: Mapping[str, Any], arm: Arm) -> Bunch:
     """A log by the robot's joints, in rad, m, Nm and N.
 
     Its fields are those of other logs: ``time`` (n,), ``X`` and ``y`` (n, n_joints), the drives and positions,
-    ``groups`` (n,), the segment of each row, and ``sample_rate``; ``columns`` holds position and drive by joint.
+    ``groups`` (n,), the segment of each row, and ``sample_rate``; ``columns`` holds position and drive by joint, and
+    ``stated`` is False if drives are currents without gains.
     """
     from sklearn.utils import Bunch
 
@@ -233,7 +234,10 @@ def read_arm(path: str, options: Mapping[str, Any], arm: Arm) -> Bunch:
         note(f"Columns in the robot's order: {'; '.join(f'{j}: {q} and {u}' for j, (q, u) in given.items())}.")
     unknown = [u for j, (_, u) in given.items() if u in unstated and set(DRIVES[0]) & set(words_and_numbers(u))]
     if unknown:
-        note(f"{unknown[0]} is taken as a current: without --gains the numbers of a joint are in its unit, not in Nm.")
+        note(
+            f"{unknown[0]} is taken as a current: without --gains the numbers of a joint are in its unit, not in Nm, "
+            "and those that joints with different gains share fit none of them."
+        )
     unstated = [c for c in unstated if c not in unknown]
     if unstated:
         which = ", ".join(unstated[:4]) + (f" and {len(unstated) - 4} more" if len(unstated) > 4 else "")
@@ -246,7 +250,7 @@ def read_arm(path: str, options: Mapping[str, Any], arm: Arm) -> Bunch:
         X=np.column_stack([by * log.X[at, 0] for (log, _, by), at in zip(logs, rows, strict=True)]),
         y=np.column_stack([far * log.y[at] for (log, far, _), at in zip(logs, rows, strict=True)]),
         groups=np.cumsum(np.append(False, np.any(np.diff(parts, axis=0) != 0, axis=1))),
-        sample_rate=first.sample_rate, columns=given, notes=(),
+        sample_rate=first.sample_rate, columns=given, notes=(), stated=not unknown,
     )  # fmt: skip
 
 

@@ -125,6 +125,7 @@ def identify_arm(
     lags = RigidBodyLags(robot, sample_rate=1.0 / dt, **settings)
     rows = lags.records(q, torque, groups)
     enough_rows(rows)
+    effects: dict[str, tuple[Effect, ...]] = {}
     if not settings.keys() & {"law", "effects"}:
         effects = _frictions(rows)
         if any(row != (InputOffset(),) for row in effects.values()):
@@ -135,6 +136,9 @@ def identify_arm(
         warnings.warn(text, UserWarning, stacklevel=3)
     if "reversals" not in settings and (reversals := reversals_of(rows)):
         rows = lags.set_params(reversals=reversals).records(q, torque, groups)
+        if doubtful := unsure(rows, effects):
+            effects |= {j: tuple(e for e in effects[j] if not isinstance(e, LoadFriction)) for j in doubtful}
+            rows = lags.set_params(effects=effects).records(q, torque, groups)
     lags.weights_ = rows.weights
     names, joints = lags.base_.names, lags.arm_.joints
     aged, moving = with_ages(rows)
@@ -287,6 +291,14 @@ def _shown(rows: ArmRows, more: dict[str, tuple[Effect, ...]]) -> list[str]:
             if len(growing) < asked:
                 break
     return growing
+
+
+def unsure(rows: ArmRows, effects: Mapping[str, tuple[Effect, ...]]) -> list[str]:
+    """Joints whose friction was told to grow with the torque, and surely does not where it is known how it reverses."""
+    names = rows.lags.base_.names
+    asked = [j for j, row in effects.items() if any(isinstance(e, LoadFriction) for e in row)]
+    known = _with_blocks(with_ages(rows)[0], rows.weights) if asked else None
+    return [j for j in asked if known and not _sure(*known, [names.index(f"{j}.{LoadFriction.name}")])]
 
 
 def _sure(theta: Array, covariance: Array, columns: list[int]) -> bool:

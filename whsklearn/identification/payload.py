@@ -264,17 +264,16 @@ def gains_from_load(
         if not load[use, j, 0].any() or len(columns) < 2 * columns.shape[1]:
             continue
         columns = columns / np.linalg.norm(columns, axis=0)
-        u, s, vt = np.linalg.svd(columns, full_matrices=False)
-        s = np.where(s > SAME * s[0], s, np.inf)
-        share = vt.T @ (u.T @ target[use, j] / s)
+        inverse = np.linalg.pinv(columns, rcond=SAME)
+        share = inverse @ target[use, j]
         error = target[use, j] - columns @ share
-        white = (vt.T / s**2) @ vt * (error @ error) / (len(error) - len(s))
+        white = inverse @ inverse.T * (error @ error) / (len(error) - len(share))
         spread = float(np.sqrt(block_covariance(columns, error, block[use], white)[0, 0]))
         if share[0] <= spread:  # not told from none
             continue
         gain = float(np.linalg.norm(load[use, j, 0]) / share[0])
         gains[name] = gain, gain * spread / float(share[0])
-        moved = load[use, j, 1:] - u @ (u.T @ load[use, j, 1:])
+        moved = load[use, j, 1:] - columns @ (inverse @ load[use, j, 1:])
         beside.append(np.column_stack([moved / gain, error]) / max(float(np.std(error)), 1e-300))
     x, y = np.split(np.vstack(beside), [3], axis=1)
     shift = np.linalg.lstsq(x, y[:, 0], rcond=SEEN)[0]

@@ -162,11 +162,26 @@ def moved_numbers(numbers: Array, rotation: Array, place: Array) -> Array:
 
     ``numbers`` is (10,). ``rotation`` is (3, 3). ``place`` is (3,).
     """
-    m, h, inertia = numbers[0], rotation @ numbers[1:4], rotation @ inertia_matrix(numbers) @ rotation.T
-    p = place
-    inertia = inertia + (2.0 * h @ p + m * p @ p) * np.eye(3) - np.outer(h, p) - np.outer(p, h) - m * np.outer(p, p)
-    lower = [inertia[i, j] for i, j in ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))]
-    return np.array([m, *(h + m * p), *lower])
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = rotation, place
+    return numbers_of(pose @ pseudo_inertia(numbers) @ pose.T)
+
+
+def pseudo_inertia(numbers: Array) -> Array:
+    """The pseudo-inertia (4, 4) of ten numbers, shape (10,): [[tr(I) / 2 1 - I, m c], [m c', m]]."""
+    inertia, out = inertia_matrix(numbers), np.empty((4, 4))
+    out[:3, :3] = 0.5 * np.trace(inertia) * np.eye(3) - inertia
+    out[:3, 3] = out[3, :3] = numbers[1:4]
+    out[3, 3] = numbers[0]
+    return out
+
+
+def numbers_of(pseudo: Array) -> Array:
+    """The inverse: ten numbers, shape (..., 10), of pseudo-inertias (..., 4, 4)."""
+    inner = pseudo[..., :3, :3]
+    inertia = np.trace(inner, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) - inner
+    lower = inertia[..., [0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]
+    return np.concatenate([pseudo[..., 3, 3:], pseudo[..., :3, 3], lower], axis=-1)
 
 
 def inertia_matrix(numbers: Array) -> Array:

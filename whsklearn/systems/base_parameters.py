@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from whsklearn.effects.base import Array
 from whsklearn.systems._arm_kernels import N_BODY
-from whsklearn.systems.arm_files import body_numbers, inertia_matrix
+from whsklearn.systems.arm_files import body_numbers, numbers_of, pseudo_inertia
 
 # As a share of a column's length. The part that earlier columns leave unexplained is either rounding (1e-13 on random
 # motion) or above 1e-5 (random arms of 2 to 7 joints); the tolerance lies between.
@@ -132,19 +132,6 @@ NEARNESS = 0.3
 OFF_DIAGONAL = (0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)
 
 
-def pseudo_inertia(numbers: Array) -> Array:
-    """The pseudo-inertia J (4, 4) of ten numbers.
-
-    ``numbers`` is (10,).
-    """
-    inertia = inertia_matrix(numbers)
-    out = np.empty((4, 4))
-    out[:3, :3] = 0.5 * np.trace(inertia) * np.eye(3) - inertia
-    out[:3, 3] = out[3, :3] = numbers[1:4]
-    out[3, 3] = numbers[0]
-    return out
-
-
 def from_log_cholesky(x: Array) -> Array:
     """The ten numbers of bodies from their log-Cholesky parameters, shape (..., 10) each; see the module's formula."""
     u = np.zeros((*x.shape[:-1], 4, 4), dtype=x.dtype)
@@ -152,11 +139,7 @@ def from_log_cholesky(x: Array) -> Array:
     for k, place in enumerate(OFF_DIAGONAL):
         u[(..., *place)] = x[..., 4 + k]
     u *= np.exp(x[..., :1, None])
-    pseudo = u @ np.swapaxes(u, -1, -2)
-    inner = pseudo[..., :3, :3]
-    inertia = np.trace(inner, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) - inner
-    lower = inertia[..., [0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]
-    return np.concatenate([pseudo[..., 3, 3:], pseudo[..., :3, 3], lower], axis=-1)
+    return numbers_of(u @ np.swapaxes(u, -1, -2))
 
 
 def slopes(x: Array) -> Array:
