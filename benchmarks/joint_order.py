@@ -24,6 +24,7 @@ from benchmarks import arms as measured
 from benchmarks.blind_arms import RATE, REDRAWN, drawn, follows, made, record, reference
 from whsklearn import Arm, RigidBodyLags
 from whsklearn.identification.arm_fit import CLEARLY, LESS, MUCH, _left, swapped
+from whsklearn.lags.arm_rows import records_of
 
 Row = tuple[str, bool, bool, float, float, float]
 
@@ -48,7 +49,7 @@ def exchanged(arm: Any, q: np.ndarray, u: np.ndarray, dt: float) -> list[Row]:
         lags = RigidBodyLags(arm, 1.0 / dt)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)
-            seen = lags.records(q[:, order], u[:, order])
+            seen = records_of(lags, q[:, order], u[:, order])
             said = swapped(seen)
         left = _left(seen.phi, seen.target, seen.keep)
         true = true if pair else left

@@ -15,6 +15,7 @@ from whsklearn.filtering import motion
 from whsklearn.identification import identify_arm
 from whsklearn.identification.arm_fit import block_covariance, suspicions, swapped, unsure
 from whsklearn.lags import RigidBodyLags
+from whsklearn.lags.arm_rows import records_of
 
 DT = 0.002
 ARM = default_arm()
@@ -143,7 +144,7 @@ def test_a_log_as_it_should_be_raises_no_suspicion():
 
 
 def order_told(q, torque):
-    return swapped(RigidBodyLags(ARM, 1 / DT).records(q, torque))
+    return swapped(records_of(RigidBodyLags(ARM, 1 / DT), q, torque))
 
 
 def test_joints_in_another_order_are_told_by_what_is_left_of_their_drives():
@@ -163,20 +164,20 @@ def test_two_exchanged_joints_are_told_beside_a_third_whose_drive_is_half_noise(
     u[:, 2] += u[:, 2].std() * noise
     lags = RigidBodyLags(arm, RATE)
     for order, told in (([0, 1, 2], 0), ([1, 0, 2], 1)):
-        assert len(swapped(lags.records(q[:, order], u[:, order]))) == told
+        assert len(swapped(records_of(lags, q[:, order], u[:, order]))) == told
 
 
 def test_orders_of_many_joints_are_compared_at_some_instants_only(monkeypatch):
     arm = drawn_arm(7, 3, slides=0.0, branch=0.0, gravity=(0, 0, -9.81))
     q, u = smooth_log(arm, seconds=6.0)
     noisy = u + 0.3 * u.std(axis=0) * np.random.default_rng(0).standard_normal(u.shape).cumsum(axis=0) / len(u) ** 0.5
-    lags, rows = RigidBodyLags(arm, RATE), RigidBodyLags.records
+    lags, rows = RigidBodyLags(arm, RATE), RigidBodyLags.joint_rows
     other = np.array([0, 4, 2, 3, 1, 5, 6])
     asked = []
-    monkeypatch.setattr(RigidBodyLags, "records", lambda *args: asked.append(args) or rows(*args))
-    assert swapped(lags.records(q, noisy)) == []
-    assert len(asked) <= 2  # of 21 exchanges, the one that leaves least at some instants is tried on all rows
-    assert "of j1 by those given for j4" in swapped(lags.records(q[:, other], u[:, other]))[0]
+    monkeypatch.setattr(RigidBodyLags, "joint_rows", lambda *args: asked.append(args) or rows(*args))
+    assert swapped(records_of(lags, q, noisy)) == []
+    assert len(asked) <= 1  # of 21 exchanges, the one that leaves least at some instants is tried on all rows
+    assert "of j1 by those given for j4" in swapped(records_of(lags, q[:, other], u[:, other]))[0]
 
 
 @pytest.mark.parametrize("joint", ARM.joints)
@@ -210,4 +211,4 @@ def test_friction_that_surely_grows_only_while_it_is_taken_to_jump_is_taken_back
     u += 0.01 * u.std(axis=0) * np.random.default_rng(0).standard_normal(u.shape)
     effects = {j: (InputOffset(), *((LoadFriction(),) if j == "j1" else ())) for j in arm.joints}
     lags = RigidBodyLags(arm, RATE, effects=effects, reversals=dict.fromkeys(arm.joints, (0.15, 0.0)))
-    assert unsure(lags.records(q, u), effects) == ([] if grows else ["j1"])
+    assert unsure(records_of(lags, q, u), effects) == ([] if grows else ["j1"])

@@ -8,7 +8,7 @@ import pytest
 from tests.lags.test_rigid_body import ARM, RATE, smooth_log
 from whsklearn import RigidBodyLags
 from whsklearn.effects import Coulomb, Viscous
-from whsklearn.lags.arm_rows import turning
+from whsklearn.lags.arm_rows import records_of, turning
 
 SLOW = {"j1": (0.3, 0.01)}
 
@@ -20,7 +20,9 @@ def pair():
     q, torque = (np.concatenate(x) for x in zip(*logs, strict=True))
     groups = np.repeat([0, 1], len(logs[0][0]))
     lags = RigidBodyLags(ARM, RATE, cutoff=20.0, reversals=SLOW)
-    return lags.records(q, torque, groups), [RigidBodyLags(ARM, RATE, cutoff=20.0).records(*log) for log in logs]
+    return records_of(lags, q, torque, groups), [
+        records_of(RigidBodyLags(ARM, RATE, cutoff=20.0), *log) for log in logs
+    ]
 
 
 def test_columns_along_an_axis_are_those_of_the_fit(pair):

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from whsklearn.compare.rows import FEWEST_BLOCKS, MOST_BLOCKS, Array, Regression, drifting, slowest_of
-from whsklearn.lags.arm_rows import ArmRows
+from whsklearn.lags.arm_rows import ArmRows, records_of
 from whsklearn.lags.rigid_body import RigidBodyLags
 from whsklearn.systems._arm_kernels import N_BODY
 from whsklearn.systems.arm import NUMBERS, Arm
@@ -63,7 +63,7 @@ def arm_rows(records: Sequence[ArmLog], arm: Arm, labels: Sequence[str]) -> list
     cutoff = min(k.cutoff_ for k in lags)
     for k in lags:
         k.set_params(cutoff=cutoff)
-    views = [k.records(r.position, r.drive) for k, r in zip(lags, records, strict=True)]
+    views = [records_of(k, r.position, r.drive) for k, r in zip(lags, records, strict=True)]
     weights = 1.0 / np.sqrt(np.mean([1.0 / v.weights**2 for v in views], axis=0))
     return [_rows(v, weights, label) for v, label in zip(views, labels, strict=True)]
 

@@ -18,6 +18,7 @@ from threadpoolctl import threadpool_limits
 from whsklearn.effects import Coulomb, InputOffset, LoadFriction, Viscous
 from whsklearn.effects.base import Array
 from whsklearn.filtering.records import Motion, motion, zero_phase
+from whsklearn.lags.arm_rows import ArmRows, records_of
 from whsklearn.lags.axis_rows import DRY, experiments
 from whsklearn.lags.rigid_body import RigidBodyLags
 from whsklearn.models.arm import ArmModel
@@ -29,7 +30,6 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from whsklearn.effects import Effect
-    from whsklearn.lags.arm_rows import ArmRows
 
 
 # Blocks of a record, each omitted once for the spread of the numbers. Between two records of 14 unchanged arms of six
@@ -123,22 +123,22 @@ def identify_arm(
     """
     q, torque = np.asarray(position, dtype=float), np.asarray(drive, dtype=float)
     lags = RigidBodyLags(robot, sample_rate=1.0 / dt, **settings)
-    rows = lags.records(q, torque, groups)
+    rows = records_of(lags, q, torque, groups)
     enough_rows(rows)
     effects: dict[str, tuple[Effect, ...]] = {}
     if not settings.keys() & {"law", "effects"}:
         effects = _frictions(rows)
         if any(row != (InputOffset(),) for row in effects.values()):
-            rows = lags.set_params(effects=effects).records(q, torque, groups)
+            rows = records_of(lags.set_params(effects=effects), q, torque, groups)
     if wrong := in_degrees(rows) or swapped(rows):
         raise ValueError(wrong[0])
     for text in suspicions(lags.arm_, q, torque):
         warnings.warn(text, UserWarning, stacklevel=3)
     if "reversals" not in settings and (reversals := reversals_of(rows)):
-        rows = lags.set_params(reversals=reversals).records(q, torque, groups)
+        rows = records_of(lags.set_params(reversals=reversals), q, torque, groups)
         if doubtful := unsure(rows, effects):
             effects |= {j: tuple(e for e in effects[j] if not isinstance(e, LoadFriction)) for j in doubtful}
-            rows = lags.set_params(effects=effects).records(q, torque, groups)
+            rows = records_of(lags.set_params(effects=effects), q, torque, groups)
     lags.weights_ = rows.weights
     names, joints = lags.base_.names, lags.arm_.joints
     aged, moving = with_ages(rows)
@@ -256,7 +256,7 @@ def _frictions(rows: ArmRows) -> dict[str, tuple[Effect, ...]]:
         if shown := _shown(rows, more):
             effects |= {axis: (*effects.get(axis, ()), *more[axis]) for axis in shown}
             lags = clone(rows.lags).set_params(effects=effects, cutoff=rows.lags.cutoff_)
-            rows = lags.records(rows.position, rows.drive, rows.groups)
+            rows = records_of(lags, rows.position, rows.drive, rows.groups)
     return effects
 
 
@@ -541,7 +541,7 @@ def one_axis(rows: ArmRows, joint: int) -> float:
         alone, lags.sample_rate, law=lags.law, cutoff=lags.cutoff_, slow=lags.slow, reversals=lags.reversals
     )
     try:
-        seen = own.records(rows.position[:, [joint]], rows.drive[:, [joint]], rows.groups)
+        seen = records_of(own, rows.position[:, [joint]], rows.drive[:, [joint]], rows.groups)
     except ValueError:
         return float("nan")
     return float(held_out(seen.phi, seen.target, seen.keep, seen.weights)[0])

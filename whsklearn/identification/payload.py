@@ -28,6 +28,7 @@ from whsklearn.identification.arm_fit import (
     updated,
     with_ages,
 )
+from whsklearn.lags.arm_rows import records_of
 from whsklearn.systems._arm_kernels import N_BODY
 
 if TYPE_CHECKING:
@@ -105,7 +106,7 @@ def find_payload(empty: ArmFit, position: ArrayLike, drive: ArrayLike, *, gain_e
         Relative standard deviation of the drive gains, taken as common to all joints: the mass is proportional to them.
     """
     lags = clone(empty.lags)
-    rows = lags.records(position, drive)
+    rows = records_of(lags, position, drive)
     phi, keep, weights = rows.phi, rows.keep, rows.weights
     known = Known.of(empty.model, lags.base_.names)
     beside, moving = with_ages(rows)

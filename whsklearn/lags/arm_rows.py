@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
+from sklearn.utils.validation import check_array
 
 from whsklearn.effects.base import Array
 from whsklearn.filtering.records import Motion, central_difference, zero_phase
@@ -17,7 +18,7 @@ from whsklearn.systems.arm import direction_of
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
 
     from whsklearn.lags.rigid_body import RigidBodyLags
 
@@ -94,6 +95,28 @@ class ArmRows:
             return central_difference(self.lags._filtered(u), self.lags.sample_rate)
 
         return self.of_each(change, self.predicted(theta))[self.kept]
+
+
+def records_of(lags: RigidBodyLags, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> ArmRows:
+    """Whole records behind the filters: their unweighted rows, and the motion from which they are computed.
+
+    The arguments are those of `RigidBodyLags.rows`, and so are the errors.
+    """
+    X = np.asarray(check_array(X, dtype=np.float64))
+    lags.fit(X)
+    target = lags._checked_drives(y, len(X))
+    drive, pieces = lags._drive(X, target), list(experiments(groups, len(X)))
+    position = X[:, : lags.arm_.n_joints]
+    longest = position[max(pieces, key=lambda s: s.stop - s.start)]
+    if len(pieces) > 1 and lags.cutoff is None:
+        lags._set_cutoff(lags._cutoff_of(longest, len(X)))
+    along = [lags._columns_along(X[s], drive[s]) for s in pieces]
+    moved = Motion(*map(np.concatenate, zip(*(one for _, one in along), strict=True)))
+    limits = lags._limits(longest, moved.velocity)
+    each = [lags._seen(*one, target[s], limits) for one, s in zip(along, pieces, strict=True)]
+    phi, filtered, keep = map(np.concatenate, zip(*each, strict=True))
+    kept = np.concatenate([lags.samples_of(s.stop - s.start) + s.start for s in pieces])
+    return ArmRows(lags, position, target, groups, phi, filtered, keep, moved, kept)
 
 
 def turning(reversals: Mapping[str, tuple[float, float]] | None, axes: Sequence[str], along: Motion) -> Array | None:

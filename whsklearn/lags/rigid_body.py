@@ -22,7 +22,7 @@ from whsklearn.effects import InputOffset, PreslidingHysteresis
 from whsklearn.effects.base import Array
 from whsklearn.filtering.records import Motion, motion, motion_cutoff, velocity_noise, zero_phase
 from whsklearn.filtering.streams import causal_delay, causal_kernels, causal_motion, causal_window
-from whsklearn.lags.arm_rows import ArmRows, turning
+from whsklearn.lags.arm_rows import records_of, turning
 from whsklearn.lags.axis_rows import DRIVEN, column_names, effect_terms, experiments, sized_effects, stack_columns
 from whsklearn.models.files import as_arm
 from whsklearn.systems._arm_kernels import N_BODY
@@ -272,7 +272,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
             As for `rows`.
         """
         if not self.causal:
-            found = self.records(X, y, groups)
+            found = records_of(self, X, y, groups)
             return found.phi, found.target, found.keep
         X = np.asarray(check_array(X, dtype=np.float64))
         self.fit(X)
@@ -334,30 +334,6 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
                 out[j] = float(np.std(drive))
         smallest = 1e-9 * max(float(np.abs(target).max()), 1e-300)
         return 1.0 / np.maximum(out, smallest)
-
-    def records(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> ArmRows:
-        """Whole records behind the filters: their unweighted rows, and the motion from which they are computed.
-
-        Parameters
-        ----------
-        X, y, groups
-            As for `rows`.
-        """
-        X = np.asarray(check_array(X, dtype=np.float64))
-        self.fit(X)
-        target = self._checked_drives(y, len(X))
-        drive, pieces = self._drive(X, target), list(experiments(groups, len(X)))
-        position = X[:, : self.arm_.n_joints]
-        longest = position[max(pieces, key=lambda s: s.stop - s.start)]
-        if len(pieces) > 1 and self.cutoff is None:
-            self._set_cutoff(self._cutoff_of(longest, len(X)))
-        along = [self._columns_along(X[s], drive[s]) for s in pieces]
-        moved = Motion(*map(np.concatenate, zip(*(one for _, one in along), strict=True)))
-        limits = self._limits(longest, moved.velocity)
-        each = [self._seen(*one, target[s], limits) for one, s in zip(along, pieces, strict=True)]
-        phi, filtered, keep = map(np.concatenate, zip(*each, strict=True))
-        kept = np.concatenate([self.samples_of(s.stop - s.start) + s.start for s in pieces])
-        return ArmRows(self, position, target, groups, phi, filtered, keep, moved, kept)
 
     def _filtered(self, signals: Array) -> Array:
         """Signals (n, ...) of a record, filtered like the columns."""

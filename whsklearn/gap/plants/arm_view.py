@@ -27,7 +27,7 @@ from whsklearn.gap.record import MAD, Array, Segmented, rms
 from whsklearn.identification.arm_fit import SAME, Known, held_out
 from whsklearn.identification.drive_lead import OLDEST
 from whsklearn.identification.payload import MASS
-from whsklearn.lags.arm_rows import ArmRows, turning
+from whsklearn.lags.arm_rows import ArmRows, records_of, turning
 from whsklearn.lags.axis_rows import DRY
 from whsklearn.lags.rigid_body import RigidBodyLags
 from whsklearn.logs.check import lattice
@@ -104,7 +104,7 @@ class ArmView(ArmRows):
     """
 
     def __init__(self, lags: RigidBodyLags, record: ArmRecord, known: Known | None = None):
-        super().__init__(**vars(lags.records(record.position, record.drive, record.groups)))
+        super().__init__(**vars(records_of(lags, record.position, record.drive, record.groups)))
         self.record, self.known = record, known
         self.arm, self.dt = lags.arm_, 1.0 / lags.sample_rate
         self.n_rows, self.n_joints = self.target.shape
