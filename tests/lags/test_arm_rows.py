@@ -56,4 +56,4 @@ def test_friction_reverses_at_once_where_nothing_else_is_told(pair):
     rows, _ = pair
     assert turning(None, ["j1"], rows.moved) is None
     along = type(rows.moved)(*(x[:, 1] for x in rows.moved))
-    np.testing.assert_allclose(np.tanh(turning({} | SLOW, ["j0"], along)), np.sign(along.velocity), atol=1e-9)
+    np.testing.assert_allclose(np.tanh(turning(SLOW, ["j0"], along)), np.sign(along.velocity), atol=1e-9)
