@@ -92,6 +92,8 @@ class ServoRecord(Segmented):
         Units of drive and position as given; in the record they become the SI symbols.
     resolution : float
         Step of the encoder in the position's unit, if the log states it (a log in counts); otherwise 0.
+    quantum : float
+        Step on which the readings lay, in the position's unit, if they were resampled since; otherwise not needed.
     in_place_of_drive : str
         A remark on what stands for a drive that was not logged; empty if one was.
     starts : tuple of int
@@ -122,6 +124,7 @@ class ServoRecord(Segmented):
     reference: Array | None = None
     units: tuple[str, str] = ("Nm", "rad")
     resolution: float = 0.0
+    quantum: float = 0.0
     in_place_of_drive: str = ""
     logged: tuple[str, str] = ("", "")
     starts: tuple[int, ...] = ()
@@ -133,7 +136,8 @@ class ServoRecord(Segmented):
         for name, factor in (("time", 1.0), ("drive", by), ("position", turn), ("reference", turn)):
             if (given := getattr(self, name)) is not None:  # a factor of one changes no bit
                 object.__setattr__(self, name, np.asarray(given, dtype=float) * factor)
-        object.__setattr__(self, "resolution", self.resolution * turn)
+        for name in ("resolution", "quantum"):
+            object.__setattr__(self, name, getattr(self, name) * turn)
         object.__setattr__(self, "units", (drive, motion))
 
     @property

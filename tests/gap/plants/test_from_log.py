@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,9 @@ from whsklearn.effects import GravityImbalance
 from whsklearn.gap import GapFinder
 from whsklearn.gap.plants import Base, make_plant
 from whsklearn.gap.plants.from_log import taken_from
+from whsklearn.gap.plants.servo_start import start_of
 from whsklearn.logs import LogWarning, load_log
+from whsklearn.logs.check import lattice
 
 
 @pytest.fixture(scope="module")
@@ -46,6 +50,22 @@ def test_the_holes_of_a_log_are_kept(tmp_path, frame):
     with pytest.warns(LogWarning, match="hole"):
         log = loaded(tmp_path, frame.drop(range(5000, 7000)), "nm", "rad")
     assert taken_from(log, "servo")[0].starts == (5000,)
+
+
+def test_the_grid_of_the_readings_is_known_after_resampling(tmp_path, frame):
+    """Own records of a coarse encoder without its grid had no trace of it, and presliding friction was seen in it."""
+    step, rng = 0.05, np.random.default_rng(0)  # deg
+    coarse = frame.iloc[:6000:4].copy()
+    coarse["time_s"] += 2e-4 * rng.standard_normal(len(coarse))
+    path = np.rad2deg(np.interp(coarse["time_s"], frame["time_s"], frame["position_rad"]))
+    coarse["position_rad"] = np.deg2rad(step * np.round(path / step))
+    with pytest.warns(LogWarning, match="resampled"):
+        record = taken_from(loaded(tmp_path, coarse, "nm", "deg"), "servo")[0]
+    assert lattice(record.position) == 0.0
+    view, _ = start_of(record, ("viscous", "coulomb"), 0.004)
+    assert view.quantum == record.quantum == pytest.approx(np.deg2rad(step), rel=1e-6)
+    fine = replace(record, quantum=1e-9)  # decimals of the file are no grid worth knowing
+    assert start_of(fine, ("viscous", "coulomb"), 0.004)[0].quantum == 0.0
 
 
 def test_what_stands_for_a_drive_that_was_not_logged_is_in_the_notes(tmp_path, frame):

@@ -27,6 +27,7 @@ from whsklearn.gap.plants import servo_two_mass as two_mass
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, ColumnSignals
 from whsklearn.gap.plants.servo_model import ServoHypothesis, ServoTerm
 from whsklearn.gap.record import Array, ServoRecord, rms
+from whsklearn.gap.search import HALF
 from whsklearn.identification.drive_lead import KNOWN, LATEST, OLDEST
 from whsklearn.logs.check import lattice
 
@@ -81,7 +82,8 @@ class InverseView:
     def __init__(self, record: ServoRecord, scene: Scales, cutoff: float, start: tuple[Array, Array], noise: float):
         self.record, self.scene, self.cutoff, self.start, self.noise = record, scene, cutoff, start, noise
         dt, y, u = scene.dt, record.position, record.drive
-        self.quantum = lattice(y)
+        # Resampled readings are on no grid any more, but their errors are still constant where the axis turns.
+        self.quantum = lattice(y) or (record.quantum if record.quantum**2 / 12.0 >= HALF * noise**2 else 0.0)
         sigma = CUTOFF_SIGMA / (2 * np.pi * cutoff)
         self.g, _, g2 = gaussian_derivatives(sigma, dt)
         self.every = decimation(cutoff, dt)
