@@ -31,6 +31,17 @@ def test_a_wrapped_angle_goes_on(load, name, turn, low):
     assert "LOG012" in log.report.codes
 
 
+@pytest.mark.parametrize("low", [0, -32768], ids=["unsigned", "signed"])
+def test_a_16_bit_counter_overflows_whatever_its_counts_of_a_turn(load, low):
+    """Counts of a turn that are known were the only period that was tried; signed counters were left in pieces."""
+    table = turning()
+    true = np.round(table.pop("position_rad") / (2 * np.pi) * 200_000)
+    table["enc"] = np.mod(true - low, 65536) + low
+    log = load(table, position="enc", units={"position": "counts/200000"})
+    assert np.array_equal(log.y - log.y[0], true - true[0])
+    assert "LOG012" in log.report.codes
+
+
 @pytest.mark.parametrize("clock", ["restarts", "goes on"])
 def test_a_run_that_is_there_twice_counts_once(load, clock):
     """Its second half would be held out, and is what was fitted."""

@@ -101,7 +101,7 @@ def turn_in(values: Array, unit: str) -> float | None:
     leaps = np.abs(np.diff(values))
     known = turn_of(unit)
     turns = [known] if known else []
-    if unit in ("counts", "as logged"):
+    if unit.startswith("counts") or unit == "as logged":  # whatever the counts of a turn, a register overflows
         turns += [2.0**k for k in range(8, 33)]
     if unit == "as logged":
         turns += [2 * math.pi, 360.0]
