@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-    from whsklearn.lags.rigid_body import RigidBodyLags
-
 ABRUPT = 1e-12, 0.0  # rad/s and s: a reversal at rest and at once
 
 
@@ -29,7 +27,7 @@ ABRUPT = 1e-12, 0.0  # rad/s and s: a reversal at rest and at once
 class ArmRows:
     """Whole records, one after the other; filters and memories begin anew at each."""
 
-    lags: RigidBodyLags
+    lags: Any  # a `RigidBodyLags`, which makes them
     position: Array  # (n, n_joints), as measured, and so are the drives
     drive: Array
     groups: Any  # (n,): marks experiments, or None
@@ -97,7 +95,7 @@ class ArmRows:
         return self.of_each(change, self.predicted(theta))[self.kept]
 
 
-def records_of(lags: RigidBodyLags, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> ArmRows:
+def records_of(lags: Any, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> ArmRows:
     """Whole records behind the filters: their unweighted rows, and the motion from which they are computed.
 
     The arguments are those of `RigidBodyLags.rows`, and so are the errors.
