@@ -153,7 +153,10 @@ def _is_cut(last: str, lines: list[str], layout: Dialect) -> bool:
         return False  # a footer
     ends = [split(t, layout.separator)[-1] for t in lines[layout.first :][:FEW_ROWS]]
     ends = [c for c in ends if is_plain(c, layout.decimal)]
-    short = len(cells) < layout.width or (bool(ends) and len(cells[-1]) < min(map(len, ends)))
+    # behind the decimal sign: 9.50 below rows of 10.20 is whole; a number without the sign that all others have is not
+    behind = [len(c.lstrip("+-").rpartition(layout.decimal)[2]) for c in (*ends, cells[-1])]
+    signless = layout.decimal not in cells[-1] and all(layout.decimal in c for c in ends)
+    short = len(cells) < layout.width or (bool(ends) and (signless or behind[-1] < min(behind[:-1])))
     return short or (bool(ends) and not is_number(cells[-1], layout.decimal))
 
 
