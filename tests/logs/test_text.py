@@ -61,12 +61,13 @@ def test_a_last_number_that_is_cut_is_no_value_and_a_whole_last_row_without_a_li
     assert len(load_log(tmp_path / "whole.csv", **NAMES).y) == 300
 
 
-@pytest.mark.parametrize("separator", [" ", "\t", ","])
-def test_a_last_number_of_fewer_digits_before_its_point_is_whole(tmp_path, separator):
+@pytest.mark.parametrize(("separator", "digits"), [(" ", 2), ("\t", 1), (",", 1)])
+def test_a_last_number_of_fewer_digits_before_its_point_is_whole(tmp_path, separator, digits):
     """10.20 and more in the rows from which a type is taken, 9.50 in the last one."""
-    rows = [f"{k / 100:.2f}{separator}{k % 7}.5{separator}{x:.2f}" for k, x in enumerate(np.linspace(20.0, 9.5, 200))]
+    numbers = enumerate(np.linspace(20.0, 9.5, 200))
+    rows = [f"{k / 100:.2f}{separator}{k % 7}.5{separator}{x:.{digits}f}" for k, x in numbers]
     for name, content, samples in (("whole", rows, 200), ("cut", [*rows[:-1], rows[-1][:-1]], 199),
-                                   ("halved", [*rows[:-1], rows[-1][:-3]], 199)):  # fmt: skip
+                                   ("halved", [*rows[:-1], rows[-1][: -digits - 1]], 199)):  # fmt: skip
         (tmp_path / f"{name}.txt").write_text("\n".join(content))
         assert len(load_log(tmp_path / f"{name}.txt", time=0, drive=1, position=2).y) == samples
 
