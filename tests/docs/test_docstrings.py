@@ -7,6 +7,7 @@ the list is held against two others: the types that public signatures and fields
 from __future__ import annotations
 
 import ast
+import functools
 import importlib
 import inspect
 import re
@@ -96,13 +97,19 @@ def test_public_methods_are_described() -> None:
     assert lacking == []
 
 
-def annotations_of(item) -> dict[str, object]:
-    """Annotations of a class or a function, with what its module imports for them only."""
-    module = sys.modules[item.__module__]
-    names = dict(vars(typing)) | dict(vars(module))
-    for node in ast.walk(ast.parse(inspect.getsource(module))):
+@functools.cache
+def names_of(module: str) -> dict[str, object]:
+    """What annotations of a module may name, with what it imports for them only."""
+    names = dict(vars(typing)) | dict(vars(sys.modules[module]))
+    for node in ast.parse(inspect.getsource(sys.modules[module])).body:
         if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test):
-            exec(compile(ast.Module(node.body, []), item.__module__, "exec"), names)
+            exec(compile(ast.Module(node.body, []), module, "exec"), names)
+    return names
+
+
+def annotations_of(item) -> dict[str, object]:
+    """Annotations of a class or a function."""
+    names = names_of(item.__module__)
     if not inspect.isclass(item):
         return typing.get_type_hints(item, names)
     own = inspect.get_annotations(item)  # fields; inherited ones are looked at where they stand

@@ -190,7 +190,7 @@ def test_a_large_effect_at_one_joint_is_no_other_order(joint):
 def test_arms_of_many_joints(n):
     arm = drawn_arm(n, 3, slides=0.0, branch=0.0, gravity=(0, 0, -9.81))
     arm = arm.with_effects({joint: (Viscous(0.5), Coulomb(0.5)) for joint in arm.joints})
-    found = identify_arm(*smooth_log(arm, seconds=12.0), dt=1.0 / RATE, robot=arm)
+    found = identify_arm(*smooth_log(arm, seconds=8.0), dt=1.0 / RATE, robot=arm)
     assert list(found.missing) == list(arm.joints)
     assert max(found.missing.values()) < 1e-3
 

@@ -19,6 +19,7 @@ import pytest
 from click.testing import CliRunner
 
 from pipelines.turntable import main
+from whsklearn.cli import comparison
 from whsklearn.cli.ui import free_port
 from whsklearn.datasets import load_turntable
 from whsklearn.tracking.store import VIEW_NAME, view_of
@@ -28,8 +29,17 @@ ROOT = Path(__file__).resolve().parents[2]
 PATIENCE = 180  # seconds for a server to start on a busy machine
 
 
+@pytest.fixture(scope="module", autouse=True)
+def short_paths():
+    """Paths of four points and a short warm-up: how many there are, and what a fit takes, is asked elsewhere."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(comparison, "MOST_OF_A_PATH", 4)
+        patch.setattr(comparison, "WARM_UP", 60)
+        yield
+
+
 @pytest.fixture(scope="module")
-def recorded(migrated_database, tmp_path_factory):
+def recorded(short_paths, migrated_database, tmp_path_factory):
     """A log identified with tracking on: the printed text and the address of the store."""
     folder = tmp_path_factory.mktemp("turntable")
     (folder / "mlruns").mkdir()

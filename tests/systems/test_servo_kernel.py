@@ -534,7 +534,7 @@ def test_it_follows_a_fine_reference_of_another_integrator():
 
     state, samples = np.zeros(2), [0.0]
     for k in range(300):
-        state = solve_ivp(motion, (k * DT, (k + 1) * DT), state, rtol=1e-10, atol=1e-12).y[:, -1]
+        state = solve_ivp(motion, (k * DT, (k + 1) * DT), state, rtol=1e-10, atol=1e-12, first_step=DT).y[:, -1]
         samples.append(state[0])
     np.testing.assert_allclose(out[ob.POSITION, :301], samples, atol=1e-7)
 

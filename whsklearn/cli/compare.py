@@ -1,5 +1,4 @@
-"""Compare records of one axis or arm: what changed and by how much, that nothing changed, or why the records cannot
-show it.
+"""Compare records of one axis or arm: what changed and by how much, that nothing did, or why they cannot show it.
 
 Writes ``compare.html`` (for a person) and ``compare.json`` (for programs), and records the comparison in MLflow: a
 parent run, and a child run for every record.
@@ -12,19 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from whsklearn.cli import options as opt
+from whsklearn.cli import records
 from whsklearn.cli.gap import as_record, read_log
 from whsklearn.cli.job import UNUSABLE, job, say_where, table, tracker_for, wrapped, writable_folder
-from whsklearn.cli.options import (
-    FOLDER,
-    LOG,
-    PROBABILITY,
-    axis_options,
-    given,
-    reading_options,
-    refuse_without_robot,
-    robot_options,
-)
-from whsklearn.cli.records import TWICE, liveliest, long_segments, longest, names_of, note, note_assumed, refuse_shared
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -38,12 +28,12 @@ AN_AXIS = {"kind": "servo", "robot": None, "simulator": None}  # options that `g
 
 
 @job
-@click.argument("logs", metavar="BEFORE AFTER [...]", nargs=-1, required=True, type=LOG)
-@axis_options
-@robot_options
-@reading_options
-@click.option("--alpha", type=PROBABILITY, default=0.01, help="Probability of reporting a change when nothing changed.")
-@click.option("--out", type=FOLDER, default="compare", help="Folder for the report.")
+@click.argument("logs", metavar="BEFORE AFTER [...]", nargs=-1, required=True, type=opt.LOG)
+@opt.axis_options
+@opt.robot_options
+@opt.reading_options
+@click.option("--alpha", type=opt.PROBABILITY, default=0.01, help="Probability of reporting a change where none is.")
+@click.option("--out", type=opt.FOLDER, default="compare", help="Folder for the report.")
 def main(**options: Any) -> None:
     """Find what changed between records of one axis or one arm, given in the order of time.
 
@@ -58,19 +48,19 @@ def main(**options: Any) -> None:
     if len(files) < 2:
         raise click.UsageError("One log cannot be compared; give at least two, in the order of time.")
     folder = writable_folder(options["out"])
-    labels = names_of(files)
+    labels = records.names_of(files)
     compared = comparison_of(options, files, labels)
     tracker = tracker_for("compare", options["track"], data=labels[0])
     with tracker.run(f"compare {labels[0]} to {labels[-1]}") as parent:
         found = compared()
         click.echo(wrapped(f"{found.verdict}: {found.sentence}"))
         for text in found.notes:
-            note(text)
+            records.note(text)
         if found.numbers:
             click.echo("")
             click.echo(numbers_of(found))
         click.echo(f"Report: {write_report(found, folder)}")
-        parent.log_params(given(options))
+        parent.log_params(opt.given(options))
         track(parent, found, folder)
     say_where(tracker)
     if not found.usable:
@@ -82,25 +72,25 @@ def comparison_of(options: dict[str, Any], files: tuple[str, ...], labels: list[
     from whsklearn.compare import ArmLog, compare_arms, compare_records
 
     if not options["robot"]:
-        refuse_without_robot(options)
+        opt.refuse_without_robot(options)
         logs = [log_of(options, file) for file in files]
         for first, second in itertools.combinations(logs, 2):
-            refuse_shared(first, second, TWICE)
+            records.refuse_shared(first, second, records.TWICE)
         share_units(logs)
-        records = [as_record(options | AN_AXIS, log)[0] for log in logs]
-        return lambda: compare_records(records, labels, alpha=options["alpha"], random_state=options["seed"])
+        taken = [as_record(options | AN_AXIS, log)[0] for log in logs]
+        return lambda: compare_records(taken, labels, alpha=options["alpha"], random_state=options["seed"])
     from whsklearn.cli.arm_log import read_arm, robot_of  # it loads pandas, which the help does without
 
     arm = robot_of(options)
-    logs = [longest(read_arm(file, options, arm)) for file in files]
+    logs = [records.longest(read_arm(file, options, arm)) for file in files]
     arms = [ArmLog(log.sample_rate, log.y, log.X) for log in logs]
     return lambda: compare_arms(arms, arm, labels, alpha=options["alpha"])
 
 
 def log_of(options: dict[str, Any], file: str) -> Bunch:
     """One log of an axis, with all its long segments."""
-    log = liveliest(long_segments(read_log(options | AN_AXIS | {"log_file": file, "reference": None})))
-    note_assumed(log)
+    log = records.liveliest(records.long_segments(read_log(options | AN_AXIS | {"log_file": file, "reference": None})))
+    records.note_assumed(log)
     return log
 
 

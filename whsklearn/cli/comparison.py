@@ -35,8 +35,7 @@ WARM_UP = 600  # samples: more than the 480 at which a stream's first models tak
 
 @dataclass(frozen=True)
 class ComparedRecord:
-    """An input of shape (n, 1) and an output of shape (n,), with a name, and the segment of each sample if there are
-    holes.
+    """An input (n, 1) and an output (n,), with a name, and the segment of each sample if there are holes.
 
     ``column`` is the name of the input in its log, empty where there is none.
 

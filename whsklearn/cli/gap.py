@@ -13,33 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from whsklearn.cli import options as opt
+from whsklearn.cli import records
 from whsklearn.cli.job import UNUSABLE, job, progress_bar, say_where, tracker_for, wrapped, writable_folder
-from whsklearn.cli.options import (
-    FILE,
-    FOLDER,
-    LOG,
-    ORDERS,
-    PROBABILITY,
-    axis_options,
-    effects_option,
-    given,
-    reading_options,
-    refuse_without_robot,
-    robot_options,
-)
-from whsklearn.cli.records import (
-    TWICE,
-    bridged,
-    liveliest,
-    long_segments,
-    note,
-    note_assumed,
-    read,
-    refuse_shared,
-    roles_of,
-    rows_of,
-    warnings_as_notes,
-)
 
 if TYPE_CHECKING:
     from sklearn.utils import Bunch
@@ -52,41 +28,41 @@ USUAL = {"time": "time_s", "drive": "torque_nm", "position": "position_rad"}
 
 
 @job
-@click.argument("log_file", metavar="LOG", type=LOG)
-@click.argument("more", metavar="[LOG ...]", nargs=-1, type=LOG)
+@click.argument("log_file", metavar="LOG", type=opt.LOG)
+@click.argument("more", metavar="[LOG ...]", nargs=-1, type=opt.LOG)
 @click.option("--model", "kind", type=click.Choice(KINDS), default="servo", help="Kind of the base model.")
-@axis_options
+@opt.axis_options
 @click.option("--reference", help="Reference column (servo); optional.")
 @click.option("--input", "input_column", default="u", help="Column of the input (Wiener-Hammerstein).")
 @click.option("--output", "output_column", default="y", help="Column of the output (Wiener-Hammerstein).")
-@reading_options
+@opt.reading_options
 @click.option(
     "--law",
     help="Terms of the base model's law, joined by commas: friction such as viscous,coulomb; for Wiener-Hammerstein "
     "also linear, offset, polynomial (or polynomial:5), piecewise_linear (or piecewise_linear:12 for 12 kinks), "
     "cubic_spline.",
 )
-@click.option("--orders", type=ORDERS, help="Orders of the base model (Wiener-Hammerstein).")
+@click.option("--orders", type=opt.ORDERS, help="Orders of the base model (Wiener-Hammerstein).")
 @click.option(
     "--direct", type=click.IntRange(0, 2), default=0, help="Blocks with a direct path, 0 to 2 (Wiener-Hammerstein)."
 )
 @click.option("--tolerance", default=0.004, help="Smallest effect worth naming, as a share of the rms drive or output.")
 @click.option(
-    "--alpha", type=PROBABILITY, default=0.01,
+    "--alpha", type=opt.PROBABILITY, default=0.01,
     help="Probability of a false name when nothing is missing (axis with a logged drive).",
 )  # fmt: skip
 @click.option("--max-effects", type=click.IntRange(min=1, max=5), default=3, help="Maximum number of effects to add.")
-@effects_option
-@robot_options
+@opt.effects_option
+@opt.robot_options
 @click.option("--load", help="Known load at the last joint: mass in kg, or with its place in m, KG:X,Y,Z.")
 @click.option(
-    "--loaded", type=LOG, help="Log with a load, where LOG is without: estimates the load, or with --load the gains."
+    "--loaded", type=opt.LOG, help="Log with a load (LOG is without): finds it, or with --load the gains."
 )
-@click.option("--simulator", type=FILE, help="A MuJoCo model.xml or an FMU.")
+@click.option("--simulator", type=opt.FILE, help="A MuJoCo model.xml or an FMU.")
 @click.option("--joint", help="Joint of the simulator.")
 @click.option("--actuator", help="Actuator whose control was logged, if the joint has several.")
-@click.option("--test", "second", type=LOG, help="Another log of the axis, to test the result on.")
-@click.option("--report", type=FOLDER, default="gap", help="Folder for the report.")
+@click.option("--test", "second", type=opt.LOG, help="Another log of the axis, to test the result on.")
+@click.option("--report", type=opt.FOLDER, default="gap", help="Folder for the report.")
 def main(**options: Any) -> None:
     """Find, name and close the gap between a model and LOG.
 
@@ -111,7 +87,7 @@ def main(**options: Any) -> None:
         again = options | {"log_file": options["second"], "load": None, "loaded": None}
         second = gap_log(again) if options["second"] else None
     else:
-        refuse_without_robot(options)
+        opt.refuse_without_robot(options)
         if options["effects"]:
             from whsklearn.cli.own_effects import load_effects  # this compiles, and --help must not
 
@@ -123,7 +99,7 @@ def main(**options: Any) -> None:
                 data_problem(error, folder)
             raise
     if second is not None:
-        refuse_shared(log, second)
+        records.refuse_shared(log, second)
     finder = diagnose(options, log, second, folder)
     if finder.verdict_ == "data_problem":
         raise SystemExit(UNUSABLE)
@@ -134,14 +110,14 @@ def axis_logs(options: dict[str, Any]) -> tuple[Bunch, Bunch | None]:
     whole = read_log(options)
     log = used_of(options, whole)
     if options["kind"] == "servo":  # a chain keeps the units of its log
-        note_assumed(log)
-    log.rows = rows_of(log, whole)
+        records.note_assumed(log)
+    log.rows = records.rows_of(log, whole)
     return log, used_of(options, read_log(options, options["second"])) if options["second"] else None
 
 
 def used_of(options: dict[str, Any], log: Bunch) -> Bunch:
     """The part of a log that this kind of model can use: without short segments, very long holes or too many rows."""
-    return liveliest(long_segments(log) if options["kind"] == "servo" else bridged(log))
+    return records.liveliest(records.long_segments(log) if options["kind"] == "servo" else records.bridged(log))
 
 
 def diagnose(options: dict[str, Any], log: Bunch, second: Bunch | None, folder: Path) -> GapFinder:
@@ -157,7 +133,7 @@ def diagnose(options: dict[str, Any], log: Bunch, second: Bunch | None, folder: 
     record, columns = as_record(options, log)
     record = [record, *map(partial(another, options, log), options["more"])] if options.get("more") else record
     for slip in slips_in(log) if options["kind"] == "servo" and not options["robot"] else []:
-        note(str(slip))
+        records.note(str(slip))
         log.notes = (*log.notes, str(slip))
     tracker = tracker_for("close_gap", options["track"], data=Path(options["log_file"]).stem)
     with tracker.run(f"gap of {Path(options['log_file']).name}") as parent:
@@ -179,14 +155,14 @@ def diagnose(options: dict[str, Any], log: Bunch, second: Bunch | None, folder: 
             test(options, finder, second)
         for problem in d.problems if options["robot"] else []:
             if not problem.fatal:
-                note(problem.explanation)
+                records.note(problem.explanation)
         click.echo(wrapped(f"{d.verdict}: {d.sentence}"))
-        with warnings_as_notes():
+        with records.warnings_as_notes():
             page = finder.report(folder)
         if d.interrupted:
             click.echo("Interrupted: the report holds the rounds that were finished.")
         click.echo(f"Report: {page}")
-        parent.log_params(given(options))
+        parent.log_params(opt.given(options))
         parent.log_input(log.X, log.y, Path(options["log_file"]).stem)
         track(parent, finder, folder)
     say_where(tracker)
@@ -196,7 +172,7 @@ def diagnose(options: dict[str, Any], log: Bunch, second: Bunch | None, folder: 
 def another(options: dict[str, Any], first: Bunch, file: str) -> Any:
     """A further log of the axis, with the columns of the first."""
     log = used_of(options, read_log(options, file))
-    refuse_shared(first, log, TWICE)
+    records.refuse_shared(first, log, records.TWICE)
     first.notes = (*first.notes, f"{log.name} is used too: {log.y.size} samples at {log.sample_rate:.6g} Hz.")
     return as_record(options, log)[0]
 
@@ -266,7 +242,7 @@ def read_log(options: dict[str, Any], second: str | None = None) -> Bunch:
         needed.remove("position")
     if servo and options["rate"] is None and not options["columns"] and source.header and not _own_clock(source):
         needed.append("time")
-    return read(source, options, **roles_of(source, given, tuple(needed), USUAL, options))
+    return records.read(source, options, **records.roles_of(source, given, tuple(needed), USUAL, options))
 
 
 def _own_clock(source: Any) -> bool:
@@ -284,7 +260,7 @@ def as_record(options: dict[str, Any], log: Bunch) -> tuple[Any, dict[str, Any]]
 
     record, columns = taken_from(log, "arm" if options["robot"] else options["kind"])
     if said := getattr(record, "in_place_of_drive", ""):
-        note(said)
+        records.note(said)
     return record, columns
 
 

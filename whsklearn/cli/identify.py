@@ -13,27 +13,9 @@ from typing import TYPE_CHECKING, Any
 import click
 import numpy as np
 
-from whsklearn.cli.job import (
-    job,
-    progress_bar,
-    say_where,
-    table,
-    tracker_for,
-    worse_than_mean,
-    wrapped,
-    writable_folder,
-)
-from whsklearn.cli.options import (
-    FOLDER,
-    LOG,
-    given,
-    logged_option,
-    reading_options,
-    refuse_without_robot,
-    robot_options,
-    system_options,
-)
-from whsklearn.cli.records import TWICE, liveliest, names_of, note, note_assumed, read_system, refuse_shared
+from whsklearn.cli import job as jobs
+from whsklearn.cli import options as opt
+from whsklearn.cli import records
 
 if TYPE_CHECKING:
     from sklearn.utils import Bunch
@@ -45,19 +27,19 @@ INDICES = ("nmse", "rmse")
 UNEVEN = 0.01  # relative difference allowed between the rates of two logs; a clock is a thousand times better
 
 
-@partial(job, unused=("seed",))
-@click.argument("train", metavar="TRAIN", type=LOG)
-@click.argument("more", metavar="[TRAIN ...]", nargs=-1, type=LOG)
-@system_options
-@reading_options
-@robot_options
+@partial(jobs.job, unused=("seed",))
+@click.argument("train", metavar="TRAIN", type=opt.LOG)
+@click.argument("more", metavar="[TRAIN ...]", nargs=-1, type=opt.LOG)
+@opt.system_options
+@opt.reading_options
+@opt.robot_options
 @click.option(
     "--law", help="Friction of every joint of an arm, and nothing else: viscous,coulomb is what MuJoCo and URDF hold."
 )
-@click.option("--test", type=LOG, help="Another log to report on.")
+@click.option("--test", type=opt.LOG, help="Another log to report on.")
 @click.option("--skip", type=click.IntRange(min=0), default=0, help="Samples at the start of the test to ignore.")
-@logged_option
-@click.option("--out", default="model", type=FOLDER, help="Folder for the results.")
+@opt.logged_option
+@click.option("--out", default="model", type=opt.FOLDER, help="Folder for the results.")
 def main(**options: Any) -> None:
     """Find the model that describes the log TRAIN best: linear, Wiener-Hammerstein or physics.
 
@@ -76,42 +58,42 @@ def main(**options: Any) -> None:
 
         arm.identify(options)
         return
-    refuse_without_robot(options)
+    opt.refuse_without_robot(options)
 
     from whsklearn.identification.report import write
 
     paths = (options["train"], *options["more"])
-    logs = [liveliest(read_system(path, options)) for path in paths]
+    logs = [records.liveliest(records.read_system(path, options)) for path in paths]
     train = together(logs)
-    test = liveliest(read_system(options["test"], options)) if options["test"] else None
+    test = records.liveliest(records.read_system(options["test"], options)) if options["test"] else None
     if test is not None:
-        refuse_shared(train, test)
-    writable_folder(options["out"])
+        records.refuse_shared(train, test)
+    jobs.writable_folder(options["out"])
     name = Path(options["train"]).stem
-    tracker = tracker_for("identify", options["track"], data=name)
-    records = np.repeat(names_of(paths), [log.y.size for log in logs]) if len(logs) > 1 else None
-    found = fitted(options, train, test, records)
+    tracker = jobs.tracker_for("identify", options["track"], data=name)
+    whose = np.repeat(records.names_of(paths), [log.y.size for log in logs]) if len(logs) > 1 else None
+    found = fitted(options, train, test, whose)
     if found.recommended.kind == "axis":  # other structures have no physical numbers
-        note_assumed(train)
+        records.note_assumed(train)
     say(found)
     if not found.white:  # what is missing may be in the log
         for log in logs:
             for clipped in (f for f in log.report.findings if f.code == "LOG005"):
-                click.echo(wrapped(f"{log.name}: {clipped.explanation}") + "\n")
+                click.echo(jobs.wrapped(f"{log.name}: {clipped.explanation}") + "\n")
     page = write(found, options["out"])
     click.echo(f"The page is {page}.")
     with tracker.run(f"identify {name}") as run:
-        run.log_params(given(options))
+        run.log_params(opt.given(options))
         run.log_tags({"recommended": found.recommended.name})
         track(run, found, page.parent, train.columns["drive"])
-    say_where(tracker)
+    jobs.say_where(tracker)
 
 
-def fitted(options: dict[str, Any], train: Bunch, test: Bunch | None, records: Any) -> Identification:
-    """The identification of the joined logs, of which ``records`` names that of each sample, beside a progress bar."""
+def fitted(options: dict[str, Any], train: Bunch, test: Bunch | None, whose: Any) -> Identification:
+    """The identification of the joined logs, of which ``whose`` names that of each sample, beside a progress bar."""
     from whsklearn.identification import identify
 
-    with progress_bar(desc="fitting", unit="model") as bar:
+    with jobs.progress_bar(desc="fitting", unit="model") as bar:
 
         def progress(candidate: str) -> None:
             bar.set_postfix_str(candidate)
@@ -121,10 +103,10 @@ def fitted(options: dict[str, Any], train: Bunch, test: Bunch | None, records: A
         found = identify(
             train.X[:, 0], train.y, dt=1.0 if units["time"] == "samples" else 1.0 / train.sample_rate, units=units,
             test=None if test is None else as_train(test, train), skip=options["skip"], logged=options["logged"],
-            drive_error=train.drive_error, groups=train.groups, records=records, progress=progress,
+            drive_error=train.drive_error, groups=train.groups, records=whose, progress=progress,
         )  # fmt: skip
     if test is not None and found.test.y.size < test.y.size:
-        note(
+        records.note(
             f"{found.test.y.size} of {test.y.size} samples of {test.name} are used: the other segments are too short "
             "to judge anything."
         )
@@ -135,12 +117,12 @@ def say(found: Identification) -> None:
     """Print the structures, the reason of the recommendation, its numbers, and what is doubtful about them."""
     from whsklearn.identification.report import on_intervals
 
-    bad = worse_than_mean({found.recommended.name: found.recommended.test.get("nmse", 0.0)})
-    click.echo(f"\n{comparison(found)}\n\n{wrapped(found.reason)}\n\n{numbers(found)}\n")
+    bad = jobs.worse_than_mean({found.recommended.name: found.recommended.test.get("nmse", 0.0)})
+    click.echo(f"\n{comparison(found)}\n\n{jobs.wrapped(found.reason)}\n\n{numbers(found)}\n")
     for text in filter(None, (found.on_drive, bad)):
-        click.echo(wrapped(text))
+        click.echo(jobs.wrapped(text))
     if told := on_intervals(found):
-        click.echo(f"{wrapped(told)}\n")
+        click.echo(f"{jobs.wrapped(told)}\n")
 
 
 def track(run: Run, found: Identification, folder: Path, column: str) -> None:
@@ -182,9 +164,9 @@ def together(logs: list[Bunch]) -> Bunch:
                 "resample them to one rate."
             )
         for other in logs[:k]:
-            refuse_shared(other, log, TWICE)
+            records.refuse_shared(other, log, records.TWICE)
         signals.append(as_train(log, first))
-        note(f"{log.name} is used too: {log.y.size} samples.")
+        records.note(f"{log.name} is used too: {log.y.size} samples.")
     if len(logs) == 1:
         return first
     segments = np.cumsum([0] + [int(groups.max()) + 1 for *_, groups in signals])
@@ -219,8 +201,8 @@ def comparison(found: Identification) -> str:
     unit = found.model.units.get("output", "")
     told = f" ({unit})" if unit else ""
     title = f"Root mean square error{told} over held-out windows, and of the free run on the test"
-    text = table(["structure", "numbers", *lengths, "NMSE", "RMSE", "CPU s"], rows, title=title)
-    return "\n".join([text, *(wrapped(f"{c.name}: {c.failure}") for c in found.models if c.failure)])
+    text = jobs.table(["structure", "numbers", *lengths, "NMSE", "RMSE", "CPU s"], rows, title=title)
+    return "\n".join([text, *(jobs.wrapped(f"{c.name}: {c.failure}") for c in found.models if c.failure)])
 
 
 def numbers(found: Identification) -> str:
@@ -228,4 +210,4 @@ def numbers(found: Identification) -> str:
     from whsklearn.identification.report import parameters, spelled
 
     rows = [[p["name"], *spelled(p["value"], p["standard_error"]), p["unit"]] for p in parameters(found)]
-    return table(["parameter", "value", "95 % interval", "unit"], rows)
+    return jobs.table(["parameter", "value", "95 % interval", "unit"], rows)

@@ -1,5 +1,4 @@
-"""Logs for experiments: generators, the library's own simulated record, and loaders of user logs and published
-records.
+"""Logs for experiments: generators, the library's own simulated record, loaders of user logs and published records.
 """
 
 from whsklearn.datasets.arm import default_arm, make_arm_log

@@ -11,11 +11,6 @@ from whsklearn.estimators.pem import PEMRegressor
 from whsklearn.estimators.streaming_pem import StreamingPEMRegressor
 
 __all__ = [
-    "DifferentialEvolutionRegressor",
-    "MILSRegressor",
-    "MultiInnovationGradientRegressor",
-    "PEMRegressor",
-    "RLSRegressor",
-    "RMILSRegressor",
-    "StreamingPEMRegressor",
-]
+    "DifferentialEvolutionRegressor", "MILSRegressor", "MultiInnovationGradientRegressor", "PEMRegressor",
+    "RLSRegressor", "RMILSRegressor", "StreamingPEMRegressor",
+]  # fmt: skip

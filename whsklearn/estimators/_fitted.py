@@ -262,20 +262,9 @@ class FittedModel(BaseEstimator):
     def to_dlti(self, dt: float = 1.0) -> tuple[Any, Any]:
         """L1 and L2 as linear systems in discrete time; the law between them is in `parameters_`.
 
-        Parameters
-        ----------
-        dt : float, default=1.0
-            Sampling interval in seconds.
-
-        Returns
-        -------
-        first, second : scipy.signal.dlti
-            u to x and v to y, with their delays. With several inputs the first is a tuple of systems, one per input.
-
-        Raises
-        ------
-        ValueError
-            If the estimator works on rows and has no blocks, or if ``dt`` is not a positive number.
+        ``dt``: sampling interval in seconds. Returns u to x and v to y, with their delays. With several inputs the
+        first is a tuple of systems, one per input. Raises ValueError if the estimator works on rows and has no blocks,
+        or if ``dt`` is not a positive number.
 
         Examples
         --------

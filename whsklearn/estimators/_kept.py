@@ -56,10 +56,7 @@ class KeptModel(FittedModel):
     def set_state(self, state: dict[str, Any]) -> Self:
         """Continue from what `get_state` of an estimator with the same parameters returned.
 
-        Raises
-        ------
-        ValueError
-            If the state is of another kind of estimator, or its orders differ.
+        Raises ValueError if the state is of another kind of estimator, or its orders differ.
         """
         if not isinstance(state, dict) or not {"n_features_in", "state"} <= state.keys():
             raise ValueError("This is not a state of an estimator; give what get_state() returned.")
@@ -102,10 +99,7 @@ class KeptModel(FittedModel):
     def load(cls, path: str | os.PathLike[str]) -> Self:
         """Read what `save` wrote; a stream continues from there.
 
-        Raises
-        ------
-        ValueError
-            If the file is damaged, not one that `save` wrote, or of another estimator.
+        Raises ValueError if the file is damaged, not one that `save` wrote, or of another estimator.
         """
         params, state = read_state(path, cls.__name__)
         try:

@@ -128,15 +128,8 @@ class RecursiveRegressor(AxisRegressor):
         A call learns all of its samples or none: if an exception or Ctrl-C ends it, the state is bit for bit what it
         was before.
 
-        Parameters
-        ----------
-        X, y, groups, sample_weight
-            As for `fit`. Without ``groups`` the samples continue the last experiment.
-
-        Raises
-        ------
-        ValueError
-            As for `fit`; the state is then exactly as it was.
+        ``X``, ``y``, ``groups``, ``sample_weight``: as for `fit`. Without ``groups`` the samples continue the last
+        experiment. Raises ValueError: as for `fit`; the state is then exactly as it was.
         """
         stream = self._stream
         if (
@@ -241,15 +234,8 @@ class RecursiveRegressor(AxisRegressor):
         follows as fast as one that has seen only so few samples.  `whsklearn.change.forgetting_after`
         gives the forgetting factor to continue with.
 
-        Parameters
-        ----------
-        samples : float, default=100
-            A number above 0.  If the estimate already rests on fewer samples, nothing changes.
-
-        Raises
-        ------
-        ValueError
-            If ``samples`` is not a positive number.
+        ``samples``: a number above 0.  If the estimate already rests on fewer samples, nothing changes. Raises
+        ValueError if ``samples`` is not a positive number.
         """
         if not 0 < samples < np.inf:
             raise ValueError(f"samples is {samples!r}, expected a positive number, the weight of the past in samples.")

@@ -131,14 +131,7 @@ class AxisRegressor(RegressorMixin, CheckedModel):
         posterior of L1.  It is zero for a law without sign(dx) and for an estimator that has no covariance.  `predict`
         gives the simulation below 0.7 (ln 2), and the expected output from there on.
 
-        Parameters
-        ----------
-        X, groups
-            As for `predict`.
-
-        Returns
-        -------
-        ndarray of shape (n_experiments,)
+        ``X``, ``groups``: as for `predict`. Returns (n_experiments,).
         """
         check_is_fitted(self, "state_")
         given = joined(X, groups=groups)

@@ -51,9 +51,7 @@ class If(NamedTuple):
 
 @dataclass(frozen=True)
 class StateArray:
-    """An array of the generated code's state: element (i, j) is called ``name(i, j)``, which is empty if it is never
-    read.
-    """
+    """An array of the generated code's state: element (i, j) is called ``name(i, j)``, empty if it is never read."""
 
     name: Callable[..., str]
 

@@ -136,9 +136,7 @@ class Exported:
         return *self.factors, factor_of(self.position_unit)[0]
 
     def told(self, losses: list[Loss]) -> list[Loss]:
-        """Losses with their sizes, so far in Nm and rad, in the SI symbols of this model; a phase is always an
-        angle.
-        """
+        """Losses with their sizes, in Nm and rad, in the SI symbols of this model; a phase is always an angle."""
         own = dict(zip(("Nm", "rad"), self.si, strict=True))
 
         def spelled(size: str) -> str:
@@ -185,8 +183,7 @@ class Exported:
 
 
 def as_exported(model: Any) -> Exported:
-    """Convert a model to `Exported`: a file for `load_model`, a `ServoAxis`, a `WienerHammersteinSystem`, an identified
-    model.
+    """`Exported` from a file for `load_model`, a `ServoAxis`, a `WienerHammersteinSystem` or an identified model.
 
     Raises ValueError if it is none of them.
     """

@@ -265,9 +265,7 @@ def _both_ways(torque: Torque, speeds: Array) -> Array:
 
 
 def _three(torque: Torque, top: float) -> Array:
-    """Three speeds that describe a friction curve best: near rest, at its minimum or strongest bend, and the
-    highest.
-    """
+    """Three speeds that describe a friction curve best: near rest, at its minimum or strongest bend, the highest."""
     v = top * np.geomspace(5e-3, 1, 60)
     f = _both_ways(torque, v)
     best = min(range(1, 59), key=lambda i: float(np.sum((np.interp(v, v[[0, i, -1]], f[[0, i, -1]]) - f) ** 2)))

@@ -7,14 +7,6 @@ from whsklearn.identification.payload import Payload, find_payload, gains_from_l
 from whsklearn.identification.view import View
 
 __all__ = [
-    "ArmFit",
-    "Compared",
-    "Identification",
-    "OwnDrive",
-    "Payload",
-    "View",
-    "find_payload",
-    "gains_from_load",
-    "identify",
-    "identify_arm",
-]
+    "ArmFit", "Compared", "Identification", "OwnDrive", "Payload", "View", "find_payload", "gains_from_load",
+    "identify", "identify_arm",
+]  # fmt: skip

@@ -231,10 +231,7 @@ def resonance_starts(log: View, *, at_load: bool = False) -> list[Array]:
     detrended, because each piece has its own initial state.  The load itself, with ``at_load``, rings against the
     motor, with -1 in place of s / (1 - s), momentum being conserved, so its share is not known.
 
-    Raises
-    ------
-    ValueError
-        If every resonance leaves more than `RESONANT` of the squared error of a rigid axis.
+    Raises ValueError if every resonance leaves more than `RESONANT` of the squared error of a rigid axis.
     """
     from scipy.signal import cont2discrete, detrend
 

@@ -47,12 +47,7 @@ class OwnDrive(NamedTuple):
     def told(self, dt: float, unit: str) -> str:
         """In words; empty if the drive was left as logged.
 
-        Parameters
-        ----------
-        dt : float
-            Sampling time (s).
-        unit : str
-            Of the drive.
+        ``dt``: sampling time (s). ``unit``: of the drive.
 
         Examples
         --------

@@ -128,10 +128,7 @@ class View:
     def part(self, start: int, stop: int) -> View:
         """Some of the samples.
 
-        Parameters
-        ----------
-        start, stop : int
-            Range of samples; ``stop`` is excluded.
+        ``start``, ``stop``: range of samples; ``stop`` is excluded.
         """
         starts = tuple(b - start for b in self.starts if start < b < stop)
         u, y, target = (x[start:stop] for x in (self.u, self.y, self.target))

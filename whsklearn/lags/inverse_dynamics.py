@@ -153,12 +153,7 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
     def fit(self, X: ArrayLike, y: ArrayLike | None = None) -> Self:
         """Check the log and set up columns, filter and delay; nothing is estimated here.
 
-        Parameters
-        ----------
-        X : array-like of shape (n, 1) or (n, 2)
-            Position, and the drive if an effect needs it.
-        y : object
-            Not used.
+        ``X`` (n, 1) or (n, 2): position, and the drive if an effect needs it. ``y``: not used.
         """
         n_columns = check_array(X, dtype=np.float64).shape[1]
         if n_columns > 2:
@@ -172,19 +167,9 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
     def transform(self, X: ArrayLike, y: ArrayLike | None = None, groups: ArrayLike | None = None) -> Array:
         """Compute the columns of records from a clean start; the state of a stream is neither used nor changed.
 
-        Parameters
-        ----------
-        X : array-like of shape (n, 1) or (n, 2)
-            Position, and the drive if an effect needs it.
-        y : array-like of shape (n,), optional
-            The drive, if X does not contain it.
-        groups : array-like of shape (n,), optional
-            Marks experiments; filters restart at each.
-
-        Returns
-        -------
-        ndarray of shape (n, n_terms)
-            In a causal transformer, row t belongs to time t - ``delay_``.
+        ``X`` (n, 1) or (n, 2): position, and the drive if an effect needs it. ``y`` (n,): the drive, if X does not
+        contain it. ``groups`` (n,): marks experiments; filters restart at each. Returns (n, n_terms): in a causal
+        transformer, row t belongs to time t - ``delay_``.
         """
         check_is_fitted(self, "terms_")
         X = validated(self, X)
@@ -194,10 +179,7 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
     def fit_transform(self, X: ArrayLike, y: ArrayLike | None = None, groups: ArrayLike | None = None) -> Array:
         """Call `fit`, then compute columns from a clean start; a stream can continue from the end of X.
 
-        Parameters
-        ----------
-        X, y, groups
-            As for `transform`.
+        ``X``, ``y``, ``groups``: as for `transform`.
         """
         return self._fresh(X, y, groups)
 
@@ -248,15 +230,8 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
     def partial_fit_transform(self, X: ArrayLike, y: ArrayLike | None = None, groups: ArrayLike | None = None) -> Array:
         """Columns of the next piece of a stream, continuing where the last piece ended; shape (n, n_terms).
 
-        Parameters
-        ----------
-        X, y, groups
-            As for `transform`; a new label begins a new stream.
-
-        Raises
-        ------
-        ValueError
-            If the transformer is not causal, or an effect needs the whole record.
+        ``X``, ``y``, ``groups``: as for `transform`; a new label begins a new stream. Raises ValueError if the
+        transformer is not causal, or an effect needs the whole record.
         """
         X = self._next_piece(X)
         drive = self._drive(X, y)
@@ -267,10 +242,7 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
 
         Rows of the warm-up are dropped, so the first pieces may give no rows.
 
-        Parameters
-        ----------
-        X, y, groups
-            As for `rows`; a new label begins a new stream.
+        ``X``, ``y``, ``groups``: as for `rows`; a new label begins a new stream.
         """
         X = self._next_piece(X)
         target = np.asarray(y, dtype=float).ravel()
@@ -377,15 +349,8 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
     def interpret(self, theta: ArrayLike) -> tuple[float, tuple[Effect, ...]]:
         """Inertia and effects for these weights of the columns.
 
-        Parameters
-        ----------
-        theta : array-like of shape (n_terms,)
-            Weights, in the order of the columns.
-
-        Raises
-        ------
-        ValueError
-            If the inertia is not positive, which is impossible for an axis.
+        ``theta`` (n_terms,): weights, in the order of the columns. Raises ValueError if the inertia is not positive,
+        which is impossible for an axis.
         """
         check_is_fitted(self, "terms_")
         theta = np.asarray(theta, dtype=float).ravel()
@@ -402,10 +367,7 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
     def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
         """``inertia``, then the names of the effects, numbered if one recurs, with cos and sin for two columns.
 
-        Parameters
-        ----------
-        input_features : object
-            Not used; present for scikit-learn compatibility.
+        ``input_features``: not used; present for scikit-learn compatibility.
         """
         check_is_fitted(self, "terms_")
         return np.array(["inertia", *column_names(self.terms_)], dtype=object)

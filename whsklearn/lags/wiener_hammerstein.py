@@ -90,10 +90,7 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
     def dims(self) -> NDArray[np.int64]:
         """n_a, n_b, n_c, n_d and the number of weights, in the form that the kernels take.
 
-        Raises
-        ------
-        ValueError
-            If an order is not a whole number, n_a or n_c is below 1, or n_b or n_d is below 0.
+        Raises ValueError if an order is not a whole number, n_a or n_c is below 1, or n_b or n_d is below 0.
         """
         for name, least in (("n_a", 1), ("n_b", 0), ("n_c", 1), ("n_d", 0)):
             check_whole(name, getattr(self, name), least, "; set the order")
@@ -102,10 +99,7 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
     def advance(self) -> int:
         """Samples by which the response comes earlier than the paper's: 2 minus both delays.
 
-        Raises
-        ------
-        ValueError
-            If ``delays`` is not a pair of whole numbers of 0 or more.
+        Raises ValueError if ``delays`` is not a pair of whole numbers of 0 or more.
         """
         first, second = (*self.delays, None)[:2] if np.size(self.delays) == 2 else (None, None)
         for delay in (first, second):
@@ -119,10 +113,7 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
     def key_term(self) -> int:
         """Index of the law's term that carries the linear part of (5).
 
-        Raises
-        ------
-        ValueError
-            If the law has no term that is linear in x or dx.
+        Raises ValueError if the law has no term that is linear in x or dx.
         """
         key = as_law(self.law).key
         if key is not None:
@@ -157,19 +148,9 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
     def transform(self, X: ArrayLike, y: ArrayLike | None = None, groups: ArrayLike | None = None) -> Any:
         """Rows of a record that is at rest before its first sample; the stored state does not change.
 
-        Parameters
-        ----------
-        X : array-like of shape (n, n_inputs)
-            Inputs.
-        y : array-like of shape (n,)
-            Output, of which past samples are regressors; not needed where ``n_d`` is 0.
-        groups : array-like of shape (n,), optional
-            Experiment of each sample; the past is forgotten where one begins.
-
-        Returns
-        -------
-        ndarray of shape (n, n_parameters)
-            As many rows as samples; the first ``max_lag`` rows hold zeros for samples before the start.
+        ``X`` (n, n_inputs): inputs. ``y`` (n,): output, of which past samples are regressors; not needed where ``n_d``
+        is 0. ``groups`` (n,): experiment of each sample; the past is forgotten where one begins. Returns (n,
+        n_parameters): as many rows as samples; the first ``max_lag`` rows hold zeros for samples before the start.
         """
         check_is_fitted(self, "n_features_in_")
         return self._rows(X, y, groups, {})
@@ -177,10 +158,7 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
     def fit_transform(self, X: ArrayLike, y: ArrayLike | None = None, groups: ArrayLike | None = None) -> Any:
         """Start from a clean state, and keep the state for `partial_fit_transform`.
 
-        Parameters
-        ----------
-        X, y, groups
-            As for `transform`.
+        ``X``, ``y``, ``groups``: as for `transform`.
         """
         carried: dict[str, Any] = {}
         rows = clone(self).fit(X, y)._rows(X, y, groups, carried)
@@ -191,10 +169,7 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
     def partial_fit_transform(self, X: ArrayLike, y: ArrayLike | None = None, groups: ArrayLike | None = None) -> Any:
         """Rows that continue where the last call ended.
 
-        Parameters
-        ----------
-        X, y, groups
-            As for `transform`.
+        ``X``, ``y``, ``groups``: as for `transform`.
         """
         if not hasattr(self, "_carried"):
             return self.fit_transform(X, y, groups)
@@ -203,10 +178,7 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
     def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
         """Names of the columns, such as ``u(k-2)`` and ``-x_hat(k-2)``.
 
-        Parameters
-        ----------
-        input_features : object
-            Not used; present for scikit-learn compatibility.
+        ``input_features``: not used; present for scikit-learn compatibility.
         """
         law, key = as_law(self.law), self.key_term()
         m = getattr(self, "n_features_in_", 1)

@@ -74,9 +74,7 @@ def _says(line: str) -> bool:
 
 
 def _is_data(cells: list[str], decimal: str) -> bool:
-    """Whether most cells are numbers or dates, or half of four or more cells including the first, and not all are
-    blank.
-    """
+    """Whether most cells are numbers or dates, or half of four or more with the first, and not all are blank."""
     good = [is_number(c, decimal) or bool(_DATE.match(c)) for c in cells]
     half = len(cells) >= 4 and cells[0] != "" and good[0]  # time, name, value, unit
     return any(c and g for c, g in zip(cells, good, strict=True)) and 2 * sum(good) + half > len(cells)

@@ -222,9 +222,7 @@ def _times(names: list[str]) -> list[int]:
 
 
 def _clocks(times: list[int], width: int) -> list[int] | None:
-    """The time column of each column, the nearest one to its left; None unless there are several, beginning with the
-    first column.
-    """
+    """The time column of each column, the nearest to its left; None unless several begin with the first column."""
     if len(times) < 2 or times[0] != 0:
         return None
     return [max(t for t in times if t <= i) for i in range(width)]

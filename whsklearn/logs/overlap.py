@@ -15,8 +15,7 @@ DISTINCT = 0.5  # share of the samples of a run that must differ: an axis at res
 
 
 def shared_run(first: ArrayLike, second: ArrayLike) -> tuple[int, int, int] | None:
-    """(start in the first, start in the second, length) of a run of samples that both records contain; None if there is
-    none.
+    """(start in the first, start in the second, length) of a run of samples that both records contain, or None.
 
     Contents are compared, not names: a copy, a part of the other record, or an overlapping record.
 

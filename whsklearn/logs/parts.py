@@ -34,8 +34,7 @@ _FEWEST_ROWS = 3
 
 
 def with_nanoseconds(source: Source) -> Source:
-    """Whole seconds completed by the column of nanoseconds or microseconds beside them, as ROS messages have them;
-    otherwise the source itself.
+    """Whole seconds completed by the nano- or microseconds beside them, as in ROS messages; else the source itself.
 
     >>> table = {"stamp.sec": [7, 7, 8], "stamp.nanosec": [0, 500_000_000, 0], "q": [0.0, 0.1, 0.2]}
     >>> rows = Source("a.csv", list(table), lambda wanted: {w: Column(np.array(table[w])) for w in wanted})
@@ -115,8 +114,7 @@ def _nanoseconds(whole: NDArray[Any], part: NDArray[Any], each: int) -> NDArray[
 
 
 def by_motor(source: Source) -> Source:
-    """The columns of each motor, such as ``position.2``, if a column identifies the motor of each row; otherwise the
-    source itself.
+    """The columns of each motor, such as ``position.2``, if a column tells the motor of each row; else the source.
 
     >>> table = {"t": [0, 0, 1, 1, 2, 2], "id": [1, 2] * 3, "q": [0.0, 5.0, 0.1, 5.1, 0.2, 5.2]}
     >>> rows = Source("a.csv", list(table), lambda wanted: {w: Column(np.array(table[w])) for w in wanted})
@@ -153,8 +151,7 @@ def by_motor(source: Source) -> Source:
 
 
 def by_signal(source: Source) -> Source:
-    """The signals of a long table, which has one row per reading with its time and its name; otherwise the source
-    itself.
+    """The signals of a long table, which has one row per reading with its time and its name; else the source.
 
     InfluxDB (``_time``, ``_field``, ``_value``), historians and many scripts write such tables.
 

@@ -131,9 +131,7 @@ def _rest(y: Array, columns: list[Array]) -> float:
 
 
 def _derivatives(p: Array) -> tuple[Array, Array]:
-    """First and second differences per sample, smoothed over a fifteenth of the typical time between two zero
-    crossings.
-    """
+    """First and second differences per sample, smoothed over a fifteenth of the usual time between zero crossings."""
     from scipy.signal import savgol_filter
 
     crossings = max(2, int(np.sum(np.diff(np.sign(p)) != 0)))

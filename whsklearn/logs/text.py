@@ -196,8 +196,7 @@ def _encoding(head: bytes, name: str) -> str:
 
 
 def legacy_encoding(head: bytes) -> str:
-    """The encoding of a text that is not Unicode: kana indicate Japanese, byte pairs in the common rows of GB 2312
-    Chinese.
+    """The encoding of a text that is not Unicode: kana are Japanese, byte pairs in common rows of GB 2312 Chinese.
 
     >>> legacy_encoding("時間,トルク指令".encode("cp932")), legacy_encoding("时间;转矩(N·m)".encode("gb18030"))
     ('cp932', 'gb18030')

@@ -265,8 +265,7 @@ def inertia_unit(drive: str, motion: str) -> str:
 
 
 def readable(symbol: str, default: str = "") -> str:
-    """The unit in which a motion or a drive in ``symbol`` is reported: as logged, except for counts per turn and
-    multiples.
+    """The unit in which a motion or a drive in ``symbol`` is reported: as logged, but for counts a turn and multiples.
 
     A rate is reported in the unit of its motion, revolutions per minute in rad.
 

@@ -7,15 +7,6 @@ from whsklearn.systems.servo_parts import Drive, PIDController, Sensor, Transmis
 from whsklearn.systems.wiener_hammerstein import WienerHammersteinSystem
 
 __all__ = [
-    "Arm",
-    "BaseParameters",
-    "Drive",
-    "PIDController",
-    "Sensor",
-    "ServoAxis",
-    "Transmission",
-    "WienerHammersteinSystem",
-    "base_parameters",
-    "record_frame",
-    "simulate_many",
-]
+    "Arm", "BaseParameters", "Drive", "PIDController", "Sensor", "ServoAxis", "Transmission", "WienerHammersteinSystem",
+    "base_parameters", "record_frame", "simulate_many",
+]  # fmt: skip
