@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +26,11 @@ LEAST_SQUARES = {"estimator": "rls", "orders": (2, 2, 2, 2), "law": "reduced", "
 
 pytest.importorskip("pyarrow", reason="needs the extra parquet")
 QUICK = ["--no-track", "--estimator", "rls", "--in-process", "--workers", "1", "--time", "t"]
+
+
+def identified(model, folder):
+    """What a worker does with the names of some axes."""
+    return partial(identify_axes, model, source=source(folder), test_share=0.25)
 
 
 def test_the_job_writes_one_row_an_axis_and_names_the_odd_ones(fleet, tmp_path):
@@ -62,12 +68,12 @@ def test_the_fleet_is_recorded_with_a_child_for_each_outlier(fleet, mlflow_root)
 def test_a_fleet_that_is_stopped_keeps_what_is_finished_and_goes_on_from_there(fleet, tmp_path, monkeypatch):
     out, given = tmp_path / "fleet.parquet", []
 
-    def here(model, batches, source, test_share, workers):
+    def here(work, batches, workers):
         for names in batches:
             if given and stops:
                 os.kill(os.getpid(), signal.SIGTERM)
             given.extend(names)
-            yield identify_axes(model, names, source, test_share)
+            yield work(names)
 
     monkeypatch.setattr("whsklearn.cli.fleet.run_here", here)
     arguments = [str(fleet), "--out", str(out), "--batch", "4", *QUICK]
@@ -150,7 +156,7 @@ def test_processes_and_one_process_give_the_same(fleet):
     names = axes_of(fleet, "axis")[:4]
     alone = to_table(identify_axes(MODEL, names, source(fleet), 0.25), names)
     batches = [names[:1], names[1:]]
-    shared = to_table([r for rows in run_here(MODEL, batches, source(fleet), 0.25, 2) for r in rows], names)
+    shared = to_table([r for rows in run_here(identified(MODEL, fleet), batches, 2) for r in rows], names)
     pd.testing.assert_frame_equal(alone.drop(columns="seconds"), shared.drop(columns="seconds"))
 
 
@@ -180,7 +186,7 @@ def test_a_worker_that_is_killed_loses_no_axis(fleet, tmp_path):
     names = [n for n in axes_of(fleet, "axis") if n != "broken"]
     batches = [names[i : i + 2] for i in range(0, len(names), 2)]
     model = DiesOnce(str(tmp_path / "died"))
-    rows = [r for done in run_on_cluster(model, batches, source(fleet), 0.25, None, 1) for r in done]
+    rows = [r for done in run_on_cluster(identified(model, fleet), batches, 1, None) for r in done]
     assert (tmp_path / "died").exists()
     table = to_table(rows, names)
     assert list(table["axis"]) == names

@@ -7,6 +7,7 @@ import time
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import click
@@ -89,23 +90,18 @@ def candidates(
     """Both readings of RLS, MILS and RMILS, the gradient scheme, and the batch fit for comparison."""
     old: dict[str, Any] = {**PUBLISHED, **(published or {})}
     common: dict[str, Any] = {"lags": lags, "random_state": seed}
-    found = [
-        ComparedModel("RLS", RLSRegressor(**common, **old), "pseudolinear"),
-        ComparedModel("MILS", MILSRegressor(**common, p=p, **old), "pseudolinear"),
-        ComparedModel("RMILS", RMILSRegressor(**common, p=p, **old), "pseudolinear"),
-        ComparedModel(
-            "gradient", MultiInnovationGradientRegressor(lags=lags, p=p, theta0=old["theta0"]), "pseudolinear"
-        ),
-        ComparedModel("RLS", RLSRegressor(**common), "full"),
-        ComparedModel("MILS", MILSRegressor(**common, p=p), "full"),
-        ComparedModel("RMILS", RMILSRegressor(**common, p=p), "full"),
-        ComparedModel("PEM", PEMRegressor(**common), "batch", stream=False),
-    ]
+    innovations = {"MILS": partial(MILSRegressor, p=p), "RMILS": partial(RMILSRegressor, p=p)}
+    recursive: dict[str, Any] = {"RLS": RLSRegressor, **innovations}
+    gradient = MultiInnovationGradientRegressor(lags=lags, p=p, theta0=old["theta0"])
+    batch: dict[str, Any] = {"PEM": PEMRegressor}
     if evolution:
-        found.append(
-            ComparedModel("differential evolution", DifferentialEvolutionRegressor(**common), "batch", stream=False)
-        )
-    return found
+        batch["differential evolution"] = DifferentialEvolutionRegressor
+    return [
+        *(ComparedModel(name, cls(**common, **old), "pseudolinear") for name, cls in recursive.items()),
+        ComparedModel("gradient", gradient, "pseudolinear"),
+        *(ComparedModel(name, cls(**common), "full") for name, cls in recursive.items()),
+        *(ComparedModel(name, cls(**common), "batch", stream=False) for name, cls in batch.items()),
+    ]
 
 
 @dataclass
@@ -199,10 +195,9 @@ def _fit_and_score(
         outcome.fitted = model.fit(train.X, train.y)
         outcome.seconds = time.perf_counter() - start
         outcome.predictions = [np.asarray(outcome.fitted.predict(r.X), dtype=float) for r in test]
-        scores = {"nmse": nmse, "mu_e": mu_e, "rmse": rmse}
-        for name, index in scores.items():
-            pairs = zip(test, outcome.predictions, strict=True)
-            outcome.indices[name] = float(np.mean([index(r.y, y_hat, skip=skip) for r, y_hat in pairs]))
+        for index in (nmse, mu_e, rmse):
+            values = [index(r.y, y_hat, skip=skip) for r, y_hat in zip(test, outcome.predictions, strict=True)]
+            outcome.indices[index.__name__] = float(np.mean(values))
         if theta is not None and hasattr(outcome.fitted, "theta_"):
             outcome.indices["delta"] = parameter_error(outcome.fitted.theta_, theta)
         if outcome.candidate.stream:
@@ -242,20 +237,15 @@ def _log(outcome: Outcome, run: Run, train: ComparedRecord) -> None:
 def results_table(outcomes: Sequence[Outcome], title: str) -> str:
     """A table of candidates (rows) and indices (columns), with failures listed below it."""
     names = [k for k in ("nmse", "mu_e", "rmse", "delta") if any(k in o.indices for o in outcomes)]
-    rows = [
-        [o.candidate.name, o.candidate.reading, *(o.indices.get(k) for k in names), o.seconds or None] for o in outcomes
-    ]
+    called = {f"{o.candidate.name} ({o.candidate.reading})": o for o in outcomes}
+    rows = [[o.candidate.name, o.candidate.reading, *map(o.indices.get, names), o.seconds or None] for o in outcomes]
     text = table(["estimator", "reading", *names, "seconds"], rows, title=title)
-    told = [
-        f"{o.candidate.name} ({o.candidate.reading}) could not be fitted: {o.failure}" for o in outcomes if o.failure
-    ]
-    bad = worse_than_mean({f"{o.candidate.name} ({o.candidate.reading})": o.indices.get("nmse", 0.0) for o in outcomes})
+    told = [f"{name} could not be fitted: {o.failure}" for name, o in called.items() if o.failure]
+    bad = worse_than_mean({name: o.indices.get("nmse", 0.0) for name, o in called.items()})
     return "\n".join([text, *told, *([wrapped(bad)] if bad else [])])
 
 
 def by_name(outcomes: Sequence[Outcome], **wanted: str) -> Mapping[str, Outcome]:
     """Outcomes that did not fail, by ``name, reading``."""
-    chosen = [o for o in outcomes if not o.failure]
-    for key, value in wanted.items():
-        chosen = [o for o in chosen if getattr(o.candidate, key) == value]
-    return {f"{o.candidate.name}, {o.candidate.reading}": o for o in chosen}
+    fits = (o for o in outcomes if not o.failure and wanted.items() <= vars(o.candidate).items())
+    return {f"{o.candidate.name}, {o.candidate.reading}": o for o in fits}

@@ -6,7 +6,8 @@ import contextlib
 import io
 import textwrap
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from whsklearn.cli.fleet_axis import Row
     from whsklearn.tracking import Run
 
+Work = Callable[[list[str]], "list[Row]"]  # identifies axes by their names
 MOST_CHILDREN = 50  # of each kind
 EVERY_SECONDS = 30.0  # between two writes of the finished rows
 SHOWN = 10
@@ -48,7 +50,7 @@ def main(**options: Any) -> None:
 
     Example: whsklearn fleet logs/ --input torque_nm --output velocity_rad_s --out fleet.parquet
     """
-    from whsklearn.cli.fleet_axis import axes_of, outliers
+    from whsklearn.cli.fleet_axis import axes_of, identify_axes, outliers
     from whsklearn.tracking import estimator_params
 
     folder, axis, out, batch = (options[k] for k in ("folder", "axis", "out", "batch"))
@@ -66,12 +68,9 @@ def main(**options: Any) -> None:
     todo = sorted(set(names) - {row["axis"] for row in rows})
     batches = [todo[i : i + batch] for i in range(0, len(todo), batch)]
     with progress_bar(total=len(names), initial=len(rows), unit="axis", desc="fleet") as bar, kept:
-        results = (
-            run_here(model, batches, source, test_share, workers)
-            if options["in_process"]
-            else run_on_cluster(model, batches, source, test_share, options["scheduler"], workers)
-        )
-        for done in results if batches else ():
+        work = partial(identify_axes, model, source=source, test_share=test_share)
+        spread = run_here if options["in_process"] else partial(run_on_cluster, scheduler=options["scheduler"])
+        for done in spread(work, batches, workers) if batches else ():
             rows += done
             kept.add(done)
             bar.update(len(done))
@@ -90,26 +89,17 @@ def main(**options: Any) -> None:
         raise SystemExit(UNUSABLE)
 
 
-def run_here(
-    model: Any, batches: list[list[str]], source: dict[str, Any], test_share: float, workers: int
-) -> Iterator[list[Row]]:
+def run_here(work: Work, batches: list[list[str]], workers: int) -> Iterator[list[Row]]:
     """Results of each batch as they are ready, from this machine's cores."""
     from joblib import Parallel, delayed
 
-    from whsklearn.cli.fleet_axis import identify_axes
-
-    parallel = Parallel(n_jobs=workers, return_as="generator_unordered")
-    yield from parallel(delayed(identify_axes)(model, names, source, test_share) for names in batches)
+    yield from Parallel(n_jobs=workers, return_as="generator_unordered")(delayed(work)(names) for names in batches)
 
 
-def run_on_cluster(
-    model: Any, batches: list[list[str]], source: dict[str, Any], test_share: float, scheduler: str | None, workers: int
-) -> Iterator[list[Row]]:
+def run_on_cluster(work: Work, batches: list[list[str]], workers: int, scheduler: str | None) -> Iterator[list[Row]]:
     """Results of each batch as they are ready, from a Dask cluster; the work of a lost worker is repeated."""
     import dask
     from distributed import Client, LocalCluster, as_completed
-
-    from whsklearn.cli.fleet_axis import identify_axes
 
     settings = {"distributed.scheduler.allowed-failures": 20, "distributed.worker.daemon": False}
     with contextlib.ExitStack() as stack:
@@ -119,10 +109,7 @@ def run_on_cluster(
             client = stack.enter_context(Client(stack.enter_context(cluster)))
         else:
             client = stack.enter_context(Client(scheduler, timeout="20s"))
-        futures = client.map(
-            identify_axes, [model] * len(batches), batches, source=source, test_share=test_share, pure=False, retries=3
-        )
-        for future in as_completed(futures):
+        for future in as_completed(client.map(work, batches, pure=False, retries=3)):
             yield future.result()
             future.release()
 

@@ -55,9 +55,7 @@ USUAL = {"time": "time_s", "drive": "torque_nm", "position": "position_rad"}
 @opt.effects_option
 @opt.robot_options
 @click.option("--load", help="Known load at the last joint: mass in kg, or with its place in m, KG:X,Y,Z.")
-@click.option(
-    "--loaded", type=opt.LOG, help="Log with a load (LOG is without): finds it, or with --load the gains."
-)
+@click.option("--loaded", type=opt.LOG, help="Log with a load (LOG is without): finds it, or with --load the gains.")
 @click.option("--simulator", type=opt.FILE, help="A MuJoCo model.xml or an FMU.")
 @click.option("--joint", help="Joint of the simulator.")
 @click.option("--actuator", help="Actuator whose control was logged, if the joint has several.")

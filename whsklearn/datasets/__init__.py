@@ -1,5 +1,4 @@
-"""Logs for experiments: generators, the library's own simulated record, loaders of user logs and published records.
-"""
+"""Logs for experiments: generators, the library's own simulated record, loaders of user and of published records."""
 
 from whsklearn.datasets.arm import default_arm, make_arm_log
 from whsklearn.datasets.published import (

@@ -120,7 +120,7 @@ class LuGre(PreslidingHysteresis):
 
 
 class GeneralizedMaxwellSlip(PreslidingHysteresis):
-    """Parallel Maxwell elements that each stick up to their own distance and remember nested reversals; c mean(z_i) (Nm).
+    """Parallel Maxwell elements that stick up to distances of their own and remember nested loops; c mean(z_i) (Nm).
 
     The elements carry equal shares and break loose at evenly spaced distances with mean x_s;
     a sliding element follows the level g(v) at once, the limit of a fast attraction.
