@@ -18,6 +18,7 @@ def test_page_and_json(tmp_path):
     assert "Coulomb rose." in page
     assert "&lt;a&gt;.csv" in page
     assert page.count("<circle") == 2
+    assert page.count("0.0500 ± 0.0010") == 2  # in the table and beside the picture
     assert "http" not in page.replace("http://www.w3.org", "")
     assert json.loads((tmp_path / "new" / "compare.json").read_text(encoding="utf-8"))["verdict"] == "moved"
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,6 +15,7 @@ from whsklearn.plot.look import html_of
 
 COLOURS = {"moved": "#1b7f4d", "nothing": "#2b6cb0", "cannot_tell": "#b7791f"}
 WIDTH, HEIGHT, MARGIN = 320.0, 120.0, 28.0  # px of a picture; the margin above and below holds a line of text
+FINEST = 8  # decimal places; smaller errors are written with an exponent
 REACH = 2.0  # standard errors that a whisker reaches either way
 
 
@@ -51,13 +53,25 @@ def render(found: Comparison) -> str:
     """The page as text."""
     return html_of(
         Path(__file__).with_name("report.html.j2"),
-        {"sig": significant, "spoken": spoken, "p": probability},
+        {"sig": significant, "spoken": spoken, "p": probability, "known": with_error},
         c=found,
         colour=COLOURS[found.verdict],
         pictures=[over_records(row) for row in found.numbers],
         width=WIDTH,
         height=HEIGHT,
     )
+
+
+def with_error(value: float, error: float) -> str:
+    """A value and its standard error, both to the second digit of the error.
+
+    >>> with_error(1.474e-4, 1.13e-3), with_error(5234.0, 130.0), with_error(0.3, 0.0)
+    ('0.0001 ± 0.0011', '5230 ± 130', '0.3 ± 0')
+    """
+    places = 1 - math.floor(math.log10(error)) if error > 0.0 else FINEST
+    if places >= FINEST:
+        return f"{value:.4g} ± {error:.2g}"
+    return " ± ".join(f"{round(x, places):.{max(places, 0)}f}" for x in (value, error))
 
 
 class _Picture(NamedTuple):
