@@ -79,7 +79,14 @@ class AxisCode:
 
 
 class Law(NamedTuple):
-    """Effects of an axis in the form that its integrator takes."""
+    """Effects of an axis in the form that its integrator takes.
+
+    >>> from whsklearn.effects import Cogging
+    >>> plant = pack(ServoAxis(law="viscous,coulomb", effects=[Cogging(0.05, 12.0)]))
+    >>> law = arranged_law(plant.codes, plant.p, [])
+    >>> law.effects.tolist(), law.ends.plain  # their codes; how many are functions of the state alone
+    ([0, 1, 104], 3)
+    """
 
     effects: Any
     p: Any
