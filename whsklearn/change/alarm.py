@@ -159,12 +159,7 @@ class ChangeAlarm(BaseEstimator):
         }
 
     def set_state(self, state: dict[str, Any]) -> ChangeAlarm:
-        """Continue from a state that `get_state` returned.
-
-        Parameters
-        ----------
-        state : dict
-        """
+        """Continue from a ``state`` that `get_state` returned."""
         self._begin()
         self._buffer = None
         for name, value in state.items():

@@ -538,13 +538,7 @@ def at_an_alarm(columns: Sequence[str]) -> Callable[[Side, Side], dict[str, Any]
 def at_an_alarm_of(arm: Arm, dt: float, timed: bool) -> Callable[[Side, Side], dict[str, Any]]:
     """What compares the rows of an arm's stream: time, the positions of all joints, their drives.
 
-    Parameters
-    ----------
-    arm : Arm
-    dt : float
-        Sampling time, in s, of rows without a time.
-    timed : bool
-        Whether a row begins with its time.
+    ``arm``: its robot. ``dt``: sampling time (s) of rows without a time. ``timed``: whether a row begins with its time.
 
     Examples
     --------

@@ -20,18 +20,9 @@ REACH = 2.0  # standard errors that a whisker reaches either way
 
 
 def write_report(found: Comparison, folder: str | os.PathLike[str]) -> Path:
-    """Write ``compare.html`` and ``compare.json``.
+    """Write ``compare.html`` and ``compare.json`` of what was ``found`` into a ``folder``; return the page's path.
 
-    Parameters
-    ----------
-    found : Comparison
-    folder : str or path
-        Created if it does not exist.
-
-    Returns
-    -------
-    path
-        Path of the page.
+    The folder is created if it does not exist.
 
     Examples
     --------

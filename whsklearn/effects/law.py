@@ -284,14 +284,7 @@ def as_law(law: str | FrictionLaw | StaticEffect | Iterable[StaticEffect] | None
     Names are those of memoryless effects, such as ``viscous``, of laws in x, ``linear``, ``offset``, ``polynomial``,
     ``piecewise_linear``, ``cubic_spline``, and ``reduced``, which is (4).
 
-    Parameters
-    ----------
-    law : str, FrictionLaw, StaticEffect, iterable of StaticEffect or None
-
-    Raises
-    ------
-    ValueError
-        If a name is unknown or its effect is not a memoryless term.
+    ``law``: any of these. Raises ValueError if a name is unknown or its effect is not a memoryless term.
 
     Examples
     --------

@@ -42,16 +42,7 @@ def to_dlti(model: Any) -> tuple[Any, list[Loss]]:
 
 
 def to_control(model: Any) -> tuple[Any, list[Loss]]:
-    """As `to_dlti`, for python-control (extra ``control``).
-
-    Parameters
-    ----------
-    model : path, ServoAxis, WienerHammersteinSystem or identified model
-
-    Raises
-    ------
-    ImportError
-        If it is not installed.
+    """As `to_dlti` of a ``model``, for python-control (extra ``control``); ImportError if it is not installed.
 
     Examples
     --------

@@ -116,11 +116,7 @@ def _butterworth(order: int, share: float) -> tuple[NDArray[np.float64], ...]:
 def central_difference(x: ArrayLike, sample_rate: float) -> NDArray[np.float64]:
     """(8 (x(t+1) - x(t-1)) - x(t+2) + x(t-2)) fs / 12, of lower order at the ends; per second, along the first axis.
 
-    Parameters
-    ----------
-    x : array-like of shape (n, ...)
-    sample_rate : float
-        In Hz.
+    ``x`` (n, ...): a signal or several. ``sample_rate``: in Hz.
 
     Notes
     -----

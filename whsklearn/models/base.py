@@ -86,18 +86,10 @@ class IdentifiedModel:
         raise NotImplementedError
 
     def column_factor(self, column: str, unit: str) -> float:
-        """The factor that converts a signal in ``unit`` to the unit of `simulate`'s input or output.
+        """The factor that converts a signal in ``unit`` to the unit of `simulate`'s ``column``, "input" or "output".
 
-        Parameters
-        ----------
-        column : {"input", "output"}
-        unit : str
-            Unit of the signal; if it is unknown, the model's unit is assumed.
-
-        Raises
-        ------
-        ValueError
-            If it is a unit of another quantity than the model's column, such as A where the model has Nm.
+        If the unit is unknown, the model's is assumed. Raises ValueError if it is a unit of another quantity than the
+        model's column, such as A where the model has Nm.
 
         Examples
         --------

@@ -54,13 +54,7 @@ _SHARED = tuple(f.name for f in dataclasses.fields(IdentifiedModel))
 
 
 def save_model(model: IdentifiedModel, path: str | os.PathLike[str]) -> None:
-    """Write a model as JSON, replacing the file atomically.
-
-    Parameters
-    ----------
-    model : IdentifiedModel
-    path : str or path
-        Of a JSON file.
+    """Write a ``model`` as JSON to a ``path``, replacing the file atomically.
 
     Examples
     --------
@@ -104,16 +98,8 @@ def load_model(path: str | os.PathLike[str]) -> Any:
 def as_arm(robot: Arm | str | os.PathLike[str], joints: Any = None) -> Arm:
     """An arm from any of the accepted inputs: an `Arm`, a model file (``.json``), a URDF or an MJCF file.
 
-    Parameters
-    ----------
-    robot : Arm, path or str
-    joints : iterable of str, optional
-        The joints of a URDF or MJCF file that move; see `Arm.from_file`.
-
-    Raises
-    ------
-    ValueError
-        If the file holds no arm.
+    ``robot``: any of them. ``joints``: those of a URDF or MJCF file that move; see `Arm.from_file`. Raises ValueError
+    if the file holds no arm.
 
     Examples
     --------

@@ -500,15 +500,10 @@ class EffectDisplay(Display):
 
     @classmethod
     def from_run(cls, effect: Effect, run: Bunch, *, axes: Any = None) -> EffectDisplay:
-        """Draw an effect along the run of an axis that has it.
+        """Draw an ``effect`` along the run of an axis that has it.
 
-        Parameters
-        ----------
-        effect : Effect
-        run : Bunch
-            What `ServoAxis.simulate` or `ServoAxis.simulate_drive` returned.
-        axes : matplotlib axes, optional
-            Where to draw; a new figure by default.
+        ``run``: what `ServoAxis.simulate` or `ServoAxis.simulate_drive` returned. ``axes``: where to draw; a new figure
+        by default.
         """
         return cls._of(effect, run).plot(axes)
 

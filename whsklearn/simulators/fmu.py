@@ -86,12 +86,7 @@ class FMUSimulator:
         self._units = {k: units[k] for k in (self.drive, self.position)}
 
     def simulate(self, record: Any) -> Array:
-        """Position from the drive alone, shape (n,), beginning at the first of every segment of the record.
-
-        Parameters
-        ----------
-        record : ServoRecord
-        """
+        """Position from the drive alone, shape (n,), beginning at the first of every segment of the ``record``."""
         return np.concatenate([self._run(part, record.time[0]) for part in record.segments])
 
     def _run(self, record: Any, first: float) -> Array:
@@ -118,11 +113,7 @@ class FMUSimulator:
     def refit(self, record: Any, keep: NDArray[np.bool_]) -> FMUSimulator:
         """The parameters, in ratios, by least squares; the FMU as it is without any.
 
-        Parameters
-        ----------
-        record : ServoRecord
-        keep : ndarray of bool, shape (n,)
-            Samples that count.
+        ``record``: a `ServoRecord`. ``keep`` (n,): samples of it that count.
         """
         if not self.parameters:
             return self
@@ -149,16 +140,9 @@ class FMUSimulator:
         return other
 
     def with_effect(self, effect: Effect) -> FMUSimulator:
-        """The FMU with one effect more on its drive.
+        """The FMU with one ``effect`` more on its drive.
 
-        Parameters
-        ----------
-        effect : Effect
-
-        Raises
-        ------
-        NotImplementedError
-            If the effect is not a torque along a motion.
+        Raises NotImplementedError if the effect is not a torque along a motion.
         """
         if effect.port == "output" or effect.column_kind == "none":
             raise NotImplementedError(f"{effect.name} cannot be put on the drive of an FMU")

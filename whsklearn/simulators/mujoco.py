@@ -115,15 +115,11 @@ class MuJoCoSimulator:
     def simulate(self, record: Any) -> Array:
         """Position of the joint under the logged control, shape (n,), held near the log by the observer.
 
-        The replay restarts after a hole in the record.
+        The replay restarts after a hole in the ``record``.
 
         The velocity at its start is a number like those of the model: `refit` finds it with them, and before that it is
         the one that fits the first quarter of a second best.  A difference of the log's first positions will not do:
         where an axis at rest gets a hard jump of the drive, an exact model missed the log by 100 encoder steps.
-
-        Parameters
-        ----------
-        record : ServoRecord
         """
         begun = zip(record.segments, self._start_of(record).velocity.tolist(), strict=True)
         return np.concatenate([self._held(part, velocity, len(part)) for part, velocity in begun])
@@ -176,13 +172,7 @@ class MuJoCoSimulator:
     def refit(self, record: Any, keep: NDArray[np.bool_]) -> MuJoCoSimulator:
         """Inertia, damping, dry friction and stiffness, as far as the model has them, and the velocity at the start.
 
-        By Gauss-Newton on the replay.
-
-        Parameters
-        ----------
-        record : ServoRecord
-        keep : ndarray of bool, shape (n,)
-            Samples that count.
+        By Gauss-Newton on the replay. ``record``: a `ServoRecord`. ``keep`` (n,): samples of it that count.
         """
         model = copy.copy(self)
         model._start = self._start_of(record)
@@ -206,17 +196,7 @@ class MuJoCoSimulator:
         return model
 
     def with_effect(self, effect: Effect) -> MuJoCoSimulator:
-        """The model with one effect more.
-
-        Parameters
-        ----------
-        effect : Effect
-
-        Raises
-        ------
-        NotImplementedError
-            If MuJoCo has nothing like it.
-        """
+        """The model with one ``effect`` more; NotImplementedError if MuJoCo has nothing like it."""
         other = copy.copy(self)
         other.effects = (*self.effects, effect)
         other._compile()
@@ -297,13 +277,8 @@ class MuJoCoSimulator:
         at the position and the velocity that fit the run itself best in least squares, by Gauss-Newton from those of
         the smoothed log; its inner states (filter, delay, bristles) are those in which the run before ended.
 
-        Parameters
-        ----------
-        record : ServoRecord
-        horizon : float
-            In s.
-        restart : {"fitted", "smoothed"}
-            Where a run begins: as above, or at the smoothed log's position and velocity.
+        ``record``: a `ServoRecord`. ``restart``: "fitted", as above, or "smoothed", at the smoothed log's position and
+        velocity.
 
         References
         ----------

@@ -244,11 +244,7 @@ def read_state(path: str | os.PathLike[str], kind: str | None = None) -> tuple[d
 
 
 def read_kind(path: str | os.PathLike[str]) -> str:
-    """The kind of a state file, such as ``"RMILSRegressor"``; raises as `read_state` does.
-
-    Parameters
-    ----------
-    path : str or path
+    """The kind of the state file of a ``path``, such as ``"RMILSRegressor"``; raises as `read_state` does.
 
     Examples
     --------

@@ -75,14 +75,7 @@ class BesideRun:
         self._opened.wait(OPEN_SECONDS)
 
     def log_metrics(self, metrics: Mapping[str, float], step: int = 0) -> None:
-        """Hand metrics over; returns at once.
-
-        Parameters
-        ----------
-        metrics : mapping of str to float
-        step : int, default=0
-            Such as the samples seen.
-        """
+        """Hand ``metrics`` over, by name, of one ``step``, such as the samples seen; returns at once."""
         self._given += 1
         try:
             self._queue.put_nowait((dict(metrics), step))
@@ -90,10 +83,7 @@ class BesideRun:
             self._lose("it takes metrics more slowly than they come")
 
     def close(self, seconds: float = CLOSE_SECONDS) -> int:
-        """End the run within the given time; return the number of lost sets of metrics.
-
-        ``seconds``: longest time to wait.
-        """
+        """End the run within so many ``seconds``; return the number of lost sets of metrics."""
         self._end.set()
         self._thread.join(seconds)
         self.lost = self._given - self._sent

@@ -34,9 +34,7 @@ BATCH = {"metrics": 800, "params": 100, "tags": 100}  # what one log_batch may h
 
 
 def tracking_uri(root: str | os.PathLike[str] = ".") -> str:
-    """Where runs are stored: ``MLFLOW_TRACKING_URI`` if it is set, otherwise ``mlruns/mlflow.db`` beneath `root`.
-
-    ``root``: folder above ``mlruns``.
+    """Where runs are stored: ``MLFLOW_TRACKING_URI`` if it is set, otherwise ``mlruns/mlflow.db`` beneath ``root``.
 
     Examples
     --------
@@ -158,14 +156,9 @@ class Tracker:
 
     @contextlib.contextmanager
     def run(self, name: str, *, parent: Run | None = None, tags: Mapping[str, str] | None = None) -> Iterator[Run]:
-        """A run: FINISHED after the block, FAILED with its reason if the block raises, KILLED if interrupted.
+        """A run of this ``name``: FINISHED after the block, FAILED with its reason if it raises, KILLED if interrupted.
 
-        Parameters
-        ----------
-        name : str
-        parent : Run, optional
-            The run above it.
-        tags : mapping of str to str, optional
+        ``parent``: the run above it. ``tags``: those it has besides the tracker's.
         """
         name, own = utf8(name), {k: utf8(v) for k, v in {**self.tags, **(tags or {})}.items()}
         if self.client is None:
@@ -236,61 +229,35 @@ class Run:
         return self.tracker.client
 
     def child(self, name: str, *, tags: Mapping[str, str] | None = None) -> Any:
-        """A run below this one, to be used in a ``with`` block.
-
-        Parameters
-        ----------
-        name : str
-        tags : mapping of str to str, optional
-        """
+        """A run of this ``name`` and these ``tags`` below this one, to be used in a ``with`` block."""
         self.flush()
         return self.tracker.run(name, parent=self, tags=tags)
 
     def log_tags(self, tags: Mapping[str, Any]) -> None:
-        """Buffer tags, such as ``data``, ``reading``, ``reason``.
-
-        Parameters
-        ----------
-        tags : mapping of str to str
-        """
+        """Buffer ``tags`` by name, such as ``data``, ``reading``, ``reason``."""
         if self._client is not None:
             from mlflow.entities import RunTag
 
             self._buffer["tags"] += [RunTag(k, utf8(str(v))[:5000]) for k, v in tags.items()]
 
     def log_params(self, params: Mapping[str, Any]) -> None:
-        """Buffer parameters; long values are truncated.
-
-        Parameters
-        ----------
-        params : mapping
-        """
+        """Buffer parameters, ``params`` by name; long values are truncated."""
         if self._client is not None:
             from mlflow.entities import Param
 
             self._buffer["params"] += [Param(k, utf8(str(v))[:500]) for k, v in params.items()]
 
     def log_metrics(self, metrics: Mapping[str, float], step: int = 0) -> None:
-        """Buffer metrics of one step; names of non-finite values go into the tag ``not_finite``.
+        """Buffer ``metrics`` by name of one ``step``, such as the samples seen.
 
-        Parameters
-        ----------
-        metrics : mapping of str to float
-        step : int, default=0
-            Such as the samples seen.
+        Names of values that are not finite go into the tag ``not_finite``.
         """
         self.log_paths({k: [v] for k, v in metrics.items()}, [step])
 
     def log_paths(self, paths: Mapping[str, ArrayLike], steps: ArrayLike | None = None, *, points: int = 1000) -> None:
-        """Buffer stepped metrics, such as the path of every parameter, thinned to at most `points` each.
+        """Buffer stepped metrics, such as the path of every parameter, thinned to at most ``points`` each.
 
-        Parameters
-        ----------
-        paths : mapping of str to array-like of shape (n,)
-        steps : array-like of shape (n,), optional
-            0, 1, ... by default.
-        points : int, default=1000
-            Maximum number per path.
+        ``paths``: values (n,) by name. ``steps`` (n,): 0, 1, ... by default.
         """
         if self._client is None:
             return
@@ -331,26 +298,12 @@ class Run:
             self._client.log_inputs(self.id, [DatasetInput(data._to_mlflow_entity(), [label])])
 
     def log_figure(self, figure: Any, file: str) -> None:
-        """Keep a matplotlib figure as an artifact.
-
-        Parameters
-        ----------
-        figure : matplotlib figure
-        file : str
-            Name of the artifact.
-        """
+        """Keep a matplotlib ``figure`` as the artifact ``file``."""
         if self._client is not None:
             self._client.log_figure(self.id, figure, file)
 
     def log_text(self, text: str, file: str) -> None:
-        """Keep a text as an artifact.
-
-        Parameters
-        ----------
-        text : str
-        file : str
-            Name of the artifact.
-        """
+        """Keep a ``text`` as the artifact ``file``."""
         if self._client is not None:
             self._client.log_text(self.id, text, file)
 
@@ -387,10 +340,7 @@ class Run:
         return self._client.do(logged, store.LIBRARIES_SECONDS)
 
     def log_artifact(self, path: str | os.PathLike[str]) -> None:
-        """Keep a file as an artifact.
-
-        ``path``: of a file.
-        """
+        """Keep the file of this ``path`` as an artifact."""
         if self._client is not None:
             extra = Path(path).stat().st_size / store.UPLOAD_BYTES
             self._client.log_artifact(self.id, os.fspath(path), extra=extra)
@@ -422,16 +372,9 @@ class Run:
         return str(info.model_uri)
 
     def champion(self, name: str, alias: str) -> Any:
-        """The estimator registered as ``models:/name@alias``; None if there is none, or if tracking is off.
+        """The estimator registered as models:/``name``@``alias``; None if there is none, or if tracking is off.
 
-        Parameters
-        ----------
-        name, alias : str
-
-        Raises
-        ------
-        TrackingError
-            If it exists and cannot be read.
+        Raises TrackingError if it exists and cannot be read.
         """
         if self._client is None:
             return None
@@ -487,9 +430,7 @@ def experiments(root: str | os.PathLike[str] = ".") -> list[tuple[str, str]]:
 
 # --- a search as runs ------------------------------------------------------------------------------------------------
 def estimator_params(estimator: Any) -> dict[str, Any]:
-    """The parameters of an estimator; nested ones are named by path, objects are given by class.
-
-    ``estimator``: of scikit-learn.
+    """The parameters of an ``estimator``; nested ones are named by path, objects are given by class.
 
     Examples
     --------

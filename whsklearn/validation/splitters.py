@@ -13,14 +13,9 @@ from sklearn.model_selection import TimeSeriesSplit
 
 
 def memory_length(estimator: Any) -> int:
-    """Samples before t that an estimator's regressors at t reach back to: max lag + p - 1.
+    """Samples before t that the regressors at t of an ``estimator`` reach back to: max lag + p - 1.
 
-    Works through a `Pipeline` (its last step) and a search (its estimator).  0 for an
-    estimator without lags.
-
-    Parameters
-    ----------
-    estimator : estimator
+    Works through a `Pipeline` (its last step) and a search (its estimator).  0 for an estimator without lags.
 
     Examples
     --------
