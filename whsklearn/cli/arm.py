@@ -186,10 +186,10 @@ def arm_stream(options: Mapping[str, Any]) -> ArmStream:
         for j, slides, (q, u) in zip(arm.joints, arm.slides, pairs, strict=True)
     ]
     weights = 1.0 / np.sqrt(np.mean(arm.inverse_dynamics(*arm.drawn_motion(AT_FIRST)) ** 2, axis=0))
-    lags = RigidBodyLags.of_arm(arm, 1.0 / dt, causal=True, weights=weights)
+    lags = RigidBodyLags.of_arm(arm, 1.0 / dt, causal=True, weights=weights, reversals=known.reversals)
     lags.partial_rows(*np.zeros((2, 1, arm.n_joints)))  # an effect that a stream cannot represent is refused here
     theta = [known.numbers.get(name, 0.0) for name in lags.base_.names]
-    lags = RigidBodyLags.of_arm(arm, 1.0 / dt, causal=True, weights=weights)
+    lags = RigidBodyLags.of_arm(arm, 1.0 / dt, causal=True, weights=weights, reversals=known.reversals)
     model = RLSRegressor(lags, P0=A_ROW, theta0=theta, forgetting=options["forgetting"])
     columns = [*([time] if time else []), *(q for q, _ in pairs), *(u for _, u in pairs)]
     scale = (*([clock] if time else []), *(far for far, _ in factors), *(by for _, by in factors))

@@ -605,8 +605,8 @@ def swapped(rows: ArmRows) -> list[str]:
 
     A joint's own columns explain its own drive best, whatever the others are.  If the numbers that all joints share
     then leave much of a drive, the positions are in another order, too: it is sought by exchanging two, turning all
-    round or shifting them by one, as long as that leaves less.  It has to be better for every joint that it moves: a
-    large effect that one joint lacks is no such order.
+    round or shifting them by one, as long as that leaves less.  It has to be no worse for any joint that it moves, and
+    far better for all of them together: a large effect that one joint lacks is no such order.
     """
     lags, q, torque = rows.lags, rows.position, rows.drive
     names, triple = lags.arm_.joints, (rows.phi, rows.target, rows.keep)
@@ -616,7 +616,8 @@ def swapped(rows: ArmRows) -> list[str]:
 
     def clearly() -> bool:
         moved = (places != given) | (drives != given)
-        return bool(moved.any() and (left[moved] <= CLEARLY * before[moved]).all())
+        no_worse = (left[moved] <= before[moved]).all()
+        return bool(moved.any() and no_worse and left[moved].sum() <= CLEARLY * before[moved].sum())
 
     def less(order: tuple[NDArray[np.int64], NDArray[np.int64]], rest: Array, now: Array) -> float:
         """What an order leaves at the joints that it moves, as a share of what they leave now."""
