@@ -212,3 +212,14 @@ def test_friction_that_surely_grows_only_while_it_is_taken_to_jump_is_taken_back
     effects = {j: (InputOffset(), *((LoadFriction(),) if j == "j1" else ())) for j in arm.joints}
     lags = RigidBodyLags(arm, RATE, effects=effects, reversals=dict.fromkeys(arm.joints, (0.15, 0.0)))
     assert unsure(records_of(lags, q, u), effects) == ([] if grows else ["j1"])
+
+
+@pytest.mark.parametrize("seed", [3, 7])
+def test_an_exchange_is_told_where_each_drive_is_in_a_unit_of_its_own(seed):
+    arm = drawn_arm(3, seed, slides=0.0, branch=0.0, gravity=(0, 0, -9.81))
+    q, u = smooth_log(arm, seconds=6.0)
+    u = u / [1.0, 1.9, 1.0]  # no order is right for the numbers that the joints share, and one joint gains little
+    lags = RigidBodyLags(arm, RATE)
+    assert swapped(records_of(lags, q, u)) == []
+    order = [1, 0, 2]
+    assert "the columns of j0 by those given for j1" in swapped(records_of(lags, q[:, order], u[:, order]))[0]
