@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 from sklearn.base import clone
 
 from whsklearn import MILSRegressor, RLSRegressor, RMILSRegressor, WienerHammersteinLags
@@ -136,3 +137,17 @@ def test_a_short_record_is_fitted_as_far_as_it_goes():
         model = clone(DYNAMIC).fit(X, y)
     assert np.isfinite(model.theta_).all()
     assert clone(DYNAMIC).partial_fit(X[:1], y[:1]).predict(X).shape == (4,)
+
+
+def test_a_fit_does_not_end_with_the_resonance_of_l2_in_l1():
+    """Both blocks ring, L1 slowly, and its poles are further out than those of any random start."""
+    rng = np.random.default_rng(7116)
+    first, second = (np.real(np.poly([p, p.conjugate()])) for p in (0.9655 * np.exp(0.164j), 0.709 + 0.571j))
+    u = rng.standard_normal((2000, 1))
+    dx = np.diff(lfilter([0.0, 1.0, 0.5], first, u[:, 0]), prepend=0.0)
+    clean = lfilter([0.0, 1.0, 0.3], second, dx + 0.8 * dx.std() * np.sign(dx))
+    noise = lfilter([1.0], second, rng.standard_normal(2000))
+    scale = 0.04 * clean.std() / noise.std()
+    model = RMILSRegressor(WienerHammersteinLags(2, 2, 2, 2, law="viscous,coulomb"), random_state=0)
+    model.fit(u, clean + scale * noise)
+    assert model.innovation_variance_ < 1.3 * scale**2

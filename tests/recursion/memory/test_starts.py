@@ -9,6 +9,7 @@ from whsklearn import WienerHammersteinSystem
 from whsklearn.datasets import make_wiener_hammerstein
 from whsklearn.effects.law import polynomial_law
 from whsklearn.recursion.memory.starts import (
+    exchanged,
     least_squares_start,
     random_stable,
     random_start,
@@ -59,3 +60,15 @@ def test_a_start_does_not_depend_on_the_units_of_the_log():
     a, b = (random_start(ORDERS, np.random.default_rng(1), s) for s in scales)
     np.testing.assert_allclose(b[3:6], 1000.0 * a[3:6])
     np.testing.assert_array_equal(np.delete(a, [3, 4, 5]), np.delete(b, [3, 4, 5]))
+
+
+def test_poles_are_exchanged_by_pairs_and_numerators_with_them():
+    first, second = np.array([-1.8, 0.9]), np.array([-1.0, 0.5])  # a complex pair each
+    theta = np.concatenate([[0.3], first, [1.0, 2.0, 3.0], [-0.4], second])
+    l1 = [start[:3] for start in exchanged(theta, ORDERS)]
+    expected = [np.append(-0.4, first), np.append(0.3, second), np.append(-0.4, second)]
+    np.testing.assert_allclose(sorted(l1, key=tuple), sorted(expected, key=tuple))
+    theta = np.concatenate([[0.3], first, [1.0], [-0.5]])  # L2 has one real pole, which is no pair
+    assert exchanged(theta, (2, 2, 1, 1, 1)) == []
+    theta = np.concatenate([[-0.5], [1.0], second])
+    assert exchanged(theta, (1, 1, 1, 2, 1)) == []

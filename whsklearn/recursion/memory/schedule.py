@@ -44,6 +44,7 @@ from whsklearn.recursion.memory.settings import Settings, State
 from whsklearn.recursion.memory.sign_posterior import frozen
 from whsklearn.recursion.memory.starts import (
     N_SIZES,
+    exchanged,
     random_start,
     regressors,
     scales_from,
@@ -158,6 +159,7 @@ class MultistartSearch:
         self.state, self.settings, self.size, self.work, self.limit = state, r, size, work, limit
         h = r.history
         self.latest = state["memory_u"][h : h + size][-SAMPLED:], state["memory_restart"][max(size - SAMPLED, 0) : size]
+        self.is_last = False  # no sample waits for it, as where `fit` ends: exchanged blocks are tried too
         self._is_first = True
         self._is_hurried = False
         self._is_scarce = bool(np.isfinite(limit))  # then short work is done together with the reading of the memory
@@ -239,8 +241,20 @@ class MultistartSearch:
             theta = yield from self._drawn(rng, scales, i % 2 == 0 and (begins or not bounded))
             work.at[SPENT] += COST_OF_START
             found.append((yield from self.refine(0, theta, refit.long_strides(climb) if bounded else climb)))
+        if first_page and self.is_last and any(found):
+            found += yield from self._exchanged(refit.best_first(found)[0], climb)
         yield
         return refit.best_first(found)[: refit.survivors(self.state, r, self.size)]
+
+    def _exchanged(self, best: refit.Refined, climb: list[float]) -> Generator[None, None, list[refit.Refined]]:
+        """What is clearly better of models that divide the poles of the best one otherwise between the blocks."""
+        law, h = self.settings.law, self.settings.history
+        u, restart = self.state["memory_u"][h : h + self.size], self.state["memory_restart"][: self.size]
+        found = []
+        for start in exchanged(best.theta, tuple(self.settings.dims.tolist())):
+            rows = regressors(start, law, u, self._y, restart)
+            found.append((yield from self.refine(0, with_solution(start, law, solved(rows, self._y)), climb)))
+        return [c for c in found if c is not None and refit.SLACK * c.cost < best.cost]
 
     def _drawn(
         self, rng: np.random.Generator, scales: Array | None, by_least_squares: bool
@@ -366,6 +380,7 @@ def refit_now(state: State, r: Settings) -> None:
     work = new_work(r.dims, r.n_inputs)
     work.at[BUDGET] = UNBOUNDED
     search = MultistartSearch(state, r, state["fill"], work)
+    search.is_last = True
     in_one(search.prepare())
     chosen = in_one(search.run(state["theta"]))
     if chosen:

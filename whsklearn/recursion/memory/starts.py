@@ -7,6 +7,8 @@ starts run in parallel (measured by benchmarks/accuracy.py).
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 
 from whsklearn._numba import njit
@@ -59,6 +61,30 @@ def scales_from(sizes: list[Array], y: Array) -> Array:
     """Weights at which each term, with the median of its ``sizes``, has the size of the output."""
     typical = np.sort(np.array(sizes), axis=0)[len(sizes) // 2]  # the median of nine, faster than np.median
     return np.sqrt(np.mean(y**2)) / np.where(typical > 0.0, typical, 1.0)
+
+
+def exchanged(theta: Array, dims: tuple[int, ...]) -> list[Array]:
+    """``theta`` with the poles of both blocks divided otherwise between them, and L1 with either numerator.
+
+    The best linear approximation of a chain has the poles of both blocks, so a search easily ends where L1 has those of
+    L2.  A pair of complex poles stays together.  Only L1 is meant; all else follows by least squares.
+    """
+    na, nb, nc, _, nw = dims
+    a, b, _, c, d = np.split(theta, np.cumsum([na - 1, nb, nw, nc - 1]))
+    poles = np.concatenate([np.roots(np.append(1.0, block)) for block in (b, d)])
+    upper = [i for i in range(poles.size) if poles[i].imag >= 0.0]
+    units = [[i] if poles[i].imag == 0.0 else [i, i + 1] for i in upper]  # `roots` gives a pair with its conjugate next
+    out = []
+    for k in range(len(units) + 1):
+        for chosen in itertools.combinations(units, k):
+            mine = [i for unit in chosen for i in unit]
+            if len(mine) != nb:
+                continue
+            for numerator in (a, c) if a.size == c.size > 0 else (a,):
+                if mine == list(range(nb)) and numerator is a:
+                    continue  # as they are
+                out.append(np.concatenate([numerator, np.real(np.poly(poles[mine]))[1:], theta[na - 1 + nb :]]))
+    return out
 
 
 def regressors(theta: Array, law: Law, u: Array, y: Array, restart: Bools) -> Array:
