@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -192,6 +193,7 @@ class Letter(str):
 
     __slots__ = ()
     look = SimpleNamespace(place=frozenset())
+    rivals = ()
 
     @property
     def aliases(self):
@@ -260,6 +262,22 @@ def test_of_two_that_are_the_same_to_first_order_the_one_whose_run_closes_stays(
         plant = Runs(lambda m, closes=closes: (0.9, 0.9) if m in ("", closes) else (-0.1, -0.1))
         _, found = closing(plant, "l", fitted=[lag, delay], taken=[lag])
         assert (found.model, [t.rivals for t in found.taken]) == (model, rivals)
+
+
+def test_what_explains_most_gives_way_to_the_next_sound_name_and_another_to_a_rival(closing):
+    """The name that goes is a rival of the one in its place."""
+    x, y, z = (
+        Named(SimpleNamespace(name=n, place=frozenset()), Terms(n), np.zeros(1), np.zeros(1), size=size)
+        for n, size in (("x", 0.2), ("y", 0.1), ("z", 0.1))
+    )
+    fails = Runs(lambda m: (-0.1, -0.1) if "x" in m else (0.9, 0.9))
+    _, found = closing(fails, "x", fitted=[x, y], taken=[x])
+    assert (found.model, found.taken[0].rivals) == ("y", ["x"])
+    assert closing(fails, "x", fitted=[x, replace(y, reason="objected to")], taken=[x])[1].model == ""
+    stands = Runs(lambda m: (0.9, 0.9))
+    assert closing(stands, "xz", "19", [x, y], [x, z])[1].model == "zy"
+    for rivals, left in (([], "z"), (["y"], "zy")):
+        assert closing(stands, "xz", "19", [x, y], [replace(x, size=0.05, rivals=rivals), z])[1].model == left
 
 
 def test_numbers_as_found_stand_in_where_those_refitted_along_the_run_are_worse(closing):

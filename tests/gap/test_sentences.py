@@ -60,6 +60,14 @@ def test_what_a_name_takes_of_the_gap_is_said_as_it_is(after, said):
     assert f"The missing torque {said}, and 10 % of the gap in simulation is closed." in text
 
 
+@pytest.mark.parametrize(
+    ("after", "closure", "said"), [(0.02, 0.9, "most"), (0.09, 0.9, "only a part"), (0.02, 0.3, "only a part")]
+)
+def test_most_of_the_gap_is_most_of_the_drive_and_of_the_run(after, closure, said):
+    text = summary(diagnosis("partial", [effect("backlash")], figures=(0.1, after, 0.01), closure=closure), PLANT)
+    assert f"which explains {said} of it" in text
+
+
 def test_silence_speaks_of_what_is_larger_than_the_tolerance():
     text = summary(diagnosis("no_gap", figures=(0.0110, 0.0110, 0.0104)), PLANT)
     assert "within noise and the tolerance: nothing larger is missing" in text

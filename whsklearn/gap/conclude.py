@@ -132,8 +132,8 @@ def _proved(plant: Any, found: Found, rng: np.random.Generator, alpha: float) ->
 def _closing(plant: Any, found: Found, rng: np.random.Generator, given: Any, alpha: float) -> list[dict[str, Any]]:
     """The proof of the model with as many of the effects as close the gap in simulation; the last ones go first.
 
-    Effects that are the same to first order, a delay and a lag, are distinguished by simulation: the other one is tried
-    in the place of one that fails.
+    What the record could not distinguish from the last effect to go is tried in its place (`_instead`): simulation
+    tells a delay from a lag.
     """
     refused: set[str] = set()
     if found.taken:
@@ -150,25 +150,39 @@ def _closing(plant: Any, found: Found, rng: np.random.Generator, given: Any, alp
             if (i := _unsound(plant, found, alpha)) is None:
                 return rows
             found.model = fitted
-            while i is not None:
-                found.model = plant.settled(found.model.without(found.model.n_base + i))
-                del found.taken[i]
-                i = _unsound(plant, found, alpha)
-            found.remainder = plant.looks(found.model, rng)
-            continue
-        step = found.steps[min(len(found.taken) - 1, len(found.steps) - 1)]
-        found.model, found.remainder = plant.settled(fitted.without(len(fitted.terms) - 1)), step.looks
-        last = found.taken.pop()
-        refused.add(last.name)
-        alike = (f for f in step.fitted if f.effect.name in last.effect.aliases and meet(f.look, last.look))
-        other = next((f for f in alike if not f.reason and f.name not in refused), None)
+        else:
+            i = len(found.taken) - 1
+        gone: list[Named] = []
+        while i is not None:
+            gone.append(found.taken.pop(i))
+            found.model = plant.settled(found.model.without(found.model.n_base + i))
+            i = _unsound(plant, found, alpha) if standing is not None else None
+        refused.update(g.name for g in gone)
+        other = _instead(found, max(gone, key=lambda g: g.size), refused)
         if other is not None:
             found.model = plant.settled(found.model.with_terms((*found.model.terms, other.model.terms[-1])))
-            rivals = [last.name, *(name for name in last.rivals if name != other.name)]
-            found.taken.append(replace(other, rivals=rivals))
-            found.remainder = plant.looks(found.model, rng)
+            found.taken.append(other)
+        alike = standing is None and other is None  # the model is that of the round which added the effect
+        step = found.steps[min(len(found.taken), len(found.steps) - 1)]
+        found.remainder = step.looks if alike else plant.looks(found.model, rng)
     found.model = found.base
     return prove(plant, found.base, found.base, rng, given)
+
+
+def _instead(found: Found, gone: Named, refused: set[str]) -> Named | None:
+    """What takes the place of an effect that goes: what the record could not distinguish from it; None if nothing.
+
+    In the place of the effect that explains most it is the next sound one of its round.  The one that goes stays a
+    rival, so that no such name is certain.
+    """
+    step = next((s for s in reversed(found.steps) if any(f.name == gone.name for f in s.fitted)), None)
+    most = gone.size >= max((t.size for t in found.taken), default=0.0)
+    there = {*refused, *(t.name for t in found.taken)}
+    for f in step.fitted if step is not None else []:
+        alike = most or f.name in (*gone.rivals, *gone.effect.aliases)
+        if alike and not f.reason and f.name not in there and meet(f.look, gone.look):
+            return replace(f, rivals=[gone.name, *(name for name in gone.rivals if name != f.name)])
+    return None
 
 
 def _standing(

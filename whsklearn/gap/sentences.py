@@ -100,7 +100,8 @@ def summary(d: Any, plant: Any) -> str:
         return said + left + (f" No such record can distinguish it from {article_list(alias)}." if alias else "")
     if d.verdict == "partial":
         names, more = article_list([e.label for e in d.effects]), len(d.effects) > 1
-        part = f"which explain{'' if more else 's'} {'most' if d.closure > HALF else 'only a part'} of it. "
+        taken = min(d.closure, (before - after) / max(before - floor, 1e-300))  # of the drive, and in simulation
+        part = f"which explain{'' if more else 's'} {'most' if taken > HALF else 'only a part'} of it. "
         return opening + f"The gap resembles {names}, {part}" + learned(d) + left
     if d.shortfall:
         return opening + d.shortfall

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from whsklearn.datasets import make_servo_log
 from whsklearn.effects import (
     Backlash,
     Cogging,
+    Coulomb,
     DeadZone,
     FlexibleCoupling,
     GravityImbalance,
@@ -17,7 +20,9 @@ from whsklearn.effects import (
     InputOffset,
     PreslidingHysteresis,
     Saturation,
+    Stribeck,
     TorqueRipple,
+    Viscous,
 )
 from whsklearn.gap import GapFinder
 from whsklearn.gap.plants import servo_families, servo_own, servo_two_mass
@@ -26,7 +31,7 @@ from whsklearn.gap.plants.servo_model import ServoTerm
 from whsklearn.gap.plants.servo_start import start_of
 from whsklearn.gap.record import ServoRecord
 from whsklearn.gap.tangent import chance
-from whsklearn.systems import ServoAxis
+from whsklearn.systems import PIDController, ServoAxis
 
 
 def looks_at(effects, **options):
@@ -51,6 +56,28 @@ def test_every_effect_that_a_torque_can_show_is_asked_for_or_needs_another_first
     never = {c.name for c in catalogue()} - asked
     # a delay is asked for where the drive is old, bristles and their like beside the friction that they modify
     assert never <= {"viscous", "coulomb", "input_delay", "actuator_lag"}
+
+
+def test_beside_friction_nothing_is_told_where_the_axis_sticks():
+    """For how long it does depends on its controller: the true model leaves far more than noise there."""
+    controller = PIDController(kp=540.0, ki=60.0, kd=6.0)
+    law, friction = [Viscous(0.12), Coulomb(0.3)], Stribeck(0.3, 0.05)
+    axis = ServoAxis(inertia=0.05, law=law, effects=[friction], controller=controller, sample_rate=500.0)
+    t = np.arange(10000) / 500.0
+    noise = 1e-5 * np.random.default_rng(0).standard_normal(t.size)
+    r = axis.simulate(reference=np.sin(1.1 * t) + 0.3 * np.sin(3.3 * t + 1.0), noise=noise)
+    view, base = start_of(ServoRecord(r.time, r.drive, r.position), ("viscous", "coulomb"), 0.004)
+    viscous, coulomb = base.terms
+    base = replace(base, inertia=0.05, terms=(viscous.with_slot(0, 0.12), coulomb.with_slot(0, 0.3)))
+    true = base.with_term(ServoTerm(candidate("stribeck"), (0.3, 0.05, 2.0)))
+    view.own, _ = servo_own.own(view, true, np.random.default_rng(0))
+    left, told = view.gap(true), servo_families.told_at(view, true) > 0.0
+    assert 0.0 < np.mean(~told) < 0.05
+    assert view.rms(left[told]) < 2.0 * view.own.floor < 0.2 * view.rms(left[~told])
+    swings = servo_families.acceleration_tangent(view, true, np.random.default_rng(0))
+    assert np.array_equal(swings.weight > 0.0, told)
+    wave = base.with_term(ServoTerm(candidate("cogging"), (0.1, 0.0, 12.0)))
+    assert servo_families.told_at(view, wave) is None
 
 
 def test_no_weight_swings_about_a_slide():

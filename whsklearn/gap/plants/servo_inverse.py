@@ -124,6 +124,11 @@ class InverseView:
         keep &= ~(holes := self.record.near_a_hole(2 * half, 2 * half))
         return keep[:: self.every], ~holes[:: self.every]
 
+    def resting(self) -> Array:
+        """Share of the filter's window in which the axis rests, at the judged samples."""
+        still = np.abs(self.motion.velocity) < self.slowest
+        return self.blur(still.astype(float))[self.at] / self.g.sum()
+
     @property
     def artefact(self) -> Array | None:
         """Residual of a model's own records in this view, at the judged samples; None if they are not known."""

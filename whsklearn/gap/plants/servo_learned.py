@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag, solve
+from scipy.linalg import block_diag
 from scipy.sparse import csc_array, csr_array
 
 from whsklearn.effects import LearnedTorque
@@ -134,11 +134,11 @@ def learn(view: Any, model: ServoHypothesis) -> Learned | None:
 
 
 class Normal(NamedTuple):
-    """Normal equations of the record and of its blocks, from which every penalty is judged."""
+    """Normal equations of the blocks of a record, from which every penalty is judged."""
 
-    gram: Array  # (k, k): Z'Z
-    right: Array  # (k,): Z'y
-    parts: list[tuple[Array, Array, float]]  # Z'Z, Z'y and y'y of each block
+    grams: Array  # (b, k, k): Z'Z of each
+    rights: Array  # (b, k): Z'y
+    powers: Array  # (b,): y'y
 
 
 class CurveProblem:
@@ -168,19 +168,19 @@ class CurveProblem:
         return np.column_stack([self.base, *(c.columns for c in self.curves), new])
 
     def normal(self, z: Array) -> Normal:
-        """Normal equations of [columns] on the target: of the whole record and of every block of it."""
-        blocks = zip(np.array_split(z, N_BLOCKS), np.array_split(self.target, N_BLOCKS), strict=True)
-        parts = [(zb.T @ zb, zb.T @ yb, float(yb @ yb)) for zb, yb in blocks]
-        return Normal(sum(p[0] for p in parts), sum(p[1] for p in parts), parts)
+        """Normal equations of [columns] on the target."""
+        blocks = [*zip(np.array_split(z, N_BLOCKS), np.array_split(self.target, N_BLOCKS), strict=True)]
+        grams, rights = (np.array(x) for x in zip(*((zb.T @ zb, zb.T @ yb) for zb, yb in blocks), strict=True))
+        return Normal(grams, rights, np.array([yb @ yb for _, yb in blocks]))
 
     def solved(self, normal: Normal, penalty: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Weights of all columns; columns that must be positive but are not are dropped."""
-        gram = normal.gram + penalty
+        gram, right = normal.grams.sum(axis=0) + penalty, normal.rights.sum(axis=0)
         free = np.diag(gram) > 0.0
         numbers = np.zeros(free.size)
         for _ in range(self.positive.size):
             numbers[:] = 0.0
-            numbers[free] = scaled_solve(gram[np.ix_(free, free)], normal.right[free])
+            numbers[free] = scaled_solve(gram[np.ix_(free, free)], right[free])
             bad = np.flatnonzero((numbers[: self.positive.size] < 0.0) & self.positive)
             if not bad.size:
                 break
@@ -190,13 +190,12 @@ class CurveProblem:
     def cross_validated(self, normal: Normal, penalty: Array) -> float:
         """Sum of squares of every block predicted from the others."""
         _, free = self.solved(normal, penalty)
-        at = np.ix_(free, free)
-        gram, total = normal.gram[at] + penalty[at], 0.0
-        for gram_b, right_b, power in normal.parts:
-            # a hill that only this block reaches cannot be determined by the others: its penalty keeps it at zero
-            numbers = scaled_solve(gram - (here := gram_b[at]), (normal.right - right_b)[free])
-            total += power + float(numbers @ (here @ numbers - 2.0 * right_b[free]))
-        return total
+        grams, rights = normal.grams[:, free][:, :, free], normal.rights[:, free]
+        # a hill that only one block reaches cannot be determined by the others: its penalty keeps it at zero
+        gram = grams.sum(axis=0) + penalty[np.ix_(free, free)]
+        numbers = scaled_solve(gram - grams, rights.sum(axis=0) - rights)
+        predicted = np.einsum("bij,bj->bi", grams, numbers)
+        return float(np.sum(normal.powers) + np.sum(numbers * (predicted - 2.0 * rights)))
 
     def gain(self, error: float) -> float:
         """n_eff ln(CV before / CV after), as for every candidate of this view."""
@@ -241,16 +240,17 @@ class CurveProblem:
         penalty = self._penalty(own)
         numbers, free = self.solved(normal, penalty)
         left = self.target - z @ numbers
-        inverse = np.linalg.pinv((normal.gram + penalty)[np.ix_(free, free)])[-k:, -k:]
+        inverse = np.linalg.pinv((normal.grams.sum(axis=0) + penalty)[np.ix_(free, free)])[-k:, -k:]
         variance = float(left @ left) / max(self.view.n_effective - z.shape[1], 1.0)
         covariance = variance * inverse * self.target.size / self.view.n_effective
         return CurveFit(form, centres, width, new, own, numbers, covariance, min(errors), self.inertia, self.timing)
 
 
 def scaled_solve(gram: Array, right: Array) -> Array:
-    """Solution of a positive definite system whose columns differ in unit, and so in size by many powers of ten."""
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(gram), 1e-300))
-    return np.asarray(scale * solve(gram * np.outer(scale, scale), scale * right, assume_a="pos"))
+    """Solutions of systems (..., k, k) whose columns differ in unit, and so in size by many powers of ten."""
+    scale = 1.0 / np.sqrt(np.maximum(np.diagonal(gram, axis1=-2, axis2=-1), 1e-300))
+    scaled = gram * scale[..., :, None] * scale[..., None, :]
+    return np.asarray(scale * np.linalg.solve(scaled, (scale * right)[..., None])[..., 0])
 
 
 def thinned(view: Any, s: ColumnSignals) -> tuple[ColumnSignals, csr_array]:
