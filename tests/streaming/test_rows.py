@@ -8,7 +8,7 @@ import os
 import pytest
 
 from whsklearn.logs import LogError
-from whsklearn.streaming.rows import LONGEST, BadRow, CsvParser, FollowedFile, JsonParser, LineSource
+from whsklearn.streaming.rows import LONGEST, BadRow, CsvParser, FollowedFile, JsonParser, LineSource, OtherHeader
 
 
 def test_lines_keep_their_numbers_and_places_whatever_the_blocks(tmp_path):
@@ -89,3 +89,15 @@ def test_lines_that_are_no_rows(line):
 def test_json_lines_that_are_no_rows(line):
     with pytest.raises(BadRow):
         JsonParser(["u", "y"])(line)
+
+
+def test_a_header_amid_the_rows_is_skipped_unless_it_names_a_column_differently():
+    parse = CsvParser(b"time_s,torque_nm,v", ["torque_nm", "v"])
+    with pytest.raises(BadRow) as same:
+        parse(b"time_s,torque_nm,v")
+    with pytest.raises(BadRow) as word:
+        parse(b"0.1,off,1.0")
+    assert not isinstance(same.value, OtherHeader)
+    assert not isinstance(word.value, OtherHeader)
+    with pytest.raises(OtherHeader, match="a header in which 'torque_nm' is called 'torque_mnm'.*split the file there"):
+        parse(b'"time_s","torque_mnm",w')

@@ -103,6 +103,17 @@ def test_a_checkpoint_of_columns_in_other_units_is_refused_with_both_units(tmp_p
     assert "learnt from torque_nm in Nm, angle_rad in rad, and this stream reads torque_mnm in mNm" in done.stderr
 
 
+def test_rows_below_a_header_with_other_units_are_not_learnt(tmp_path):
+    """The header was skipped as a bad row, and mNm were learnt as Nm."""
+    log = tmp_path / "axis.csv"
+    rows = "".join(f"{k % 7},{k % 5}\n" for k in range(150))
+    log.write_text(f"torque_nm,angle_rad\n{rows}torque_mnm,angle_rad\n{rows}")
+    done = stream(log, "--input", "torque_nm", "--output", "angle_rad", "--no-track", "--estimator", "rls")
+    assert done.exit_code != 0
+    assert "line 152: a header in which 'torque_nm' is called 'torque_mnm'" in done.stderr
+    assert carried(tmp_path / "axis.csv.whs")["carried"]["rows"] == 150
+
+
 def test_a_checkpoint_of_other_settings_or_of_another_file_is_refused(tmp_path, rows):
     log = write(tmp_path / "log.csv", rows[:300])
     assert stream(log, *QUICK).exit_code == 0

@@ -14,7 +14,7 @@ import math
 import warnings
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, field
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,7 @@ from sklearn.base import clone
 from whsklearn.change import ChangeAlarm, compare_parameters, forgetting_after, set_forgetting
 from whsklearn.plot import flat_parameters
 from whsklearn.streaming.clock import Clock, Verdict
-from whsklearn.streaming.rows import BadRow
+from whsklearn.streaming.rows import BadRow, OtherHeader
 from whsklearn.streaming.sides import Compare, Sides
 
 BLOCK = 100  # rows
@@ -271,6 +271,8 @@ class StreamMonitor:
             except BadRow as reason:
                 for verdict in self.clock.lost():
                     self._act(verdict)
+                if isinstance(reason, OtherHeader):
+                    self._refuse(number, f"{reason}.")
                 self._act(Verdict("bad", number, [], str(reason)))
                 continue
             if row is None:
@@ -284,6 +286,12 @@ class StreamMonitor:
                     self._act(verdict)
         self._learn_taken()
 
+    def _refuse(self, number: int, why: str) -> NoReturn:
+        """Learn the rows before a row, and stop at it."""
+        self._learn_taken()
+        self.taken = number - self._first
+        raise Refused(f"line {number}: {why}")
+
     def _act(self, verdict: Verdict) -> None:
         """Handle a row according to its verdict."""
         what, number, row, reason = verdict
@@ -294,8 +302,7 @@ class StreamMonitor:
             return
         self._learn_taken()  # so that the order of the records does not depend on how rows arrive
         if what == "bad" and self.options.refuse:
-            self.taken = number - self._first
-            raise Refused(f"line {number}: {reason}; correct it, or skip bad rows.")
+            self._refuse(number, f"{reason}; correct it, or skip bad rows.")
         if what == "bad":
             self._bad(number, reason)
             if row and self.carried.bad_run <= TOLD:

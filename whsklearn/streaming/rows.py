@@ -17,6 +17,7 @@ from math import isfinite
 from pathlib import Path
 from typing import BinaryIO
 
+from whsklearn.logs.cells import is_word
 from whsklearn.logs.errors import ColumnError, LogError
 from whsklearn.logs.text import legacy_encoding
 from whsklearn.logs.timebase import ZONE
@@ -31,6 +32,10 @@ POLL_SECONDS = 0.2
 
 class BadRow(ValueError):
     """A line that is not a row; the message says why."""
+
+
+class OtherHeader(BadRow):
+    """A header amid the rows that names a column differently, as after a change of units."""
 
 
 class LineSource:
@@ -166,7 +171,7 @@ class CsvParser:
             if names.count(name) != 1:
                 what = "several columns" if name in names else "no column"
                 raise ColumnError(f"The header has {what} {name!r}; it has: {', '.join(names)[:300]}.")
-        self.n_fields = len(names)
+        self.n_fields, self._names = len(names), names
         self._at = [(names.index(name), name) for name in columns]
         self._split = self.delimiter.encode()
         self._comma = self.delimiter != ","  # a comma inside a field is a decimal sign
@@ -185,11 +190,23 @@ class CsvParser:
                 value = float(field)
             except ValueError:
                 date = _date(field) if name == self._clock else None
+                if date is None:
+                    self._pass_no_other_header(fields)
                 value = _number(field, name, self._comma) if date is None else date * self._second
             if not isfinite(value) or b"_" in field:  # Python reads 1_000 as a number, but no logger writes it
                 raise BadRow(f"{name} is {_short(field.strip())!r}, not a finite number")
             row.append(value)
         return row
+
+    def _pass_no_other_header(self, fields: list[bytes]) -> None:
+        """Raise OtherHeader if a column is called as in the first line, and a wanted one by another word."""
+        said = [text_of(field).strip().strip('"') for field in fields]
+        other = [(name, said[i]) for i, name in self._at if said[i] != name and is_word(said[i])]
+        if other and any(a == b and is_word(a) for a, b in zip(said, self._names, strict=True)):
+            raise OtherHeader(
+                f"a header in which {other[0][0]!r} is called {other[0][1]!r}, so the rows below may have other units; "
+                "split the file there"
+            )
 
 
 class JsonParser:
