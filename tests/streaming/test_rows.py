@@ -99,5 +99,7 @@ def test_a_header_amid_the_rows_is_skipped_unless_it_names_a_column_differently(
         parse(b"0.1,off,1.0")
     assert not isinstance(same.value, OtherHeader)
     assert not isinstance(word.value, OtherHeader)
-    with pytest.raises(OtherHeader, match="a header in which 'torque_nm' is called 'torque_mnm'.*split the file there"):
+    with pytest.raises(
+        OtherHeader, match=r"a header in which 'torque_nm' is called 'torque_mnm'.*split the file there"
+    ):
         parse(b'"time_s","torque_mnm",w')
