@@ -10,12 +10,12 @@ import pandas as pd
 import pytest
 
 from benchmarks.blind_logs import servo
-from whsklearn.effects import Coulomb, GravityImbalance, LuGre, Viscous
+from whsklearn.effects import AsymmetricViscous, Coulomb, GravityImbalance, LuGre, Viscous
 from whsklearn.gap import GapFinder
 from whsklearn.gap.plants.servo import ServoPlant
 from whsklearn.gap.plants.servo_candidates import candidate
 from whsklearn.gap.plants.servo_families import polished
-from whsklearn.gap.plants.servo_inverse import too_large, unphysical
+from whsklearn.gap.plants.servo_inverse import negative_damping, too_large, unphysical
 from whsklearn.gap.plants.servo_model import ServoTerm
 from whsklearn.gap.plants.servo_start import filtered_motion, start_of, with_earlier_drive
 from whsklearn.gap.proof import closure
@@ -188,23 +188,40 @@ def test_a_gear_may_lose_more_than_half_of_its_torque_but_not_nearly_all(lost, o
 def test_a_change_that_leaves_a_negative_friction_or_inertia_is_no_explanation(parameter):
     """A loop that diverges looked like friction that begins to drive the axis, with certainty."""
     r = log_of(viscous=0.1)
-    record = ServoRecord(r.time, r.drive, r.position)
-    _, base = start_of(record, ("viscous",), 0.004)
+    view, base = start_of(ServoRecord(r.time, r.drive, r.position), ("viscous",), 0.004)
     before = base.inertia if parameter == "inertia" else base.terms[0].q[0]
     changed = replace(candidate("parameter_change"), choice=(("parameter", parameter),))
     for share, objected in ((-0.9, False), (-1.9, False), (-2.1, True), (2.0, False)):  # one of -1.9 may be one of -1
         model = base.with_term(ServoTerm(changed, (share * before, 3.0)))
-        assert ("negative" in unphysical(record, model, len(base.terms))) is objected
+        assert ("negative" in unphysical(view, model, len(base.terms))) is objected
+
+
+@pytest.mark.parametrize(("dry", "one_way", "objected"), [(0.3, False, False), (0.3, True, True), (0.05, False, True)])
+def test_an_asymmetry_larger_than_the_damping_is_friction_while_dry_friction_is_larger(dry, one_way, objected):
+    """In one direction there is no telling: a speed controller looks like damping that drives the axis."""
+    velocity = np.sin(np.linspace(0.0, 20.0, 2000))
+    terms = [(name, q) for name, q in (("viscous", 0.1), ("coulomb", dry), ("asymmetric_viscous", 0.3))]
+    model = SimpleNamespace(terms=[ServoTerm(candidate(name), (q,)) for name, q in terms])
+    said = negative_damping(model, 2, np.abs(velocity) if one_way else velocity)
+    assert ("driven" in said) is objected
+
+
+def test_an_asymmetry_that_dry_friction_outweighs_is_named():
+    axis = ServoAxis(
+        inertia=0.05, law=[Viscous(0.1), Coulomb(0.5)], effects=[AsymmetricViscous(0.12)], sample_rate=RATE
+    )
+    r = axis.simulate(reference=REFERENCE, random_state=1)
+    finder = GapFinder("servo").fit(ServoRecord(r.time, r.drive, r.position))
+    assert (finder.verdict_, [e.name for e in finder.effects_]) == ("named", ["asymmetric_viscous"])
 
 
 @pytest.mark.parametrize(("viscous", "objected"), [(0.02, False), (0.5, True)])
 def test_friction_that_falls_nowhere_is_no_stribeck_curve(viscous, objected):
     """A wide curve beside a larger viscous term bends the friction upwards, as drag does that begins at some speed."""
     r = log_of(viscous=0.1)
-    record = ServoRecord(r.time, r.drive, r.position)
-    _, base = start_of(record, ("viscous",), 0.004)
+    view, base = start_of(ServoRecord(r.time, r.drive, r.position), ("viscous",), 0.004)
     model = base.with_terms((base.terms[0].with_slot(0, viscous), ServoTerm(candidate("stribeck"), (0.1, 0.4, 2.0))))
-    assert ("fall" in unphysical(record, model, 1)) is objected
+    assert ("fall" in unphysical(view, model, 1)) is objected
 
 
 def test_a_change_of_the_gain_takes_no_credit_for_the_gravity_that_it_takes_away():

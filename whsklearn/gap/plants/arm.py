@@ -339,10 +339,11 @@ class ArmPlant(Plant):
             return f"its size would be {total:.3g}, but a physical one is positive"
         if t.kind.catalogued is not None:
             fields, ranges = t.kind.catalogued.fields[t.kind.linear :], t.kind.catalogued.ranged(view.scene(t.kind))
-            beside = [ServoTerm(candidate(n), (base.get(f"{t.joint}.{n}", 0.0),)) for n in ("viscous",)]
+            beside = [ServoTerm(candidate(n), (base.get(f"{t.joint}.{n}", 0.0),)) for n in ("viscous", "coulomb")]
             here = SimpleNamespace(terms=[ServoTerm(t.kind.catalogued, t.q), *beside])
-            said = too_large(here, 0) or negative_damping(here, 0)  # type: ignore[arg-type]
-            if said := said or never_free(t.effect, view.signals(t.kind.direction).position):
+            motion = view.signals(t.kind.direction)
+            said = too_large(here, 0) or negative_damping(here, 0, motion.velocity)  # type: ignore[arg-type]
+            if said := said or never_free(t.effect, motion.position):
                 return said
             n = 2 if t.kind.cls is ContactStop else 1  # the first is a place or width; a stop's second, its softness
             for field, value, (low, high) in list(zip(fields, t.shape, ranges, strict=True))[:n]:

@@ -27,7 +27,7 @@ from whsklearn.gap.plants import servo_two_mass as two_mass
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, ColumnSignals
 from whsklearn.gap.plants.servo_model import ServoHypothesis, ServoTerm
 from whsklearn.gap.record import Array, ServoRecord, rms
-from whsklearn.gap.search import HALF
+from whsklearn.gap.search import HALF, LEAST_SHARE
 from whsklearn.identification.drive_lead import KNOWN, LATEST, OLDEST
 from whsklearn.logs.check import lattice
 
@@ -371,7 +371,7 @@ class InverseView:
         t = model.terms[index]
         if t.kind.code == codes.SATURATION and t.q[0] > 0.0 and self.below_limit(t.q[0]) < model.vector().size:
             return "the drive would be at it nearly all the time, and its sign alone says too little about the axis"
-        return unphysical(self.record, model, index)
+        return unphysical(self, model, index)
 
     def below_limit(self, limit: float) -> float:
         """Number of independent samples at which the drive is below a limit; elsewhere it is constant.
@@ -415,8 +415,8 @@ class InverseView:
         return Linearised(x, low, high, r, slopes, model.with_vector)
 
 
-def unphysical(record: ServoRecord, model: ServoHypothesis, index: int) -> str:
-    """The physical objection to the numbers of a term, in either view of an axis; empty if there is none."""
+def unphysical(view: InverseView, model: ServoHypothesis, index: int) -> str:
+    """The physical objection to the numbers of a term; empty if there is none."""
     term = model.terms[index]
     q = term.q
     if term.name == "encoder_eccentricity" and float(np.hypot(q[0], q[1])) * q[2] > 1.0:
@@ -425,12 +425,12 @@ def unphysical(record: ServoRecord, model: ServoHypothesis, index: int) -> str:
         return f"its size would be {q[0]:.3g}, but a physical one is positive"
     return (
         model.at_the_end(index)
-        or never_free(term.effect, record.position)
-        or negative_damping(model, index)
+        or never_free(term.effect, view.record.position)
+        or negative_damping(model, index, view.motion.velocity)
         or negative_after(model, index)
         or never_falls(model, index)
         or too_large(model, index)
-        or on_excitation_line(record, term)
+        or on_excitation_line(view.record, term)
     )
 
 
@@ -459,16 +459,23 @@ def too_large(model: ServoHypothesis, index: int) -> str:
     return f"it would take {100 * share:.0f} % of the drive, which no motor or gear does"
 
 
-def negative_damping(model: ServoHypothesis, index: int) -> str:
-    """The objection that an asymmetry of the viscous friction is larger than that friction; empty if it is not.
+def negative_damping(model: ServoHypothesis, index: int, velocity: Array) -> str:
+    """The objection that an asymmetry of the viscous friction drives the axis in one direction; empty if it does not.
 
-    In a record of one direction under a speed controller u = k (r - v), -k looks like such an asymmetry.
+    ``velocity`` (n,): of the record.  An asymmetry larger than the viscous friction is friction as long as dry friction
+    is larger than the difference at all speeds.  In a record of one direction, which shows no dry friction, under a
+    speed controller u = k (r - v), -k looks like such an asymmetry.
     """
     t = model.terms[index]
-    viscous = sum(o.q[0] for o in model.terms if o.name == "viscous")
-    if t.name == "asymmetric_viscous" and abs(t.q[0]) > max(viscous, 0.0):
-        return "the axis would be driven by its own friction in one direction"
-    return ""
+    viscous, dry = (sum(o.q[0] for o in model.terms if o.name == name) for name in ("viscous", "coulomb"))
+    excess = abs(t.q[0]) - max(viscous, 0.0)
+    if t.name != "asymmetric_viscous" or excess <= 0.0:
+        return ""
+    driven = -np.sign(t.q[0]) * velocity  # positive where friction is the smaller
+    both_ways = min(np.mean(driven > 0.0), np.mean(driven < 0.0)) >= LEAST_SHARE
+    if both_ways and excess * float(driven.max()) < dry:
+        return ""
+    return "the axis would be driven by its own friction in one direction"
 
 
 def negative_after(model: ServoHypothesis, index: int) -> str:
