@@ -25,8 +25,8 @@ from whsklearn.gap.plants import chain_model as cm
 from whsklearn.gap.plants.chain_model import ChainHypothesis, ChainTerm, Record
 from whsklearn.gap.search import LEAST_SHARE
 from whsklearn.recursion.batch.best_linear import IOData, Ratio, best_linear
-from whsklearn.recursion.batch.simulation_search import Orders, divisions, exchanged, padded
-from whsklearn.recursion.memory.starts import random_stable
+from whsklearn.recursion.batch.simulation_search import Orders, divisions, padded
+from whsklearn.recursion.memory.starts import exchanged, random_stable
 from whsklearn.systems.stability import is_stable
 
 N_RANDOM = 16  # starts besides the divisions, for blocks that are far from those of a linear model

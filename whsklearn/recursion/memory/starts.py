@@ -64,27 +64,53 @@ def scales_from(sizes: list[Array], y: Array) -> Array:
 
 
 def exchanged(theta: Array, dims: tuple[int, ...]) -> list[Array]:
-    """``theta`` with the poles of both blocks divided otherwise between them, and L1 with either numerator.
+    """theta with zeros of L1 and L2 exchanged, with poles exchanged, and with both exchanged.
 
-    The best linear approximation of a chain has the poles of both blocks, so a search easily ends where L1 has those of
-    L2.  A pair of complex poles stays together.  Only L1 is meant; all else follows by least squares.
+    The best linear approximation of a chain has the poles of both blocks, so a search easily ends where one block has
+    those of the other.
+
+    ``theta`` (n_parameters,): a_2 ..., b_1 ..., weights of the law, c_2 ..., d_1 ...
+    ``dims``: n_a, n_b, n_c, n_d and the number of the law's terms.
+    Returns the new starts, without ``theta`` itself; the weights of the law are unchanged.
     """
-    na, nb, nc, _, nw = dims
-    a, b, _, c, d = np.split(theta, np.cumsum([na - 1, nb, nw, nc - 1]))
-    poles = np.concatenate([np.roots(np.append(1.0, block)) for block in (b, d)])
-    upper = [i for i in range(poles.size) if poles[i].imag >= 0.0]
-    units = [[i] if poles[i].imag == 0.0 else [i, i + 1] for i in upper]  # `roots` gives a pair with its conjugate next
+    na, nb, nc, nd, nw = dims
+    first = slice(0, na - 1), slice(na - 1, na - 1 + nb)
+    c0 = na - 1 + nb + nw
+    second = slice(c0, c0 + nc - 1), slice(c0 + nc - 1, c0 + nc - 1 + nd)
+    pairs = [pairings(theta[i], theta[j]) for i, j in zip(first, second, strict=True)]
     out = []
-    for k in range(len(units) + 1):
-        for chosen in itertools.combinations(units, k):
-            mine = [i for unit in chosen for i in unit]
-            if len(mine) != nb:
-                continue
-            for numerator in (a, c) if a.size == c.size > 0 else (a,):
-                if mine == list(range(nb)) and numerator is a:
-                    continue  # as they are
-                out.append(np.concatenate([numerator, np.real(np.poly(poles[mine]))[1:], theta[na - 1 + nb :]]))
+    for choice in itertools.product(*pairs):
+        new = theta.copy()
+        for i, j, (p, q) in zip(first, second, choice, strict=True):
+            new[i], new[j] = p, q
+        if not np.allclose(new, theta):
+            out.append(new)
     return out
+
+
+def pairings(p: Array, q: Array) -> list[tuple[Array, Array]]:
+    """(p, q), and every result of exchanging a real root or complex pair of 1 + p... with one of 1 + q..."""
+    out = [(p, q)]
+    mine, yours = _factors(p), _factors(q)
+    for i, j in itertools.product(range(len(mine)), range(len(yours))):
+        if mine[i].size == yours[j].size:
+            out.append((_product(mine, i, yours[j]), _product(yours, j, mine[i])))
+    return out
+
+
+def _factors(p: Array) -> list[Array]:
+    """Real factors of the lowest degree of z^n + p_1 z^(n-1) + ..."""
+    roots = np.roots(np.concatenate([[1.0], p]))
+    real = [np.array([1.0, -r.real]) for r in roots if r.imag == 0.0]
+    return real + [np.array([1.0, -2 * r.real, abs(r) ** 2]) for r in roots if r.imag > 0.0]
+
+
+def _product(factors: list[Array], i: int, other: Array) -> Array:
+    """Coefficients after the leading one of the product in which factor i is replaced."""
+    out = np.ones(1)
+    for j, factor in enumerate(factors):
+        out = np.convolve(out, other if i == j else factor)
+    return out[1:]
 
 
 def regressors(theta: Array, law: Law, u: Array, y: Array, restart: Bools) -> Array:
