@@ -236,3 +236,13 @@ def test_a_search_in_vain_at_higher_frequencies_leaves_the_plant_as_it_was():
     plant.restore(kept)
     assert [k for k, v in vars(plant).items() if v is not kept[k]] == []
     assert (plant.inverse.own, plant.sharp) == (own, False)
+
+
+@pytest.mark.parametrize(("inertia", "complete"), [(5.0, True), (1.0, False), (9.0, True)])
+def test_the_noise_that_a_complete_model_leaves_is_that_of_its_own_inertia(inertia, complete):
+    """A base model compensates for a slow force with inertia, which multiplies the encoder's noise in its records."""
+    plant = SimpleNamespace(
+        own=SimpleNamespace(floor=1.0), corrected=SimpleNamespace(inertia=5.0), tolerance=0.0, scale=1.0,
+        rms=lambda e: e, errors=lambda model: 1.2,
+    )  # fmt: skip
+    assert ServoPlant.complete(plant, None, SimpleNamespace(inertia=inertia)) is complete

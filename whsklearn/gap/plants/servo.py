@@ -338,8 +338,13 @@ class ServoPlant(Plant):
         return self.inverse.gap(model)
 
     def complete(self, before: Array, model: ServoHypothesis) -> bool:
-        """Whether a model leaves no more than noise and what is not worth naming."""
-        return bool(quiet(self.rms(self.errors(model)), self.own.floor, self.tolerance * self.scale))
+        """Whether a model leaves no more than noise and what is not worth naming.
+
+        The noise of own records is that of the encoder times the inertia, and that of a base model which compensates
+        for a slow force is far too large: a spring was certain in the place of a pendulum's gravity.
+        """
+        floor = self.own.floor * min(1.0, model.inertia / self.corrected.inertia)
+        return bool(quiet(self.rms(self.errors(model)), floor, self.tolerance * self.scale))
 
     def enough(self, model: ServoHypothesis) -> bool:
         """Whether there are `PER_NUMBER` independent samples for each number, as there are in all but short logs."""
