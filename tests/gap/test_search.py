@@ -385,6 +385,19 @@ def test_few_instants_tell_two_laws_apart_where_one_leaves_nothing(whole):
     assert search._told_apart(taken, other) is whole
 
 
+@pytest.mark.parametrize(("numbers", "whole", "apart"), [(1, True, False), (1, False, True), (3, True, True)])
+def test_what_is_simpler_and_leaves_only_noise_is_not_ruled_out_by_a_better_fit(numbers, whole, apart):
+    """A spring, of two numbers, gained a thousandth more than the offset that was missing beside another spring."""
+    plant, rng = Columns({}), np.random.default_rng(0)
+    noise = rng.standard_normal(N)
+    taken, other = (
+        Named(Look(n, 40.0, np.zeros(3), n_numbers=k), n, 9.0 * noise, e * noise, gain=g)
+        for n, k, e, g in (("spring", 2, 1.0, 900.0), ("offset", numbers, 1.2, 600.0))
+    )
+    plant.exact, plant.complete = True, lambda before, model: model == "spring" or whole
+    assert Search(plant, rng, alpha=0.01, max_effects=3)._told_apart(taken, other) is apart
+
+
 def test_a_review_leaves_an_effect_that_a_better_one_is_not_told_from():
     plant = Columns({"a": 0.5, "c": 0.3})
     search = Search(plant, np.random.default_rng(0), alpha=0.01, max_effects=3)

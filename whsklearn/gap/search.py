@@ -291,10 +291,14 @@ class Search:
         makes small.  With a wrong name the residual is smaller and faster, so its independent samples are counted as
         well.  Blocks tell which of two wrong models is less wrong.  If the one taken is complete, nothing is left to
         ask them, and the few events in which two laws differ, such as the touches of a stop, cannot make a rival of
-        the other; but its lead must stand with the artefacts of its own records, too.
+        the other; but its lead must stand with the artefacts of its own records, too.  A rival with fewer numbers that
+        leaves only noise is not ruled out by a better fit: a spring took the place of an offset, beside a spring.
         """
         lead = taken.score - other.score
         if lead < 0.0:  # the one taken is the commoner
+            return False
+        simpler = other.look.n_numbers < taken.look.n_numbers
+        if simpler and self.plant.complete(taken.before, other.model):
             return False
         worse, better = (float(e @ e) for e in (other.errors, taken.errors))
         null = float(np.mean(taken.look.null) - np.mean(other.look.null))
