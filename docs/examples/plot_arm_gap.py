@@ -27,11 +27,11 @@ print(finder.diagnosis_.sentence)
 # What is missing at each joint, before and after
 # -----------------------------------------------
 figure, axes = plt.subplots(2, 1, figsize=(9, 4.8), sharex=True, layout="constrained")
-for ax, (joint, (t, drive, before, after)) in zip(axes, finder.diagnosis_.pictures["joints"].items(), strict=True):
+for ax, (joint, (t, drive, before, after, unit)) in zip(axes, finder.diagnosis_.pictures["joints"].items(), strict=True):
     ax.plot(t, drive, "0.7", label="drive")
     ax.plot(t, before, "C1", lw=1, label="missing before")
     ax.plot(t, after, "C0", lw=1, label="missing after")
-    ax.set(ylabel=f"{joint}, Nm")
+    ax.set(ylabel=f"{joint}, {unit}")
 axes[0].legend(loc="upper right")
 axes[1].set(xlabel="time, s")
 for row in finder.diagnosis_.joints:
