@@ -27,7 +27,8 @@ print(finder.diagnosis_.sentence)
 # What is missing at each joint, before and after
 # -----------------------------------------------
 figure, axes = plt.subplots(2, 1, figsize=(9, 4.8), sharex=True, layout="constrained")
-for ax, (joint, (t, drive, before, after, unit)) in zip(axes, finder.diagnosis_.pictures["joints"].items(), strict=True):
+joints = finder.diagnosis_.pictures["joints"]
+for ax, (joint, (t, drive, before, after, unit)) in zip(axes, joints.items(), strict=True):
     ax.plot(t, drive, "0.7", label="drive")
     ax.plot(t, before, "C1", lw=1, label="missing before")
     ax.plot(t, after, "C0", lw=1, label="missing after")
