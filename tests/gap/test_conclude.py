@@ -276,8 +276,10 @@ def test_what_explains_most_gives_way_to_the_next_sound_name_and_another_to_a_ri
     assert closing(fails, "x", fitted=[x, replace(y, reason="objected to")], taken=[x])[1].model == ""
     stands = Runs(lambda m: (0.9, 0.9))
     assert closing(stands, "xz", "19", [x, y], [x, z])[1].model == "zy"
-    for rivals, left in (([], "z"), (["y"], "zy")):
-        assert closing(stands, "xz", "19", [x, y], [replace(x, size=0.05, rivals=rivals), z])[1].model == left
+    for rivals, left in (([], "z"), (["y", "z", "w"], "zy")):
+        _, found = closing(stands, "xz", "19", [x, y], [replace(x, size=0.05, rivals=rivals), z])
+        assert found.model == left
+    assert found.taken[-1].rivals == ["x", "w"]  # no rival of a name that is there
 
 
 def test_numbers_as_found_stand_in_where_those_refitted_along_the_run_are_worse(closing):

@@ -177,11 +177,11 @@ def _instead(found: Found, gone: Named, refused: set[str]) -> Named | None:
     """
     step = next((s for s in reversed(found.steps) if any(f.name == gone.name for f in s.fitted)), None)
     most = gone.size >= max((t.size for t in found.taken), default=0.0)
-    there = {*refused, *(t.name for t in found.taken)}
+    there = {t.name for t in found.taken}
     for f in step.fitted if step is not None else []:
         alike = most or f.name in (*gone.rivals, *gone.effect.aliases)
-        if alike and not f.reason and f.name not in there and meet(f.look, gone.look):
-            return replace(f, rivals=[gone.name, *(name for name in gone.rivals if name != f.name)])
+        if alike and not f.reason and f.name not in there | refused and meet(f.look, gone.look):
+            return replace(f, rivals=[gone.name, *(r for r in gone.rivals if r not in there | {f.name})])
     return None
 
 

@@ -58,14 +58,17 @@ def test_a_large_hidden_effect_is_found_first_and_the_base_numbers_stay_physical
     frame = pd.DataFrame({"time_s": r.time, "torque_nm": r.drive, "position_rad": r.position})
     finder = GapFinder("servo", law="viscous").fit(frame)
     assert finder.effects_[0].name == "gravity_imbalance"
-    assert finder.effects_[0].effect.amplitude == pytest.approx(1.5, rel=0.05)
+    assert finder.effects_[0].effect.amplitude == pytest.approx(1.5, rel=0.04)
     assert finder.model_.inertia == pytest.approx(0.05, rel=0.1)
     assert finder.diagnosis_.closure > 0.8
 
 
 @pytest.fixture(scope="module")
 def stalled():
-    """Six seconds of an axis that lifts a weight until dry friction holds it, against any drive from then on."""
+    """Six seconds of an axis that lifts a weight until dry friction holds it, against any drive from then on.
+
+    With this noise, unlike that of most seeds, a name was certain.
+    """
     time = np.arange(1140) / 190.0
     drive = np.where(time < 2.2, 0.2 + time / 2.2, 1.2 + 0.35 * np.sin(0.9 * (time - 2.2)))
     axis = ServoAxis(inertia=0.02, law=[Viscous(0.8), Coulomb(0.2)], effects=[GravityImbalance(1.5)], sample_rate=190.0)
@@ -78,7 +81,7 @@ def test_rests_say_nothing_of_a_short_log(stalled):
     view, model = start_of(stalled, ("viscous", "coulomb"), 0.004)
     assert not view.usable[view.time[:: view.every] > 5.0].any()
     weighed = polished(view, model, ServoTerm(candidate("gravity_imbalance"), (1.0, 0.0)))
-    assert np.hypot(*weighed.terms[-1].q[:2]) == pytest.approx(1.5, rel=0.05)
+    assert np.hypot(*weighed.terms[-1].q[:2]) == pytest.approx(1.5, rel=0.04)
 
 
 def test_no_name_is_certain_in_a_short_log(stalled):
