@@ -234,11 +234,11 @@ def closing(monkeypatch):
     def rows(plant, base, model, rng, given=None):
         return [{"horizon": h, "closure": c} for h, c in zip((1.0, 2.0), plant.closes(model), strict=True)]
 
-    def run(plant, model="ab", certainty="9" * 9, fitted=(), taken=None):
+    def run(plant, model="ab", certainty="9" * 9, fitted=(), taken=None, earlier=()):
         monkeypatch.setattr(conclude, "prove", rows)
         absent = {letter: 10.0 ** -float(digit) for letter, digit in zip(model, certainty, strict=False)}
         monkeypatch.setattr(conclude, "p_of_zero", lambda fit, index: absent.get(fit.terms[index], 0.0))
-        steps = [SimpleNamespace(looks=[], fitted=list(fitted))]
+        steps = [SimpleNamespace(looks=[], fitted=list(f)) for f in (*earlier, fitted)]
         taken = [Letter(x) for x in model] if taken is None else list(taken)
         found = SimpleNamespace(base=Terms(), model=Terms(model), taken=taken, remainder=[], steps=steps)
         return conclude._closing(plant, found, None, None, 0.01), found
@@ -280,6 +280,16 @@ def test_what_explains_most_gives_way_to_the_next_sound_name_and_another_to_a_ri
         _, found = closing(stands, "xz", "19", [x, y], [replace(x, size=0.05, rivals=rivals), z])
         assert found.model == left
     assert found.taken[-1].rivals == ["x", "w"]  # no rival of a name that is there
+
+
+def test_where_a_round_offers_no_other_name_an_earlier_one_does(closing):
+    """A review had exchanged y for x, which the run refuses; the round that took y is asked again, the later first."""
+    x, y, z = (
+        Named(SimpleNamespace(name=n, place=frozenset()), Terms(n), np.zeros(1), np.zeros(1), size=0.1) for n in "xyz"
+    )
+    fails = Runs(lambda m: (-0.1, -0.1) if "x" in m else (0.9, 0.9))
+    for earlier, last, left in (([y, x], [x], "y"), ([y, x], [x, z], "z"), ([y], [x], "")):
+        assert closing(fails, "x", fitted=last, taken=[x], earlier=[earlier])[1].model == left
 
 
 def test_numbers_as_found_stand_in_where_those_refitted_along_the_run_are_worse(closing):

@@ -172,16 +172,16 @@ def _closing(plant: Any, found: Found, rng: np.random.Generator, given: Any, alp
 def _instead(found: Found, gone: Named, refused: set[str]) -> Named | None:
     """What takes the place of an effect that goes: what the record could not distinguish from it; None if nothing.
 
-    In the place of the effect that explains most it is the next sound one of its round.  The one that goes stays a
-    rival, so that no such name is certain.
+    In the place of the effect that explains most it is the next sound one of its round, or of an earlier round that
+    fitted it.  The one that goes stays a rival, so that no such name is certain.
     """
-    step = next((s for s in reversed(found.steps) if any(f.name == gone.name for f in s.fitted)), None)
     most = gone.size >= max((t.size for t in found.taken), default=0.0)
     there = {t.name for t in found.taken}
-    for f in step.fitted if step is not None else []:
-        alike = most or f.name in (*gone.rivals, *gone.effect.aliases)
-        if alike and not f.reason and f.name not in there | refused and meet(f.look, gone.look):
-            return replace(f, rivals=[gone.name, *(r for r in gone.rivals if r not in there | {f.name})])
+    for step in reversed(found.steps):
+        for f in step.fitted if any(f.name == gone.name for f in step.fitted) else []:
+            alike = most or f.name in (*gone.rivals, *gone.effect.aliases)
+            if alike and not f.reason and f.name not in there | refused and meet(f.look, gone.look):
+                return replace(f, rivals=[gone.name, *(r for r in gone.rivals if r not in there | {f.name})])
     return None
 
 
