@@ -53,6 +53,29 @@ def test_beside_a_lag_the_drive_is_not_early_as_well(plain):
     assert view.rms(view.gap(model)) < 0.5 * view.rms(view.gap(lagged))
 
 
+def test_noise_of_the_drive_leaves_the_same_residual_before_any_lag(plain):
+    """Behind a lag it is smaller, which is no merit of the lag: one took the place of a motor's cogging."""
+    view, model = start_of(plain, ("viscous",), 0.004)
+    noise = 0.3 * np.random.default_rng(1).standard_normal(TIME.size)
+    left = []
+    for seconds in (1e-6, 0.02, 0.05):
+        model_with = model.with_term(ServoTerm(candidate("actuator_lag"), (seconds,)))
+        torque = plain.drive + seconds * np.gradient(plain.drive, plain.dt)  # what the lag turns into this drive
+        noisy = view.beside(ServoRecord(plain.time, torque + noise, plain.position))
+        left.append(noisy.rms(noisy.gap(model_with)))
+    assert left[1:] == pytest.approx([left[0]] * 2, rel=0.1)
+
+
+def test_the_drive_before_a_lag_is_that_of_the_log(plain):
+    """(1 + T s) undoes 1 / (1 + T s) within half a sample, by which a sampled lag holds the drive."""
+    view, model = start_of(plain, ("viscous",), 0.004)
+    lagged = model.with_term(ServoTerm(candidate("actuator_lag"), (0.05,)))
+    behind, before = view.blur(view.reaching(lagged)), view.target(lagged)[0]
+    half = 0.5 * plain.dt * np.gradient(view.drive, view.step)
+    error = {name: view.rms((x - view.drive - half)[view.at]) for name, x in (("behind", behind), ("before", before))}
+    assert error["before"] < 0.01 * error["behind"]
+
+
 def test_a_large_hidden_effect_is_found_first_and_the_base_numbers_stay_physical():
     r = log_of([GravityImbalance(1.5, 0.3)])
     frame = pd.DataFrame({"time_s": r.time, "torque_nm": r.drive, "position_rad": r.position})

@@ -67,12 +67,14 @@ class Scene:
 
     def columns(self, term: ServoTerm) -> Array:
         """Columns of one term at its shape, shape (n, 1, k)."""
-        return self.view.term_columns(self.model, term, self.torque)[self.at][:, None, :]
+        columns = self.view.term_columns(self.model, term, self.torque)
+        return self.view.before_lag(self.model, columns)[self.at][:, None, :]
 
     def transformed(self, changed: Array) -> tuple[Array, float]:
         """The residual if ``changed`` reaches the axis, shape (n, 1, 1), and its share of what does under the model."""
-        lost = self.view.blur(self.drive - changed)[self.at]
-        before = self.view.blur(self.drive)[self.at]
+        before, lost = (
+            self.view.before_lag(self.model, self.view.blur(u))[self.at] for u in (self.drive, self.drive - changed)
+        )
         return lost[:, None, None], self.view.rms(before - lost) / max(self.view.rms(before), 1e-300)
 
 

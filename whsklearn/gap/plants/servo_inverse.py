@@ -174,12 +174,29 @@ class InverseView:
 
     def columns(self, model: ServoHypothesis, torque: Array | None = None) -> tuple[Array, NDArray[np.bool_]]:
         """(columns of inertia and of every linear number of the terms, mask of those that must be positive)."""
+        x, positive = self._of_the_axis(model, torque)
+        return self.before_lag(model, x), positive
+
+    def _of_the_axis(self, model: ServoHypothesis, torque: Array | None) -> tuple[Array, NDArray[np.bool_]]:
+        """The same columns behind any lag of the actuator."""
         parts, positive = [self.acceleration], [True]
         for t in model.terms:
             c = self.term_columns(model, t, torque)
             parts += list(c.T)
             positive += [t.kind.positive] * c.shape[1]
         return np.column_stack(parts), np.array(positive)
+
+    def before_lag(self, model: ServoHypothesis, x: Array) -> Array:
+        """The drive that an actuator with the model's lag must be given for the torques ``x`` (n, ...): m + T m'.
+
+        A lagged drive is smaller the faster it is, and so is every residual behind it, whatever the model lacks: under
+        a speed controller the fit ended without inertia, at a lag that took its place.  Models are therefore compared
+        by the drive before the lag.
+        """
+        for t in model.terms:
+            if t.kind.code == codes.ACTUATOR_LAG:
+                x = x + t.q[0] * ols.slope(x, self.step)
+        return x
 
     def term_columns(self, model: ServoHypothesis, t: ServoTerm, torque: Array | None) -> Array:
         """Columns of one term, shape (n, number of its linear numbers)."""
@@ -238,7 +255,7 @@ class InverseView:
         return self.with_sizes(model, np.append(sizes[: x.shape[1]], timing)), columns, target, sizes, free
 
     def target(self, model: ServoHypothesis) -> tuple[Array, float]:
-        """(drive that reaches the axis, rms of the logged drive over that of this drive).
+        """(drive that reaches the axis or its lag, rms of the logged drive over that of this drive).
 
         A limit has no column: it removes the peaks of the drive and with them the residual of the model at the peaks.
         Residuals are therefore compared as shares of the drive that reaches the axis.
@@ -246,7 +263,7 @@ class InverseView:
         u = self.reaching(model)
         if u is self.record.drive:
             return self.drive.copy(), 1.0
-        reaches = self.blur(u)
+        reaches = self.before_lag(model, self.blur(u))
         return reaches, self.rms(self.drive[self.at]) / max(self.rms(reaches[self.at]), 1e-300)
 
     def reaching(self, model: ServoHypothesis) -> Array:
@@ -280,10 +297,8 @@ class InverseView:
 
     def torque(self, model: ServoHypothesis) -> Array | None:
         """Torque that the model predicts, at full rate; None if its residual is too large to replace the drive."""
-        x, _ = self.columns(model, self.record.drive)
-        sizes = self.sizes(model)
-        predicted = x @ sizes
-        left = self.rms((self.target(model)[0] - predicted)[self.at])
+        predicted = self._of_the_axis(model, self.record.drive)[0] @ self.sizes(model)
+        left = self.rms((self.target(model)[0] - self.before_lag(model, predicted))[self.at])
         if left > KNOWN * self.scene.torque:
             return None
         return np.interp(self.time, self.time[:: self.every], predicted)
