@@ -68,6 +68,17 @@ def test_most_of_the_gap_is_most_of_the_drive_and_of_the_run(after, closure, sai
     assert f"which explains {said} of it" in text
 
 
+def test_a_part_is_told_with_what_the_record_cannot_tell_from_it():
+    found = [effect("gravity_imbalance", aliases=["cable_spring", "input_offset"]), effect("stribeck")]
+    text = summary(diagnosis("partial", found, figures=(0.1, 0.05, 0.01), closure=0.4), PLANT)
+    assert "resembles gravity imbalance (or cable spring or input offset) and stribeck, which" in text
+
+
+def test_a_repair_that_runs_no_closer_is_not_said_to_close_anything():
+    text = summary(diagnosis("partial", [effect("cogging")], figures=(0.1, 0.05, 0.01), closure=-1.8), PLANT)
+    assert "falls to 5.00 %, and the simulation comes no closer to the record." in text
+
+
 def test_silence_speaks_of_what_is_larger_than_the_tolerance():
     text = summary(diagnosis("no_gap", figures=(0.0110, 0.0110, 0.0104)), PLANT)
     assert "within noise and the tolerance: nothing larger is missing" in text

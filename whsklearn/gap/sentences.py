@@ -69,6 +69,12 @@ def learned(d: Any) -> str:
     return f"A smooth torque that depends on {on} was learned in addition and closes {share} of the rest. "
 
 
+def _or_its_rivals(e: Any) -> str:
+    """The label of an effect, with what the record cannot tell from it."""
+    rivals = article_list(e.aliases).replace(" and ", " or ") if e.aliases else ""
+    return f"{e.label} (or {rivals})" if rivals else str(e.label)
+
+
 def summary(d: Any, plant: Any) -> str:
     """The verdict in one paragraph."""
 
@@ -83,9 +89,9 @@ def summary(d: Any, plant: Any) -> str:
     if before > 1.0:
         opening += f"Above 100 % the base model is worse than none, which would leave all of the {whole} missing. "
     course = "stays at" if percent(after) == percent(before) else "falls to" if after < before else "rises to"
-    left = (
-        f"The {what} {course} {percent(after)}, and {100 * max(d.closure, 0):.0f} % of the gap in simulation is closed."
-    )
+    closed = f"{100 * d.closure:.0f} % of the gap in simulation is closed"
+    run = closed if d.closure >= 0.0 else "the simulation comes no closer to the record"
+    left = f"The {what} {course} {percent(after)}, and {run}."
     if before == after:  # a coarse reading: it is in the record, not in the model's run
         left = "That is all the noise there is: nothing else is missing that this record could show."
     if d.verdict in ("named", "ambiguous"):
@@ -99,7 +105,7 @@ def summary(d: Any, plant: Any) -> str:
         alias = sorted({a for e in d.effects for a in e.aliases})
         return said + left + (f" No such record can distinguish it from {article_list(alias)}." if alias else "")
     if d.verdict == "partial":
-        names, more = article_list([e.label for e in d.effects]), len(d.effects) > 1
+        names, more = article_list([_or_its_rivals(e) for e in d.effects]), len(d.effects) > 1
         taken = min(d.closure, (before - after) / max(before - floor, 1e-300))  # of the drive, and in simulation
         part = f"which explain{'' if more else 's'} {'most' if taken > HALF else 'only a part'} of it. "
         return opening + f"The gap resembles {names}, {part}" + learned(d) + left
