@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import itertools
 import warnings
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import solve_triangular
 from scipy.optimize import minimize
 from sklearn.base import clone
 from threadpoolctl import threadpool_limits
 
-from whsklearn.effects import Coulomb, InputOffset, LoadFriction, Viscous
+from whsklearn.effects import Coulomb, Effect, InputOffset, LoadFriction, Viscous
 from whsklearn.effects.base import Array
 from whsklearn.filtering.records import Motion, motion, zero_phase
 from whsklearn.lags.arm_rows import ArmRows, records_of
@@ -23,14 +25,6 @@ from whsklearn.lags.axis_rows import DRY, experiments
 from whsklearn.lags.rigid_body import RigidBodyLags
 from whsklearn.models.arm import ArmModel
 from whsklearn.systems.arm import Arm, direction_of
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-
-    from numpy.typing import ArrayLike, NDArray
-
-    from whsklearn.effects import Effect
-
 
 # Blocks of a record, each omitted once for the spread of the numbers. Between two records of 14 unchanged arms of six
 # joints, numbers differ by 0.9 standard errors (rms), or by 1.9 if errors are taken to be white, with one in 37 beyond

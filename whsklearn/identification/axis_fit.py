@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import functools
 import itertools
+from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from whsklearn.filtering.records import HOLDS
 from whsklearn.identification.axis_inverse import Start, inverse_starts, position_columns
 from whsklearn.identification.axis_numbers import axis_log, axis_residual, position_effects, shooting_log
 from whsklearn.identification.linear_fit import fit_output_error
-from whsklearn.identification.view import derivative, window_of
+from whsklearn.identification.view import View, derivative, window_of
 from whsklearn.identification.windows import axis_score
 from whsklearn.models import AxisModel
 from whsklearn.models.axis import spring_steps
@@ -32,12 +32,6 @@ from whsklearn.recursion.batch.axis_free_run import (
 from whsklearn.recursion.batch.best_linear import filter_rows
 from whsklearn.systems.servo import fine_steps
 from whsklearn.validation import whiteness_test
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from whsklearn.identification.view import View
-
 
 KNOTS = (0.1, 0.3, 0.6, 0.85)  # quantiles of speed at which a free law may bend
 SHOOTING = (

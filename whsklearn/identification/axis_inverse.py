@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import itertools
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from whsklearn.effects.base import Array
 from whsklearn.filtering.records import filtered, gaussian_derivatives
+from whsklearn.identification.view import View
 from whsklearn.recursion.batch.axis_free_run import AxisForm, dissipates, rising_at_last
-
-if TYPE_CHECKING:
-    from whsklearn.identification.view import View
-
 
 # Standard deviations of the Gaussian in samples.  With a narrow one, encoder noise in the acceleration biases the
 # inertia towards zero (to a twentieth on a wrist logged at 100 Hz); a wide one removes the motion. Simulation decides

@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 import itertools
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from whsklearn.effects import CableSpring, FlexibleCoupling, GravityImbalance, HardeningSpring, SpeedHinge
+from whsklearn.effects import CableSpring, Effect, FlexibleCoupling, GravityImbalance, HardeningSpring, SpeedHinge
 from whsklearn.effects.base import Array
+from whsklearn.identification.view import View
+from whsklearn.models import AxisModel
 from whsklearn.recursion.batch.axis_free_run import AxisForm, AxisLog, axis_motion, settled
-
-if TYPE_CHECKING:
-    from whsklearn.effects import Effect
-    from whsklearn.identification.view import View
-    from whsklearn.models import AxisModel
-
 
 PIECE = 2.0  # s, length of a free run whose position must stay accurate
 LEAST_PIECE = 100  # samples of such a free run

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -11,13 +11,10 @@ from whsklearn.effects import FrictionLaw, Hinge, Power, as_law
 from whsklearn.effects.base import Array
 from whsklearn.estimators import PEMRegressor
 from whsklearn.identification.linear_fit import input_output
+from whsklearn.identification.view import View
 from whsklearn.models import ChainModel
-from whsklearn.recursion.batch.best_linear import best_linear
+from whsklearn.recursion.batch.best_linear import Ratio, best_linear
 from whsklearn.recursion.batch.simulation_error import FittedChain, refine
-
-if TYPE_CHECKING:
-    from whsklearn.identification.view import View
-    from whsklearn.recursion.batch.best_linear import Ratio
 
 
 def fit_chain(log: View) -> ChainModel:

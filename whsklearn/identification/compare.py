@@ -7,9 +7,10 @@ import itertools
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits
 
 from whsklearn._numba import compiling_seconds
@@ -39,12 +40,7 @@ from whsklearn.identification.windows import (
 )
 from whsklearn.logs.units import UNKNOWN, UNSTATED, factor_of
 from whsklearn.models import AxisModel, ChainModel, LinearModel
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from whsklearn.models.base import IdentifiedModel
-
+from whsklearn.models.base import IdentifiedModel
 
 AS_GOOD = 1.075  # a simpler structure is preferred within 7.5 % of the least error: twins of one system differ by that
 AT_FLOOR = 1.3  # times the noise; no structure can be better, and the one with thirty parameters takes most of the time

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import itertools
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -13,14 +13,9 @@ from whsklearn.effects.base import Array
 from whsklearn.filtering.records import HOLDS
 from whsklearn.identification.axis_inverse import FEWEST, balance, inverse_starts, solved
 from whsklearn.identification.axis_numbers import shooting_log
+from whsklearn.identification.view import View
 from whsklearn.identification.windows import axis_score
 from whsklearn.recursion.batch.axis_free_run import AxisForm, fit_pieces
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from whsklearn.identification.view import View
-
 
 # s: the oldest drive of a real log (pendulum rigs and arms reach -0.016 to 0.038 s)
 OLDEST = 0.06

@@ -5,12 +5,11 @@ from __future__ import annotations
 import functools
 import itertools
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from whsklearn.identification.drive_lead import EXPLAINED
-from whsklearn.identification.view import one_later, since_start
+from whsklearn.identification.view import View, one_later, since_start
 from whsklearn.models import LinearModel
 from whsklearn.recursion.batch.best_linear import (
     IOData,
@@ -25,9 +24,6 @@ from whsklearn.recursion.batch.best_linear import (
 from whsklearn.recursion.batch.simulation_search import SKIP
 
 ENOUGH = 20_000  # samples in which a dead time is sought; of the 300,000 of a long log the search would take minutes
-
-if TYPE_CHECKING:
-    from whsklearn.identification.view import View
 
 
 def fit_arx(log: View, order: int) -> LinearModel:

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from whsklearn.identification.axis_inverse import balance, solved
 from whsklearn.identification.drive_lead import force_form, moved, skew, smoothing_width
-
-if TYPE_CHECKING:
-    from whsklearn.identification.view import View
-
+from whsklearn.identification.view import View
 
 OFFSET = 3  # of the columns of `whsklearn.identification.axis_inverse.balance`
 

@@ -13,15 +13,17 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from sklearn.base import clone
 
 from whsklearn.effects.base import Array
 from whsklearn.identification.arm_fit import (
     N_LEFT_OUT,
     SAME,
+    ArmFit,
     Known,
     block_covariance,
     blocks_of,
@@ -29,14 +31,8 @@ from whsklearn.identification.arm_fit import (
     with_ages,
 )
 from whsklearn.lags.arm_rows import records_of
+from whsklearn.lags.rigid_body import RigidBodyLags
 from whsklearn.systems._arm_kernels import N_BODY
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
-    from whsklearn.identification.arm_fit import ArmFit
-    from whsklearn.lags.rigid_body import RigidBodyLags
-
 
 SEEN = 1e-9  # share of a column's power that remains after what both records know: below it, rounding
 MASS = 4  # fitted parameters of a body, m and m c: on the AIRBOT all ten left the mass uncertain by 2 kg

@@ -6,11 +6,13 @@ import base64
 import io
 import json
 import math
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from whsklearn.identification.compare import Compared, Identification
 from whsklearn.identification.windows import horizons, lead, residual, rms_of, window_errors
 from whsklearn.logs.check import lattice
 from whsklearn.logs.files import atomic_write
@@ -19,11 +21,7 @@ from whsklearn.models import AxisModel, ChainModel, LinearModel, save_model
 from whsklearn.plot.look import html_of
 
 if TYPE_CHECKING:
-    import os
-
     from matplotlib.axes import Axes
-
-    from whsklearn.identification.compare import Compared, Identification
 
 MODEL_FILE = "model.json"
 MOST_DIGITS = 12  # of a number whose interval is next to nothing

@@ -5,19 +5,16 @@ from __future__ import annotations
 import functools
 import itertools
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from whsklearn.effects.base import Array
 from whsklearn.filtering.records import fine_drive
 from whsklearn.logs.errors import LogError
 from whsklearn.logs.units import UNKNOWN
 from whsklearn.recursion.batch.best_linear import IOData, Ratio, filter_rows, least_squares_arx
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
 
 HOLDOUT = 0.3
 LEAST_MOTION = (

@@ -4,25 +4,19 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from whsklearn.effects.base import Array
 from whsklearn.identification.axis_numbers import axis_residual, axis_theta
-from whsklearn.identification.view import smooth
+from whsklearn.identification.view import View, smooth
 from whsklearn.models import AxisModel, ChainModel, LinearModel
 from whsklearn.recursion.batch.axis_free_run import LARGEST, AxisForm, AxisLog, axis_motion, fit_state
 from whsklearn.recursion.batch.simulation_search import SKIP
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from numpy.typing import NDArray
-
-    from whsklearn.identification.view import View
-
 
 SECONDS = (0.1, 0.5, 2.0, 5.0)
 LEAD = 0.3  # s before a window over which its state is fitted

@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from sklearn.utils.validation import check_array
 
 from whsklearn.effects.base import Array
 from whsklearn.filtering.records import Motion, central_difference, zero_phase
 from whsklearn.lags.axis_rows import experiments, stack_columns
 from whsklearn.systems.arm import direction_of
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-
-    from numpy.typing import ArrayLike, NDArray
 
 ABRUPT = 1e-12, 0.0  # rad/s and s: a reversal at rest and at once
 

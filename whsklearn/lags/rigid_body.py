@@ -11,9 +11,11 @@ from __future__ import annotations
 import copy
 import dataclasses
 import warnings
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple, Self
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import minimum_filter1d
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import check_array, check_is_fitted, validate_data
@@ -26,16 +28,8 @@ from whsklearn.lags.arm_rows import records_of, turning
 from whsklearn.lags.axis_rows import DRIVEN, column_names, effect_terms, experiments, sized_effects, stack_columns
 from whsklearn.models.files import as_arm
 from whsklearn.systems._arm_kernels import N_BODY
-from whsklearn.systems.arm import direction_of
+from whsklearn.systems.arm import Arm, direction_of
 from whsklearn.systems.base_parameters import BaseParameters, base_parameters
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
-    from numpy.typing import ArrayLike, NDArray
-
-    from whsklearn.systems.arm import Arm
-
 
 FINE = 5.0  # the motion passes a filter this many times wider than the columns, so that signs and products stay sharp
 WIDEST = 0.2  # of the sampling rate, for that filter: beyond it the central difference is not a derivative

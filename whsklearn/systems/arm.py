@@ -12,9 +12,10 @@ import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 from sklearn.utils import Bunch
 
 from whsklearn.effects import Effect, effect_names, get_effect
@@ -38,10 +39,6 @@ from whsklearn.systems._servo_kernel import KAPPA, LIMIT, N_PARTS, RESOLUTION, p
 from whsklearn.systems.arm_files import STANDARD_GRAVITY, across, body_numbers, dh_fields, file_fields
 from whsklearn.systems.base_parameters import BaseParameters, base_parameters, consistent_numbers
 from whsklearn.systems.servo_parts import PIDController
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
 
 NUMBERS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 

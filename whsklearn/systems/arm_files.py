@@ -6,17 +6,14 @@ import math
 import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from whsklearn.effects import CableSpring, Coulomb, Effect, Viscous
 from whsklearn.effects.base import Array
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
 
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)
 

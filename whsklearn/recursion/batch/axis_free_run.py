@@ -14,7 +14,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,10 +27,6 @@ from whsklearn.effects.transmission import contact_stiffness
 from whsklearn.recursion.batch.best_linear import descend
 from whsklearn.recursion.batch.coupled_run import STATES, bodies_of, coupled_pass, slopes_of
 from whsklearn.systems._servo_kernel import implicit_gain
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
 
 SETTLED = 1e-9  # relative decrease in cost that at least one state must still reach for the search to continue
 SHARE_AND_DAMPING = ((0.02, 0.003), (0.98, 1.0))  # lower and upper bounds of a coupling's load share and damping ratio
