@@ -13,13 +13,11 @@ from whsklearn.effects import (
     FrictionLaw,
     GravityImbalance,
     InputOffset,
-    NaturalSpline,
     Power,
     SpeedHinge,
     Viscous,
 )
 from whsklearn.models import AxisModel, ChainModel, LinearModel, load_model, save_model
-from whsklearn.models.files import model_document, model_from
 
 U = np.sin(np.arange(200) / 7)
 MODELS = {
@@ -56,6 +54,7 @@ def test_a_model_comes_back_as_it_was(kind, tmp_path):
     [
         ({"format": "other"}, "identify or gap wrote"),
         ({"version": 3}, "upgrade"),
+        ({"version": 1}, "identify again"),
         ({"version": True}, "upgrade"),
         ({"kind": "oracle"}, "expected one of"),
         ({"dt": -1.0}, "above zero"),
@@ -126,60 +125,9 @@ def test_a_model_takes_and_gives_its_columns_and_holds_si(logged):
     assert model.parameters == truth.parameters
 
 
-@pytest.mark.parametrize(
-    ("units", "by", "turn"),
-    [
-        ({"input": "mNm", "output": "deg"}, 1e-3, DEG),
-        ({"input": "mNm", "output": "rad"}, 1e-3, 1.0),  # of gap
-        ({"input": "Nm", "output": "deg"}, 1.0, DEG),
-        ({}, 1.0, 1.0),
-    ],
-)
-def test_a_file_of_version_1_is_brought_to_si(units, by, turn):
-    """Its numbers are in the units of its columns; the same axis must come out whatever these are."""
-    law = FrictionLaw([Viscous(0.12 / by * turn), Coulomb(0.3 / by), SpeedHinge(0.05 / by * turn, 0.5 / turn)])
-    effects = (InputOffset(0.05 / by), GravityImbalance(0.2 / by, phase=0.3))
-    errors = {"inertia": 1e-3 / by * turn, "viscous": 2e-3 / by * turn, "gravity_imbalance__phase": 0.1}
-    old = AxisModel(0.05 / by * turn, law, effects, dt=0.01, logged="position", standard_errors=errors)
-    written = model_document(old) | {"version": 1, "units": units}
-    del written["parameter_units"]
-    model = model_from(written)
-    assert model.parameters == pytest.approx(TRUTH.parameters, rel=1e-12)
-    assert model.standard_errors == pytest.approx(NAMED, rel=1e-12)
-    np.testing.assert_allclose(model.simulate(U / by), TRUTH.simulate(U) / turn, rtol=1e-9, atol=1e-12)
-
-
-def test_the_old_spelling_of_a_kind_is_read():
-    written = model_document(MODELS["wiener-hammerstein"]) | {"version": 1, "kind": "wiener_hammerstein"}
-    assert model_from(written) == MODELS["wiener-hammerstein"]
-
-
 @pytest.mark.parametrize(("unit", "factor"), [("Nm", 1e3), ("mNm", 1.0), ("as logged", 1.0)])
 def test_a_column_is_brought_to_the_models(unit, factor):
     model = replace(TRUTH, units={"input": "mNm", "output": "deg"})
     assert model.column_factor("input", unit) == pytest.approx(factor)
     with pytest.raises(ValueError, match=r"in A, that of the model in mNm.*--unit drive=UNIT"):
         model.column_factor("input", "A")
-
-
-V1_CHAIN = FrictionLaw([Power(0.3, 0), Power(1.0, 1), Power(0.2, 3), NaturalSpline(0.1, -0.5, 0.2, 0.6), Coulomb(0.1)])
-
-
-@pytest.mark.parametrize(
-    "old",
-    [
-        LinearModel([0.0, 0.4], [1.0, -0.6], 0.1, dt=0.01, logged="position", standard_errors={"b1": 0.1}),
-        ChainModel([0.3, 0.1], [1.0, -0.5], V1_CHAIN, [1.0], [1.0, 0.3], dt=0.01, standard_errors={"x3": 0.1}),
-    ],
-)
-def test_a_response_of_version_1_answers_in_its_columns_as_it_did(old):
-    """Its numbers were in mNm and deg; brought to SI they say the same of the same columns."""
-    columns = {"input": "mNm", "output": "deg"}
-    written = model_document(old) | {"version": 1, "units": columns}
-    model = model_from(written)
-    np.testing.assert_allclose(model.simulate(U, start=0.5), old.simulate(U, start=0.5), rtol=1e-9, atol=1e-12)
-    assert model.units == columns
-    (name, error), (_, before) = *model.standard_errors.items(), *old.standard_errors.items()
-    assert error / model.parameters[name] == pytest.approx(before / old.parameters[name])
-    si = replace(model, units={})
-    np.testing.assert_allclose(si.simulate(1e-3 * U), DEG * old.simulate(U), rtol=1e-9, atol=1e-12)

@@ -141,13 +141,8 @@ class RecursiveRegressor(AxisRegressor):
             and stream.step(self.state_, X, y)
         ):
             return self
-        with self._lock:
-            held = self._kept_out()
-            try:
-                return self._partial_fit_alone(X, y, groups, sample_weight)
-            finally:
-                if held is not None:
-                    held.let_go(self.state_)
+        with self._alone():
+            return self._partial_fit_alone(X, y, groups, sample_weight)
 
     def _partial_fit_alone(
         self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None, sample_weight: ArrayLike | None
@@ -392,18 +387,13 @@ class RecursiveRegressor(AxisRegressor):
         for name in _NO_STATE:
             self.__dict__.pop(name, None)
 
-    def _kept_out(self) -> RowsStream | None:
-        """The stream of rows, closed to callers without the lock until its ``let_go``; None for other streams."""
-        stream = self._stream
-        if type(stream) is not RowsStream:
-            return None
-        stream.hold(self.state_)
-        return stream
-
     @contextmanager
     def _alone(self) -> Iterator[None]:
         with self._lock:
-            held = self._kept_out()
+            stream = self._stream
+            held = stream if type(stream) is RowsStream else None
+            if held is not None:  # closed to callers without the lock
+                held.hold(self.state_)
             try:
                 yield
             finally:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import functools
 import itertools
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -66,9 +66,6 @@ EXPLAINS = 0.9
 class Compared:
     """A candidate: its model (None for the trivial one, or if it could not be fitted) and its errors.
 
-    ``seconds`` are of processor time, ``windows`` root mean square errors by length in samples, ``score`` their
-    geometric mean over the noise floor (over that of the trivial model if there is no floor).
-
     Attributes
     ----------
     name, kind : str
@@ -83,7 +80,7 @@ class Compared:
     windows : dict of int to float
         Root mean square error by length of the window in samples.
     score : float
-        Geometric mean of ``windows`` over the noise floor.
+        Geometric mean of ``windows`` over the noise floor (over the error of the trivial model if there is no floor).
     train, test : dict of str to float
         Indices of the free run.
     failure : str
@@ -130,9 +127,6 @@ class Compared:
 @dataclass
 class Identification:
     """The result of `identify`.
-
-    ``models`` are the candidates from the simplest on, ``recommended`` one of them, ``trivial`` the model that
-    does nothing, ``reason`` a sentence, ``train`` and ``test`` the records as the candidates saw them.
 
     Attributes
     ----------
@@ -361,55 +355,36 @@ def candidates(
 
     With gravity if the output may be an ``angle``, and without its sign if it may be ``rectified``.
     """
+
+    def of(name: str, kind: str, fit: Any, criterion: str = "simulation", **structure: Any) -> tuple[Compared, Any]:
+        return Compared(name, kind, structure, criterion), fit
+
+    law, springs = ["viscous", "coulomb"], ["cable_spring", "hardening_spring"]
     for order in ORDERS:
-        yield (
-            Compared(f"ARX, order {order}", "arx", {"order": order}, "prediction"),
-            functools.partial(fit_arx, order=order),
-        )
+        yield of(f"ARX, order {order}", "arx", partial(fit_arx, order=order), "prediction", order=order)
     for order in ORDERS:
-        yield (
-            Compared(f"output error, order {order}", "output_error", {"order": order}, "simulation"),
-            functools.partial(fit_output_error, order=order),
-        )
-    yield Compared("axis, viscous and Coulomb", "axis", {"law": ["viscous", "coulomb"]}, "simulation"), fit_rigid_axis
-    yield (
-        Compared("axis, free law over speed", "axis", {"law": ["viscous", "coulomb", "speed_hinge"]}, "simulation"),
-        fit_free_law_axis,
-    )
+        yield of(f"output error, order {order}", "output_error", partial(fit_output_error, order=order), order=order)
+    yield of("axis, viscous and Coulomb", "axis", fit_rigid_axis, law=law)
+    yield of("axis, free law over speed", "axis", fit_free_law_axis, law=[*law, "speed_hinge"])
     if angle:
-        law = {"law": ["viscous", "coulomb"], "effects": ["gravity_imbalance"]}
-        yield Compared(GRAVITY, "axis", law, "simulation"), fit_hanging_axis
+        yield of(GRAVITY, "axis", fit_hanging_axis, law=law, effects=["gravity_imbalance"])
     if placed and not sprung:
-        law = {"law": ["viscous", "coulomb"], "effects": ["cable_spring", "hardening_spring"]}
-        yield Compared(FORCE, "axis", law, "simulation"), fit_placed_axis
+        yield of(FORCE, "axis", fit_placed_axis, law=law, effects=springs)
     if placed:
-        law = {"law": ["viscous", "coulomb"], "effects": ["flexible_coupling"]}
-        yield Compared(TWO_MASSES, "axis", law, "simulation"), fit_two_masses
-        yield (
-            Compared(AT_LOAD, "axis", {**law, "output": "load"}, "simulation"),
-            functools.partial(fit_two_masses, at_load=True),
-        )
-    for name, powers in (("axis on a spring", 1), ("axis on a hardening spring", 3)) if sprung else ():
-        effects = ["cable_spring", "hardening_spring"][: 1 + (powers > 1)]
-        law = {"law": ["viscous", "coulomb"], "effects": effects}
-        yield Compared(name, "axis", law, "simulation"), functools.partial(fit_sprung_axis, powers=powers)
+        coupled = {"law": law, "effects": ["flexible_coupling"]}
+        yield of(TWO_MASSES, "axis", fit_two_masses, **coupled)
+        yield of(AT_LOAD, "axis", partial(fit_two_masses, at_load=True), **coupled, output="load")
+    if sprung:
+        yield of("axis on a spring", "axis", partial(fit_sprung_axis, powers=1), law=law, effects=springs[:1])
+        yield of("axis on a hardening spring", "axis", partial(fit_sprung_axis, powers=3), law=law, effects=springs)
     for order in ORDERS[1:] if rectified else ():
-        structure = {"order": order, "effects": ["sensor_rectification"]}
-        yield (
-            Compared(f"output error, order {order}, without its sign", "wiener-hammerstein", structure, "simulation"),
-            functools.partial(fit_rectified, order=order),
-        )
-        yield (
-            Compared(
-                f"output error, order {order}, without its sign, behind a lag",
-                "wiener-hammerstein",
-                {**structure, "law": "folded"},
-                "simulation",
-            ),
-            functools.partial(fit_folded, order=order),
-        )
+        name = f"output error, order {order}, without its sign"
+        signless: dict[str, Any] = {"order": order, "effects": ["sensor_rectification"]}
+        yield of(name, "wiener-hammerstein", partial(fit_rectified, order=order), **signless)
+        lagging = partial(fit_folded, order=order)
+        yield of(f"{name}, behind a lag", "wiener-hammerstein", lagging, **signless, law="folded")
     if n >= CHAIN_FROM:
-        yield Compared(CHAIN, "wiener-hammerstein", {}, "simulation"), fit_chain
+        yield of(CHAIN, "wiener-hammerstein", fit_chain)
 
 
 def recommend(tried: list[Compared], trivial: Compared, *, steady: bool = False) -> tuple[Compared, str]:

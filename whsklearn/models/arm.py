@@ -76,7 +76,3 @@ class ArmModel(IdentifiedModel):
         begin = np.broadcast_to(np.asarray(start, dtype=float) * far, (1, self.arm.n_joints))
         record = self.arm.simulate_drive(u, sample_rate=1.0 / self.dt, position=begin)
         return (record.position if self.logged == "position" else record.velocity) / far
-
-    def from_logged(self) -> ArmModel:
-        """The arm itself, which has been stored in SI units since the first version."""
-        return self

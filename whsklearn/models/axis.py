@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -114,40 +113,14 @@ class AxisModel(IdentifiedModel):
     @property
     def parameter_units(self) -> dict[str, str]:
         """SI units of all `parameters`, ``1`` for a bare number."""
-        own = dict(zip(("Nm", "rad"), self.si, strict=True))
-        units = {k: u if k.endswith("__phase") else respelled(u, own)[1] for k, u in self._rotary_units().items()}
-        units["inertia"] = inertia_unit(*self.si)
-        return {k: units[k] for k in self.parameters}
-
-    def _rotary_units(self) -> dict[str, str]:
-        """Units of all parameters of a rotary axis driven by a torque."""
-        out = {"inertia": "Nm s²/rad"}
-        parts = [*zip(self.law.labels, self.law.terms, strict=True)]
-        for label, effect in [*parts, *zip(self.system().effect_labels, self.effects, strict=True)]:
+        own, units = dict(zip(("Nm", "rad"), self.si, strict=True)), {"inertia": inertia_unit(*self.si)}
+        effects = zip(self.system().effect_labels, self.effects, strict=True)
+        for label, effect in (*zip(self.law.labels, self.law.terms, strict=True), *effects):
             for field in (effect.size, *effect.shape):
-                out[label if field == effect.size else f"{label}__{field}"] = unit_of_field(effect, field)
-        return out
-
-    def from_logged(self) -> AxisModel:
-        by, turn = self.factors
-        own = {"Nm": self.units.get("input", "Nm"), "rad": self.units.get("output", "rad").removesuffix("/s")}
-        if (by, turn) == (1.0, 1.0):
-            return self
-
-        def in_si(effect: Any) -> Any:
-            names = [f for f in (effect.size, *effect.shape) if f != "phase"]
-            factors = {f: respelled(unit_of_field(effect, f), own)[0] for f in names}
-            return dataclasses.replace(effect, **{f: getattr(effect, f) * factors[f] for f in names})
-
-        units = self._rotary_units()
-        errors = {
-            k: v if k.endswith("__phase") else v * respelled(units.get(k, "1"), own)[0]
-            for k, v in self.standard_errors.items()
-        }
-        return dataclasses.replace(
-            self, inertia=self.inertia * by / turn, law=FrictionLaw([in_si(t) for t in self.law.terms]),
-            effects=tuple(in_si(e) for e in self.effects), standard_errors=errors,
-        )  # fmt: skip
+                unit = unit_of_field(effect, field)  # of a rotary axis driven by a torque
+                name = label if field == effect.size else f"{label}__{field}"
+                units[name] = unit if field == "phase" else respelled(unit, own)[1]
+        return {k: units[k] for k in self.parameters}
 
     def simulate(self, u: ArrayLike, *, start: float = 0.0, speed: float = 0.0) -> NDArray[np.float64]:
         """Output (n,) in its unit, from the input (n,) alone.

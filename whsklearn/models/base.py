@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -80,10 +79,6 @@ class IdentifiedModel:
     def si(self) -> tuple[str, str]:
         """SI symbols of the columns of input and output."""
         return factor_of(self.units.get("input", UNKNOWN))[1], factor_of(self.units.get("output", UNKNOWN))[1]
-
-    def from_logged(self) -> Any:
-        """The model with its parameters converted from the units of its columns to SI (files of version 1)."""
-        raise NotImplementedError
 
     def column_factor(self, column: str, unit: str) -> float:
         """The factor that converts a signal in ``unit`` to the unit of `simulate`'s ``column``, "input" or "output".

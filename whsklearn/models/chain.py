@@ -104,13 +104,6 @@ class LinearModel(IdentifiedModel):
         kinds = {"b": per(rate, into) if known else UNKNOWN, "f": "1"}
         return {k: kinds.get(k[0], rate if known else UNKNOWN) for k in self.parameters}
 
-    def from_logged(self) -> LinearModel:
-        by, far = self.factors
-        scale = {"b": far / by, "f": 1.0}
-        errors = {k: v * scale.get(k[0], far) for k, v in self.standard_errors.items()}
-        b = tuple(v * far / by for v in self.numerator)
-        return dataclasses.replace(self, numerator=b, offset=self.offset * far, standard_errors=errors)
-
     def simulate(self, u: ArrayLike, *, start: float = 0.0) -> NDArray[np.float64]:
         from scipy.signal import lfilter
 
@@ -222,17 +215,6 @@ class ChainModel(IdentifiedModel):
         return units | {
             k: per(out, into, n) if known else UNKNOWN for k, n in zip(self.law.labels, powers, strict=True)
         }
-
-    def from_logged(self) -> ChainModel:
-        by, far = self.factors
-        terms, errors = [], dict(self.standard_errors)
-        for label, term in zip(self.law.labels, self.law.terms, strict=True):
-            scale = far / by ** _power(term)
-            widths = {k: v * by for k, v in term.shape.items() if term.quantities[k].unit in ("x", "rad/s")}
-            terms.append(dataclasses.replace(term, **{term.size: term.magnitude * scale}, **widths))
-            if label in errors:
-                errors[label] *= scale
-        return dataclasses.replace(self, law=FrictionLaw(terms), standard_errors=errors)
 
     def signals(self, u: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """x, v and y before any integration, each of shape (n,), in SI.

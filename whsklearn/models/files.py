@@ -11,11 +11,10 @@
 
 `load_model` builds the model from ``structure``.  ``parameters`` repeats its numbers by name, with their
 ``standard_errors``, for other readers.  ``units`` are those of the model's input and output, and of ``dt``.
-``parameter_units`` are those of the numbers, in SI whatever the units of the columns.  A file of version 1 has its
-numbers in the units of its columns; they are converted to SI when it is read.
+``parameter_units`` are those of the numbers, in SI whatever the units of the columns.
 
 Kinds: ``arx`` and ``output_error`` (``numerator``, ``denominator``, ``offset``, ``criterion``), ``wiener-hammerstein``
-(``b1 f1 law b2 f2``; version 1 has an underscore), ``axis`` (``inertia law effects``), ``arm``
+(``b1 f1 law b2 f2``), ``axis`` (``inertia law effects``), ``arm``
 (``arm numbers``).
 """
 
@@ -144,9 +143,11 @@ def model_from(document: Any) -> Any:
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise ValueError(f'it does not have "format": "{FORMAT}"; give a model.json that identify or gap wrote.')
     version = document.get("version")
-    if type(version) is not int or not 1 <= version <= VERSION:
-        raise ValueError(f"it has version {version!r}, but this whsklearn reads up to {VERSION}; upgrade whsklearn.")
-    kind = str(document.get("kind")).replace("wiener_", "wiener-")  # as version 1 spelled it
+    if version != VERSION or type(version) is not int:
+        raise ValueError(
+            f"it has version {version!r}, and this whsklearn reads {VERSION}; upgrade whsklearn, or identify again."
+        )
+    kind = str(document.get("kind"))
     if kind not in _CLASSES:
         raise ValueError(f"its kind is {kind[:40]!r}, expected one of: {', '.join(_CLASSES)}.")
     try:
@@ -154,8 +155,7 @@ def model_from(document: Any) -> Any:
         fields |= {name: document[name] for name in _SHARED}
         stated = {"time": "s", "input": UNKNOWN, "output": UNKNOWN}  # entries of a file for a model without units
         fields["units"] = {k: v for k, v in document["units"].items() if stated.get(k) != v}
-        model = _CLASSES[kind](**fields)
-        return model.from_logged() if version == 1 and model.factors != (1.0, 1.0) else model
+        return _CLASSES[kind](**fields)
     except (KeyError, TypeError, AttributeError) as error:
         raise ValueError(f"a field is missing or of the wrong type ({error}); write it again.") from None
 

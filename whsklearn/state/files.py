@@ -305,15 +305,15 @@ def unpack_state(data: bytes, kind: str | None = None) -> tuple[dict[str, Any], 
 
 
 def _header(data: bytes) -> tuple[dict[str, Any], bytes]:
-    """The header, upgraded to the present format, and the arrays' bytes."""
+    """The header, and the arrays' bytes."""
     first, _, rest = data.partition(b"\n")
     number = first[len(_MAGIC) :]
     if not first.startswith(_MAGIC) or not number.isdigit() or len(number) > 9:
         raise ValueError("this is not a whsklearn state file; give one that save() or a checkpoint wrote.")
-    version = int(number)
-    if version > FORMAT_VERSION:
+    if int(number) != FORMAT_VERSION:
         raise ValueError(
-            f"this state file has format {version}, this whsklearn reads up to {FORMAT_VERSION}; upgrade whsklearn."
+            f"this state file has format {int(number)}, and this whsklearn reads {FORMAT_VERSION}; upgrade whsklearn, "
+            "or start over."
         )
     digest, _, rest = rest.partition(b"\n")
     if hashlib.sha256(first + b"\n" + rest).hexdigest().encode() != digest:
@@ -323,8 +323,6 @@ def _header(data: bytes) -> tuple[dict[str, Any], bytes]:
         if len(line) > _LONGEST_HEADER:
             raise ValueError("too long")
         header = json.loads(line)
-        for older in range(version, FORMAT_VERSION):
-            header = _UPGRADES[older](header)
         if not isinstance(header["kind"], str) or not {"parameters", "state", "arrays"} <= header.keys():
             raise KeyError("kind")
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
@@ -350,12 +348,3 @@ def _arrays(described: Any, buffer: bytes) -> list[NDArray[Any]]:
     except (ValueError, TypeError, OverflowError, MemoryError):
         raise ValueError("this state file's arrays do not fit its header; go back to an earlier one.") from None
     return arrays
-
-
-def _from_format_1(header: dict[str, Any]) -> dict[str, Any]:
-    """Format 1 called the kind ``estimator`` and the parameters ``params``."""
-    renamed = {"estimator": "kind", "params": "parameters"}
-    return {renamed.get(key, key): value for key, value in header.items()}
-
-
-_UPGRADES: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {1: _from_format_1}
