@@ -371,7 +371,7 @@ def candidates(
     if placed and not sprung:
         yield of(FORCE, "axis", fit_placed_axis, law=law, effects=springs)
     if placed:
-        coupled = {"law": law, "effects": ["flexible_coupling"]}
+        coupled: dict[str, Any] = {"law": law, "effects": ["flexible_coupling"]}
         yield of(TWO_MASSES, "axis", fit_two_masses, **coupled)
         yield of(AT_LOAD, "axis", partial(fit_two_masses, at_load=True), **coupled, output="load")
     if sprung:
