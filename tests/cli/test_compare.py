@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 import pandas as pd
 import pytest
 from click.testing import CliRunner
@@ -74,6 +75,19 @@ def test_the_same_log_twice_is_refused(logs, tmp_path):
     result = run(logs / "day0.csv", tmp_path / "copy.csv", "--out", tmp_path / "out", "--no-track")
     assert result.exit_code != 0
     assert "would count twice" in " ".join(result.output.split()) + str(result.exception)
+
+
+def test_the_zero_of_an_integral_is_no_phase_that_can_be_compared(logs, tmp_path):
+    for k, late in ((0, 0), (1, 700)):  # the same cogging; the logs begin at different angles
+        log = pd.read_csv(logs / f"day{k}.csv").iloc[late:]
+        speed = np.gradient(log["position_rad"].to_numpy(), log["time_s"].to_numpy())
+        log = log.drop(columns="position_rad").assign(speed_rad_s=speed)
+        log.to_csv(tmp_path / f"speed{k}.csv", index=False)
+    result = run(tmp_path / "speed0.csv", tmp_path / "speed1.csv", "--out", tmp_path, "--no-track")
+    assert result.exit_code == 0, result.output
+    found = json.loads((tmp_path / "compare.json").read_text(encoding="utf-8"))
+    assert found["changes"] == []
+    assert "cogging was fitted to each record" in result.output
 
 
 def without_units(path, to):

@@ -97,6 +97,18 @@ def test_an_effect_that_came(plain):
     assert "came" in found.sentence
 
 
+def test_a_wave_whose_zero_each_record_has_for_itself_is_fitted_and_not_compared():
+    a, b = record(Cogging(0.3, 12.0), seed=1), record(Cogging(0.3, 12.0), seed=2)
+    turned = replace(b, position=b.position - b.position[0] + 0.1)  # as an encoder without an index counts
+    found = compare_records([a, turned], same_zero=False)
+    assert (found.verdict, found.changes) == ("nothing", [])
+    assert "cogging was fitted to each record, and cannot be compared" in found.notes[-1]
+    assert "cogging" not in {r["name"] for r in found.numbers}
+    tighter = record(Cogging(0.3, 12.0), Coulomb(0.2), seed=2)
+    tighter = replace(tighter, position=tighter.position - tighter.position[0] + 0.1)
+    assert [c.name for c in compare_records([a, tighter], same_zero=False).changes] == ["coulomb"]
+
+
 def test_a_drive_that_reads_too_much_is_a_gain(plain):
     other = record(seed=2)
     found = compare_records([plain, replace(other, drive=1.25 * other.drive)])

@@ -78,7 +78,10 @@ def comparison_of(options: dict[str, Any], files: tuple[str, ...], labels: list[
             records.refuse_shared(first, second, records.TWICE)
         share_units(logs)
         taken = [as_record(options | AN_AXIS, log)[0] for log in logs]
-        return lambda: compare_records(taken, labels, alpha=options["alpha"], random_state=options["seed"])
+        same_zero = not any("LOG018" in log.report.codes for log in logs)  # an integral begins at 0 in every log
+        return lambda: compare_records(
+            taken, labels, alpha=options["alpha"], same_zero=same_zero, random_state=options["seed"]
+        )
     from whsklearn.cli.arm_log import read_arm, robot_of  # it loads pandas, which the help does without
 
     arm = robot_of(options)

@@ -56,11 +56,17 @@ class OneWay(ValueError):
 
 
 def axis_rows(
-    records: list[ServoRecord], labels: list[str], alpha: float, rng: np.random.Generator
+    records: list[ServoRecord],
+    labels: list[str],
+    alpha: float,
+    rng: np.random.Generator,
+    same_zero: bool = True,
 ) -> list[Regression]:
     """Every record with the columns that any of them needs.
 
     ``alpha``: probability of adding a column that no record needs. ``rng``: draws the random rows.
+    ``same_zero``: whether all records count the position from one zero. If not, the numbers of effects that depend on
+    the position (the phase of a wave, the rest position of a spring) belong to each record alone.
     """
     views, models = alike(records)
     for _ in range(MOST_EFFECTS):
@@ -73,6 +79,9 @@ def axis_rows(
         models = min(with_each, key=lambda fitted: bic(views, fitted, with_each))
     own = records[0].shown
     rows = [rows_of(v, m, label, own) for v, m, label in zip(views, models, labels, strict=True)]
+    if not same_zero:
+        there = {t.name for t in models[0].terms if t.kind.cls.place == "position"}
+        rows = [r.without(there) for r in rows]
     traces = [traces_of(v, m, rng) for v, m in zip(views, models, strict=True)]
     cleared = [replace(r, target=r.target - trace) for r, trace in zip(rows, traces, strict=True)]
     if all(unexplained(c) < unexplained(r) for c, r in zip(cleared, rows, strict=True)):

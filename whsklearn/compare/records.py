@@ -151,7 +151,12 @@ NAMED = 3  # joints of an arm by name in one phrase
 
 @threadpool_limits.wrap(limits=1, user_api="blas")  # two take twice the CPU and sum in another order
 def compare_records(
-    records: Sequence[ServoRecord], labels: Sequence[str] = (), *, alpha: float = 0.01, random_state: int = 0
+    records: Sequence[ServoRecord],
+    labels: Sequence[str] = (),
+    *,
+    alpha: float = 0.01,
+    same_zero: bool = True,
+    random_state: int = 0,
 ) -> Comparison:
     """Find what changed between records of one axis and by how much, or say that nothing did or why it is unknown.
 
@@ -163,6 +168,10 @@ def compare_records(
         Names of the records.
     alpha : float
         Probability of reporting a change although nothing changed.
+    same_zero : bool
+        Whether all records count the position from one zero. If not (an encoder without an index, or a position that
+        is the integral of the velocity), effects that depend on the position are fitted to each record and not
+        compared.
     random_state : int
 
     Raises
@@ -194,7 +203,7 @@ def compare_records(
     if len(kinds) > 1:
         told = " and ".join(f"{'a drive without a unit' if u == 'drive' else u} over {m}" for u, m in sorted(kinds))
         raise ValueError(f"The records hold {told}; compare records of one kind of drive and motion.")
-    found = _compared(records, names, alpha, np.random.default_rng(random_state))
+    found = _compared(records, names, alpha, np.random.default_rng(random_state), same_zero)
     found.alpha, found.seconds = alpha, time.perf_counter() - began
     return found
 
@@ -299,15 +308,23 @@ def _labels(records: Sequence[Any], labels: Sequence[str]) -> list[str]:
     return names
 
 
-def _compared(records: list[ServoRecord], labels: list[str], alpha: float, rng: np.random.Generator) -> Comparison:
+def _compared(
+    records: list[ServoRecord], labels: list[str], alpha: float, rng: np.random.Generator, same_zero: bool
+) -> Comparison:
     for record, label in zip(records, labels, strict=True):
         if reason := unusable(record, label):
             return dataclasses.replace(cannot_tell(reason, labels), usable=False)
     try:
-        rows = axis_rows(records, labels, alpha, rng)
+        rows = axis_rows(records, labels, alpha, rng, same_zero)
     except OneWay as reason:
         return cannot_tell(str(reason), labels)
-    return compare_rows(rows, alpha)
+    found = compare_rows(rows, alpha)
+    if own := [name.replace("_", " ") for name in rows[0].own]:
+        found.notes.append(
+            f"Every record counts the position from its own zero; {' and '.join(own)} {'was' if len(own) == 1 else 'were'} "
+            "fitted to each record, and cannot be compared."
+        )
+    return found
 
 
 def unusable(record: ServoRecord, label: str) -> str:

@@ -6,6 +6,7 @@ form (`whsklearn.compare.axis`, `whsklearn.compare.arm`); the rest of the code d
 
 from __future__ import annotations
 
+from collections.abc import Set
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -64,6 +65,31 @@ class Regression:
     walk: tuple[float, ...] = ()
     # what tells numbers of one name apart, such as ``cos 12 q`` of a wave; empty if nothing needs to
     parts: tuple[str, ...] = ()
+    own: tuple[str, ...] = ()  # effects among the nuisances: each record has its own numbers of them
+
+    def without(self, names: Set[str]) -> Regression:
+        """The same rows with the numbers of these effects among the nuisances: fitted, and not compared.
+
+        >>> x = np.ones((4, 2))
+        >>> rows = Regression(
+        ...     "a.csv", ("viscous", "cogging"), ("Nm s/rad", "Nm"), x, x[:, 0], np.arange(4), 0.01, x[:, 0], x[:, 0],
+        ...     np.zeros(4, dtype=int), np.zeros((4, 0)), (), np.array([1.0]), 0.16, {}, parts=("", "cos 6 q"),
+        ... ).without({"cogging"})
+        >>> rows.names, rows.nuisances.shape, rows.own
+        (('viscous',), (4, 1), ('cogging',))
+        """
+        kept = [i for i, n in enumerate(self.names) if n not in names]
+        others = [i for i, n in enumerate(self.names) if n in names]
+
+        def of_kept(values: tuple[Any, ...]) -> tuple[Any, ...]:
+            return tuple(values[i] for i in kept) if values else values
+
+        return replace(
+            self, names=of_kept(self.names), units=of_kept(self.units), columns=self.columns[:, kept],
+            nuisances=np.column_stack([self.nuisances, self.columns[:, others]]),
+            of=tuple(kept.index(i) for i in self.of), to_si=of_kept(self.to_si), parts=of_kept(self.parts),
+            own=tuple(dict.fromkeys(self.names[i] for i in others)),
+        )  # fmt: skip
 
     def channels(self) -> list[NDArray[np.intp]]:
         """Samples of every joint."""
