@@ -321,8 +321,8 @@ def _compared(
     found = compare_rows(rows, alpha)
     if own := [name.replace("_", " ") for name in rows[0].own]:
         found.notes.append(
-            f"Every record counts the position from its own zero; {' and '.join(own)} {'was' if len(own) == 1 else 'were'} "
-            "fitted to each record, and cannot be compared."
+            f"Every record counts the position from its own zero; {' and '.join(own)} "
+            f"{'was' if len(own) == 1 else 'were'} fitted to each record, and cannot be compared."
         )
     return found
 
