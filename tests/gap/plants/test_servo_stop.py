@@ -9,6 +9,7 @@ import pytest
 from whsklearn.effects import CableSpring, ContactStop, Saturation
 from whsklearn.gap import GapFinder
 from whsklearn.gap.plants import servo_stop as stop
+from whsklearn.gap.plants.servo import ServoPlant
 from whsklearn.gap.plants.servo_start import start_of
 from whsklearn.gap.record import ServoRecord
 from whsklearn.systems import ServoAxis
@@ -61,6 +62,18 @@ def test_the_base_numbers_are_those_without_the_stop_and_the_contact_is_the_true
     for with_stop, without in zip(model.terms, plain.terms, strict=False):
         assert with_stop.q[0] == pytest.approx(without.q[0], rel=0.01)
     assert model.terms[-1].q == pytest.approx((150.0, 1.5, 0.02, -2.0), rel=0.06)
+
+
+def test_beside_a_stop_no_look_explains_more_than_is_left_outside_the_contact():
+    """A spring was sized by the pushes of a stage's stop: 43 % of the gap, of which 3 % was left."""
+    r = log_of(STOPS["upper"], CableSpring(0.3, -2.4))
+    plant = ServoPlant(ServoRecord(r.time, r.drive, r.position), ("viscous", "coulomb"), None, 0.004)
+    base = plant.base(np.random.default_rng(0))
+    view = plant.inverse
+    (term,) = (t for kind in stop.KINDS if (t := stop.start(kind, stop.regions(view, base))))
+    model = stop.settled(view, base, term)
+    looks = plant.looks(model, np.random.default_rng(0))
+    assert max(k.size for k in looks) <= 1.01 * view.rms(view.gap(model))
 
 
 def test_a_hard_limit_of_the_drive_is_named():

@@ -92,13 +92,14 @@ def looks(
     _, x, target, sizes, free = view.solved(model)
     x = stop.without_pushes(model, x)
     left = (target - x @ sizes)[view.at]
+    missing = view.rms(stop.outside(left, stop.away(view, model)))
     away = told_at(view, model)
     rate = ols.slope(x @ sizes, view.step)[view.at]
     numbers = x[view.at][:, free[: x.shape[1]]]
     timed = Tangent(left, own.null, np.column_stack([numbers, rate]), own.n_effective, away)
     other_way = acceleration_tangent(view, model, np.random.default_rng(0))
     asked = [
-        (f, better(timed.look(f), other_way.look(f) if of_place else None, other_way.n, view.rms(left)))
+        (f, better(timed.look(f), other_way.look(f) if of_place else None, other_way.n, missing))
         for f, of_place in families(scene, waves)
     ]
     out = [look for _, look in asked]
@@ -113,7 +114,7 @@ def looks(
         term = stop.start(kind, struck)
         if term is not None:
             g = min(stop.share_of(view, model, term), 1.0 - 1e-12)
-            size = np.sqrt(g) * view.rms(left)
+            size = np.sqrt(g) * missing
             gain = float(-own.n_effective * np.log1p(-g))
             out.append(Look(kind.name, gain, np.zeros(own.null.shape[0]), term, 4, size))
     found = with_p_values([look for look in out if look is not None], least)
@@ -126,7 +127,7 @@ def looks(
         so hides in them.  As in any F-test the noise is that of the larger model; for a weak effect both are the same.
         """
         f = family_of.get(id(look.start))
-        if f is None or look.size**2 < LEAST_SHARE * view.rms(left) ** 2:
+        if f is None or look.size**2 < LEAST_SHARE * missing**2:
             return look
         grown, rng = view.fit(model.with_terms((*model.terms, look.start))), np.random.default_rng(0)
         if look.swapped:
