@@ -380,7 +380,9 @@ class ServoPlant(Plant):
     def figures(self, base: ServoHypothesis, model: ServoHypothesis, nameless: float = 0.0) -> Figures:
         """The gap of inverse dynamics in the unit of the drive, as an engineer would compute it.
 
-        The residual of the model's own records, due to filters and noise, is subtracted.  If the model has play, the
+        The residual of the model's own records, due to filters and noise, is subtracted.  The numbers are solved for,
+        because those refitted along the run suit the run; learned curves keep theirs, which are smoothed: solved for
+        again, a curve over the model's own torque becomes the drive itself.  If the model has play, the
         figures come from the observer, and nothing counts as nameless: an impact that comes a sample early or late is a
         large torque for an instant, but hardly changes the path.
         """
@@ -391,7 +393,9 @@ class ServoPlant(Plant):
         if view.own is None:  # the last effect was taken back, and no look has been taken at the residual
             self.own, _ = servo_own.own(view, model, np.random.default_rng(0))
             view.own = self.own
-        before, after = (view.rms(view.fit_with_gap(m)[1]) for m in (base, model))
+        before, after = (
+            view.rms(view.as_learned(m) if m.has_curves else view.fit_with_gap(m)[1]) for m in (base, model)
+        )
         return Figures(before, after, self.own.floor, nameless)
 
     # --- report -------------------------------------------------------------------------------

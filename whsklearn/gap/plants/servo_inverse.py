@@ -224,10 +224,7 @@ class InverseView:
 
     # --- the protocol ------------------------------------------------------------------------
     def solved(self, model: ServoHypothesis) -> tuple[ServoHypothesis, Array, Array, Array, NDArray[np.bool_]]:
-        """(model with its sizes, columns with timing last, target, sizes, mask of columns used), at the model's shapes.
-
-        An age beyond bookkeeping is a delay, which is an effect.
-        """
+        """(model with its sizes, columns with timing last, target, sizes, mask of columns used), at the model's shapes."""
         torque = self.torque(model) if self._driven(model) else None
         x, positive = self.columns(model, torque)
         target, share = self.target(model)
@@ -238,10 +235,7 @@ class InverseView:
         sizes, free = self._sizes(open_x, target, positive, away)
         rate = ols.slope(open_x @ sizes, self.step)
         sizes, free = self._sizes(np.column_stack([open_x, rate]), target, np.append(positive, False), away)
-        # beside a delay or a lag an age is bookkeeping: one logged late would have been moved, and the two would cancel
-        latest = LATEST * self.scene.dt
-        earliest = latest if any(t.kind.delays for t in model.terms) else OLDEST
-        timing = float(np.clip(sizes[-1], -earliest, latest))
+        timing = self._plausible_age(model, float(sizes[-1]))
         # u(t - T) = m means u = m + T m' + T^2 m'' / 2; without the second order a lag looks like a delay
         target = target - 0.5 * timing**2 * ols.slope(rate, self.step)
         if timing == sizes[-1]:
@@ -253,6 +247,15 @@ class InverseView:
         if away is not None:
             sizes = sizes + stop.stiffness(model, columns[self.at], (target - columns @ sizes)[self.at])
         return self.with_sizes(model, np.append(sizes[: x.shape[1]], timing)), columns, target, sizes, free
+
+    def _plausible_age(self, model: ServoHypothesis, age: float) -> float:
+        """The age of a drive (s) within its limits; an age beyond bookkeeping is a delay, which is an effect.
+
+        Beside a delay or a lag an age is bookkeeping: one logged late would have been moved, and the two would cancel.
+        """
+        latest = LATEST * self.scene.dt
+        earliest = latest if any(t.kind.delays for t in model.terms) else OLDEST
+        return min(max(age, -earliest), latest)
 
     def target(self, model: ServoHypothesis) -> tuple[Array, float]:
         """(drive that reaches the axis or its lag, rms of the logged drive over that of this drive).
@@ -375,6 +378,17 @@ class InverseView:
         predicted = x @ self.sizes(model)
         rate = ols.slope(predicted, self.step)
         return (self.target(model)[0] - predicted - model.timing * self.scene.dt * rate)[self.at]
+
+    def as_learned(self, model: ServoHypothesis) -> Array:
+        """Drive that the model leaves unexplained at its own numbers; only the age of the drive is fitted.
+
+        An age with the best free run differs by the hold from that of inverse dynamics.
+        """
+        predicted = self.columns(model, self.torque(model))[0] @ self.sizes(model)
+        rate = ols.slope(predicted, self.step)[self.at]
+        left = (self.target(model)[0] - predicted)[self.at] - (0.0 if self.artefact is None else self.artefact)
+        left -= self._plausible_age(model, float(rate @ left) / (float(rate @ rate) + 1e-300)) * rate
+        return stop.outside(left, stop.away(self, model))
 
     def with_pushes(self, model: ServoHypothesis) -> Array:
         """The same residual, with only the spring and damper part of a stop's push subtracted."""

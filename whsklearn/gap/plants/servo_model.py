@@ -90,6 +90,11 @@ class ServoHypothesis:
         return bool(1.001 * low < fitted.inertia < high / 1.001)
 
     @property
+    def has_curves(self) -> bool:
+        """Whether the model has torques that were learned as curves."""
+        return any(t.name == "learned_torque" for t in self.terms)
+
+    @property
     def load_side(self) -> bool:
         """Whether the encoder is behind the coupling."""
         return any(t.kind.on_load for t in self.terms)
