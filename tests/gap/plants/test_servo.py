@@ -119,7 +119,8 @@ def test_missing_drive_behind_a_coupling_is_told_by_the_observer(load_side):
         view.own = object()  # a look has been at what is left
         setattr(plant, name, view)
     plant.own = SimpleNamespace(floor=0.1)
-    base, model = SimpleNamespace(at=0, load_side=False), SimpleNamespace(at=1, load_side=load_side, has_play=False)
+    base = SimpleNamespace(at=0, load_side=False, has_curves=False)
+    model = SimpleNamespace(at=1, load_side=load_side, has_play=False, has_curves=False)
     assert plant.figures(base, model, 0.3) == (
         (1.0, 0.2, 0.05, 0.0, True) if load_side else (3.0, 2.9, 0.1, 0.3, False)
     )

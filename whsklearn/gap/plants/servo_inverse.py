@@ -224,7 +224,7 @@ class InverseView:
 
     # --- the protocol ------------------------------------------------------------------------
     def solved(self, model: ServoHypothesis) -> tuple[ServoHypothesis, Array, Array, Array, NDArray[np.bool_]]:
-        """(model with its sizes, columns with timing last, target, sizes, mask of columns used), at the model's shapes."""
+        """(model with its sizes, columns with timing last, target, sizes, mask of columns used), at its shapes."""
         torque = self.torque(model) if self._driven(model) else None
         x, positive = self.columns(model, torque)
         target, share = self.target(model)
