@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from whsklearn.logs import LogWarning, load_log, open_source
@@ -35,6 +36,24 @@ def test_each_motor_has_its_own_rows_and_two_are_not_mixed(motors):
     assert read["t"].values.size == read["q.3"].values.size == N
     with pytest.raises(ColumnError, match="several motors"):
         motors.fetch(["q.3", "q.5"])
+
+
+def two_legs(called):
+    t = np.repeat(np.arange(200) / 100.0, 2)
+    leg = np.tile(["front", "rear"], 200)
+    q = np.where(leg == "front", np.sin(3 * t), 2.0 + np.cos(3 * t))
+    return pd.DataFrame({"time_s": t, called: leg, "torque_nm": 0.1 * q, "angle_rad": q}), q
+
+
+def test_rows_of_two_legs_are_told_apart_or_refused_and_never_mixed(tmp_path):
+    table, q = two_legs("leg")
+    table.to_csv(tmp_path / "legs.csv", index=False)
+    log = load_log(tmp_path / "legs.csv", time="time_s", drive="torque_nm.rear", position="angle_rad.rear")
+    np.testing.assert_allclose(log.y, q[1::2], atol=1e-6)
+    table, _ = two_legs("whose")
+    table.to_csv(tmp_path / "whose.csv", index=False)
+    with pytest.raises(LogError, match="2 rows share each time stamp"):
+        load_log(tmp_path / "whose.csv", time="time_s", drive="torque_nm", position="angle_rad")
 
 
 def test_measurements_are_no_motors():

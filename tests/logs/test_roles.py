@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from whsklearn.logs.errors import ColumnError
 from whsklearn.logs.roles import by_number, guess
-from whsklearn.logs.source import Source
+from whsklearn.logs.source import Column, Source
 from whsklearn.logs.units import unit_of
 
 
@@ -27,6 +28,21 @@ def test_two_of_a_kind_are_asked_for_and_none_is_none():
     with pytest.raises(ColumnError, match="several columns for position: position_1, position_2; name one"):
         guess(source("t", "position_1", "position_2"), "position")
     assert guess(source("a", "b"), "drive") is None
+
+
+def test_of_two_of_a_kind_the_one_that_never_changes_is_not_meant():
+    values = {"effort/data": [0.1, np.nan, -0.2], "effort/offset": [0.0, np.nan, 0.0], "joint/effort": [0.0, 0.0, 0.0]}
+    table = Source("a.csv", list(values), lambda wanted: {w: Column(np.array(values[w])) for w in wanted})
+    assert guess(table, "drive") == "effort/data"
+    still = Source("a.csv", list(values)[:2], lambda wanted: {w: Column(np.zeros(3)) for w in wanted})
+    with pytest.raises(ColumnError, match="several columns for drive"):
+        guess(still, "drive")
+
+
+def test_a_duty_cycle_drives_where_nothing_else_is_logged_though_it_is_commanded():
+    assert guess(source("t", "speed_rpm", "Commanded_PWM"), "drive") == "Commanded_PWM"
+    assert guess(source("t", "PWM", "Voltaje (V)", "angle"), "drive") == "Voltaje (V)"
+    assert guess(source("t", "pwm_limit", "angle"), "drive") is None
 
 
 def test_a_unit_tells_where_no_word_does_and_outweighs_one_letter():

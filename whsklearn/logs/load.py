@@ -428,6 +428,12 @@ def _in_order(name: str, table: _Table) -> tuple[_Mending, LogReport]:
     if hole is not None:
         found.append(hole)
         signals, time = {k: v[kept] for k, v in signals.items()}, time[kept]
+    motion = signals.get("position", signals.get("velocity"))
+    if motion is not None and (n := mend.axes_in(time, motion)) > 1:
+        raise LogError(
+            f"{name}: {n} rows share each time stamp and hold motions that are apart, as rows of {n} axes do; keep the "
+            "rows of one axis, or call the column that tells them apart 'axis'."
+        )
     same = np.r_[False, np.all([v[1:] == v[:-1] for v in signals.values()], axis=0)]
     try:
         stamps = in_order(time, same, kept)

@@ -25,6 +25,10 @@ RESOLVED = 20.0  # steps across the range; a motion in fewer of them may jump by
 FROZEN_STEPS = 3  # steps of zero in a row, and steps on either side that tell that the axis was moving
 EVEN_SPEED = 0.5  # change among those, as a share of the smallest; from rest they are 1, 3, 5 or 3, 5, 7
 CAUGHT_UP = 2.5  # the step after the freeze is that of all its samples, 4 at constant speed
+# Within a stamp that k rows share, an axis moves by a k-th of what it moves from one stamp to the next, and noise alone
+# makes both alike; rows of different axes are apart by more.
+JUMPS = 3.0
+MOSTLY = 0.9  # share of the stamps with the usual number of rows; the others lost one
 BRAKED = 0.5  # s; an axis that stops sooner after its drive fell was braked, one that stops later coasted
 
 
@@ -125,6 +129,25 @@ def unwrap(role: str, values: Array, turn: float) -> tuple[Array, Finding]:
         f"The {role} jumps by a turn of {turn:.6g} at {leaps.size} rows, the first is row {leaps[0]}; it was unwrapped."
     )
     return out, finding("LOG012", "info", leaps, text, turn)
+
+
+def axes_in(time: Array, motion: Array) -> int:
+    """How many axes share the rows of a table: rows with one time stamp whose motions are apart; 1 for one axis.
+
+    ``time``, ``motion`` (n,): stamps as logged, and position or velocity.
+
+    >>> t = np.repeat(np.arange(50.0), 2)
+    >>> axes_in(t, np.sin(np.arange(100) / 20)), axes_in(t, np.sin(t / 10) + np.tile([0.0, 2.0], 50))
+    (1, 2)
+    """
+    first = np.flatnonzero(np.r_[True, np.diff(time) != 0, True])
+    counts = np.diff(first)
+    n = int(np.median(counts)) if counts.size > 2 else 1  # of a clock that stood still, other checks tell
+    if n < 2 or np.mean(counts == n) < MOSTLY:
+        return 1
+    within = np.abs(np.diff(motion))[np.diff(time) == 0]
+    onward = np.abs(motion[n:] - motion[:-n])
+    return n if np.median(within) > JUMPS * np.median(onward) else 1
 
 
 def again(signals: dict[str, Array], segment: NDArray[np.int64]) -> tuple[NDArray[np.bool_], Finding | None]:

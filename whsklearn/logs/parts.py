@@ -18,7 +18,7 @@ from whsklearn.logs.timebase import on_one_clock
 from whsklearn.logs.units import unit_of
 
 _TEXTS = {".csv", ".txt", ".tsv", ".dat", ".log", ".asc"}
-_MOTOR = "(motor|joint|axis|servo|actuator|drive|node|can|canopen|device|dev|slave)"
+_MOTOR = "(motor|joint|axis|servo|actuator|drive|node|can|canopen|device|dev|slave|leg|limb|arm|finger|wheel)"
 _ID = re.compile(rf"({_MOTOR}_?)?(id|no|nr|number|num|index|name|addr|address)|{_MOTOR}")
 _SIGNAL = re.compile("(signal|field|channel|variable|var|tag|metric|quantity)_?(id|name)?|name")
 _SECONDS = re.compile(r"(|.*[._/ ])(?:secs?|seconds?)")

@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
+import numpy as np
+
 from whsklearn.logs.errors import ColumnError
 from whsklearn.logs.source import Source
 from whsklearn.logs.units import factor_of, symbol_of, unit_of
@@ -17,8 +19,8 @@ WORDS: dict[str, tuple[str, ...]] = {
         "date", "datum", "xvalue",
     ),
     "drive": (
-        "torque", "tau", "drive", "moment", "drehmoment", "couple", "coppia", "current", "strom", "iq", "effort",
-        "force", "kraft", "load", "voltage", "u", "input",
+        "torque", "tau", "trq", "tor", "drive", "moment", "drehmoment", "couple", "coppia", "current", "strom", "iq",
+        "effort", "force", "kraft", "load", "voltage", "spannung", "u", "input",
     ),
     "position": (
         "position", "pos", "angle", "theta", "q", "lage", "winkel", "posición", "posicion", "posizione", "encoder",
@@ -46,6 +48,8 @@ _NOT_MEASURED = {
     "lim",
 }  # fmt: skip
 _TICKS = {"ticks", "tick"}  # of a clock, or of an encoder
+# A share of the supply: it is only ever commanded, and taken where no torque, current or voltage is logged.
+_DUTY, _NO_DUTY = {"pwm", "duty"}, {"limit", "lim", "max", "min", "error"}
 
 # Roles by unit, if no word decides. A unit also outweighs a word of one letter: "i_q [A]" is not a position.
 _ROLE_OF_UNIT = {
@@ -59,7 +63,7 @@ _ROLE_OF_UNIT = {
 def guess(source: Source, role: str) -> str | None:
     """The one column whose name or unit identifies it as `role`; None if there is none.
 
-    Raises ColumnError if several columns match equally well.
+    Of several that match equally well, the one whose values change; raises ColumnError if several do.
 
     >>> from whsklearn.logs.source import Source
     >>> source = Source("axis.csv", ["t", "i_q", "phi_deg", "M1"], lambda columns: {})
@@ -72,11 +76,29 @@ def guess(source: Source, role: str) -> str | None:
         [n for n in free if word in words_of(n) and (len(word) > 1 or units[n] in (role, None))] for word in WORDS[role]
     )
     found = next(filter(None, by_word), [n for n in free if units[n] == role])
+    if not found and role == "drive":
+        found = [n for n in source.names if _DUTY & set(words_of(n)) and not _NO_DUTY & set(words_of(n))]
+    if len(found) > 1:
+        found = _changing(source, found) or found
     if len(found) > 1:
         raise ColumnError(
             f"{source.name} has several columns for {role}: {', '.join(found[:8])}; name one with --{role}."
         )
     return found[0] if found else None
+
+
+def _changing(source: Source, columns: list[str]) -> list[str]:
+    """Those of the columns that hold more than one number: what never changes neither drives nor moves."""
+    changing = []
+    for name in columns:  # one by one: of several motors, no two can be read together
+        read = source.fetch([name]).get(name)
+        if (
+            read is None
+            or read.values.dtype.kind not in "fiu"
+            or np.unique(read.values[np.isfinite(read.values)]).size > 1
+        ):
+            changing.append(name)
+    return changing
 
 
 def words_of(column: str) -> list[str]:
