@@ -32,7 +32,7 @@ from whsklearn.gap.plants.from_log import servo_record
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, aliases, candidate
 from whsklearn.gap.plants.servo_families import highest_order, next_order, polished, widened
 from whsklearn.gap.plants.servo_families import settled as looking_settled
-from whsklearn.gap.plants.servo_inverse import InverseView
+from whsklearn.gap.plants.servo_inverse import InverseView, never_falls
 from whsklearn.gap.plants.servo_model import HOLD, ServoHypothesis
 from whsklearn.gap.plants.servo_run import ObserverView
 from whsklearn.gap.plants.servo_sensors import UNFOLDED, coarse_encoder, unfold
@@ -347,8 +347,12 @@ class ServoPlant(Plant):
         return bool(quiet(self.rms(self.errors(model)), floor, self.tolerance * self.scale))
 
     def enough(self, model: ServoHypothesis) -> bool:
-        """Whether there are `PER_NUMBER` independent samples for each number, as there are in all but short logs."""
-        return bool(self.inverse.n_effective >= PER_NUMBER * model.vector().size)
+        """Whether the record says enough for a name to be certain.
+
+        There are `PER_NUMBER` independent samples for each number, as there are in all but short logs, and friction
+        that a Stribeck curve is named for falls with speed somewhere.
+        """
+        return bool(self.inverse.n_effective >= PER_NUMBER * model.vector().size) and not never_falls(model)
 
     def alone(self, model: ServoHypothesis) -> Array:
         """The model's residual, polished with the artefacts of its own records instead of those of its base."""

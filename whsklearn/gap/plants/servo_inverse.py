@@ -457,7 +457,6 @@ def unphysical(view: InverseView, model: ServoHypothesis, index: int) -> str:
         or never_free(term.effect, view.record.position)
         or negative_damping(model, index, view.motion.velocity)
         or negative_after(model, index)
-        or never_falls(model, index)
         or too_large(model, index)
         or on_excitation_line(view.record, term)
     )
@@ -522,19 +521,19 @@ def negative_after(model: ServoHypothesis, index: int) -> str:
     return f"it would leave a negative {change.parameter}, which would drive the axis"
 
 
-def never_falls(model: ServoHypothesis, index: int) -> str:
-    """The objection that friction, with the law and the viscous term, grows at all speeds; empty if it falls somewhere.
+def never_falls(model: ServoHypothesis) -> bool:
+    """Whether a Stribeck curve of the model stands beside viscous friction that outweighs it at all speeds.
 
-    Friction that falls with speed is what Stribeck saw.  A wide curve beside a larger viscous term bends the law
-    upwards instead, as drag does that begins at some speed.
+    What Stribeck saw is friction that falls with speed.  Where it grows at all speeds, a drag that begins at some speed
+    bends it in the same way.  The back-EMF of a motor whose drive is a voltage is such a viscous friction, however.
     """
-    law = model.terms[index].effect
-    if not isinstance(law, Stribeck):
-        return ""
-    speed = law.velocity * np.linspace(0.05, 3.0, 60)
     viscous = sum(o.q[0] for o in model.terms if o.name == "viscous")
-    rises = np.diff(law.value(velocity=speed) + viscous * speed) >= 0.0
-    return "with it, friction would grow at all speeds, where that of a Stribeck curve falls" if rises.all() else ""
+
+    def grows(law: Stribeck) -> bool:
+        speed = law.velocity * np.linspace(0.05, 3.0, 60)
+        return bool((np.diff(law.value(velocity=speed) + viscous * speed) >= 0.0).all())
+
+    return any(grows(t.effect) for t in model.terms if isinstance(t.effect, Stribeck))
 
 
 def on_excitation_line(record: ServoRecord, term: ServoTerm) -> str:
