@@ -208,6 +208,17 @@ def test_a_velocity_in_rpm_is_integrated_to_turns(write):
     assert [s.option for s in slips_in(log) if "velocity" in s.sentence] == []
 
 
+def test_a_speed_that_was_counted_adds_up_to_the_count(write):
+    """By trapezia it was the mean of two counts: an encoder's step looked a quarter as large, and friction lagged."""
+    t = np.arange(3000) / RATE
+    count = np.floor(880 * np.sin(2 * np.pi * t))
+    speed = np.round(np.diff(count, prepend=0.0) * 60.0 / 880 * RATE, 2)
+    file = write({"time_s": t, "torque_nm": np.sin(9 * t), "speed_rpm": speed})
+    with pytest.warns(LogWarning, match="Only the velocity is logged"):
+        log = load_log(file, time="time_s", drive="torque_nm", velocity="speed_rpm")
+    assert log.y * 880 == pytest.approx(count, abs=0.02)
+
+
 def test_a_role_that_is_none_is_named(write):
     with pytest.raises(TypeError, match="unexpected argument 'torque'; columns are time, drive, position"):
         load_log(write(table(300)), torque="torque_nm", position="position_rad")

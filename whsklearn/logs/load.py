@@ -458,8 +458,10 @@ def _restore(log: _Mending, units: dict[str, str]) -> None:
             log.found.append(text)
     if "velocity" in signals and "position" not in signals:
         by, units["position"] = integral_of(units["velocity"])
-        speed, inside = signals["velocity"], np.diff(log.segment) == 0
-        step = np.where(inside, np.diff(log.clock) * 0.5 * (speed[1:] + speed[:-1]), 0.0)
+        counted = mend.speed_from_counts(signals["velocity"])
+        speed = signals["velocity"] if counted is None else counted
+        over = speed[1:] if counted is not None else 0.5 * (speed[1:] + speed[:-1])
+        step = np.where(np.diff(log.segment) == 0, np.diff(log.clock) * over, 0.0)
         signals["position"] = by * np.r_[0.0, np.cumsum(step)]
         said = "Only the velocity is logged; its integral is taken as the position, whose origin and drift are unknown."
         log.found.append(Finding("LOG018", "warning", said))

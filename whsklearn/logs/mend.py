@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from whsklearn.logs.check import lattice
 from whsklearn.logs.errors import LogError
 from whsklearn.logs.findings import Array, Finding, finding
 from whsklearn.logs.units import turn_of
@@ -29,6 +30,7 @@ CAUGHT_UP = 2.5  # the step after the freeze is that of all its samples, 4 at co
 # makes both alike; rows of different axes are apart by more.
 JUMPS = 3.0
 MOSTLY = 0.9  # share of the stamps with the usual number of rows; the others lost one
+OF_DECIMALS = 1e-3  # by which a power of ten may be missed, as a logarithm: a grid is known to four digits
 BRAKED = 0.5  # s; an axis that stops sooner after its drive fell was braked, one that stops later coasted
 
 
@@ -300,6 +302,25 @@ def signed(role: str, values: Array) -> tuple[Array, Finding | None]:
                 "LOG021", "info", np.flatnonzero(negative), text, whole
             )
     return values, None
+
+
+def speed_from_counts(speed: Array) -> Array | None:
+    """The speed to all digits if it is counts over a sample; None if it is not.
+
+    Such a speed lies on a grid, and not on that of the file's decimals.  Each value is the mean over the sample before
+    it, and their sum is the count of the encoder.  The trapezoidal rule would average two counts, and the encoder's
+    step would look a quarter as large.
+
+    >>> counts = np.floor(400.0 * np.sin(0.05 * np.arange(400.0)))
+    >>> speed = np.diff(counts, prepend=0.0) * 60.0 / 880 / 0.02  # rpm of an encoder of 880 counts at 50 Hz
+    >>> exact = speed_from_counts(np.round(speed, 2))
+    >>> bool(np.abs(exact - speed).max() < 0.01), speed_from_counts(np.round(speed)), speed_from_counts(np.sin(speed))
+    (True, None, None)
+    """
+    grid = lattice(speed)
+    if not grid or abs(math.log10(grid) - round(math.log10(grid))) < OF_DECIMALS:
+        return None
+    return np.asarray(grid * np.round(speed / grid))
 
 
 def held(time: Array, drive: Array, position: Array) -> tuple[NDArray[np.bool_], Finding | None]:

@@ -241,13 +241,14 @@ def test_an_asymmetry_that_dry_friction_outweighs_is_named():
     assert (finder.verdict_, [e.name for e in finder.effects_]) == ("named", ["asymmetric_viscous"])
 
 
-@pytest.mark.parametrize(("viscous", "objected"), [(0.02, False), (0.5, True)])
-def test_friction_that_falls_nowhere_is_no_stribeck_curve(viscous, objected):
+@pytest.mark.parametrize(("viscous", "certain"), [(0.02, True), (0.5, False)])
+def test_friction_that_falls_nowhere_is_no_certain_stribeck_curve(plain, viscous, certain):
     """A wide curve beside a larger viscous term bends the friction upwards, as drag does that begins at some speed."""
-    r = log_of(viscous=0.1)
-    view, base = start_of(ServoRecord(r.time, r.drive, r.position), ("viscous",), 0.004)
+    plant = ServoPlant(plain, ("viscous",), None, 0.004)
+    base = plant.base(np.random.default_rng(0))
     model = base.with_terms((base.terms[0].with_slot(0, viscous), ServoTerm(candidate("stribeck"), (0.1, 0.4, 2.0))))
-    assert ("fall" in unphysical(view, model, 1)) is objected
+    assert not unphysical(plant.inverse, model, 1)
+    assert plant.enough(model) is certain
 
 
 def test_a_change_of_the_gain_takes_no_credit_for_the_gravity_that_it_takes_away():
