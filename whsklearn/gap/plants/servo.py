@@ -166,13 +166,14 @@ class ServoPlant(Plant):
         return [fitted.with_terms((*terms[:i], terms[-1], *terms[i:-1]))] if len(terms) == len(model.terms) else []
 
     def _runs_worse(self, before: ServoHypothesis, after: ServoHypothesis) -> bool:
-        """Whether a limit, a lag or a gain makes the free run worse.
+        """Whether a limit or a gain makes the free run worse.
 
         If it removes nearly all of the drive, it "explains" a target that it has itself made small, with almost no
-        inertia.  An effect that adds to the drive does not change the target, so what it explains is really explained.
+        inertia.  An effect that adds to the drive or delays it does not change the target, and a lag is judged by the
+        drive before it, so what these explain is really explained.
         """
         kind = after.terms[-1].kind
-        if not (kind.transforms or kind.driven) or not self._weighs(before):
+        if kind.delays or not (kind.transforms or kind.driven) or not self._weighs(before):
             return False
         if not self._weighs(after):
             return True
