@@ -23,7 +23,7 @@ import pandas as pd
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = "README index your_log units odd_files reading_the_report when_it_says_unknown faq user_guide which_model"
 PAGES += " identify choosing tuning your_effect your_simulator export streaming fleets tracking comparison measured"
-PAGES += " reproduction your_robot"
+PAGES += " reproduction your_robot compare"
 FENCED = re.compile(r"^```(\w*)\n(.*?)^```", re.DOTALL | re.MULTILINE)
 PLACEHOLDER = re.compile(r"\b(LOG|MODEL\.json|FORMAT|PATH|DIR|COMMAND|TRAIN|NAME)\b")
 LEFT_OUT = {
@@ -63,13 +63,18 @@ def furnish(folder: Path) -> None:
     from whsklearn.effects import Cogging
     from whsklearn.export import export_model
 
-    make_arm_log(duration=12.0).to_csv(folder / "arm.csv", index=False)
-    export_model(default_arm(), to="mjcf", out=folder / "arm.xml")
-
-    for name, seed in (("axis.csv", 0), ("second.csv", 1)):
-        table = pd.DataFrame(make_servo_log([Cogging(0.2, 12.0)], duration=20.0, random_state=seed))
+    arm = default_arm()
+    for name, robot in (("arm", arm), ("empty", arm), ("loaded", arm.with_body("pitch", 2.5, (0.15, 0.02, 0.02)))):
+        make_arm_log(robot, duration=12.0).to_csv(folder / f"{name}.csv", index=False)
+    for name, seed, size in (
+        ("axis", 0, 0.2), ("second", 1, 0.2), ("before", 2, 0.2), ("after", 3, 0.3),
+        ("monday", 4, 0.2), ("tuesday", 5, 0.2), ("wednesday", 6, 0.3), ("thursday", 7, 0.3),
+    ):  # fmt: skip
+        table = pd.DataFrame(make_servo_log([Cogging(size, 12.0)], duration=20.0, random_state=seed))
         table["velocity_rad_s"] = np.gradient(table["position_rad"], table["time_s"])
-        table.to_csv(folder / name, index=False)
+        table.to_csv(folder / f"{name}.csv", index=False)
+    for form, name in (("mjcf", "arm.xml"), ("urdf", "arm.urdf")):
+        export_model(arm, to=form, out=folder / name)
     X, y = make_wiener_hammerstein(2000, random_state=0)
     pd.DataFrame({"time_s": np.arange(2000) * 0.01, "u": X[:, 0], "y": y}).to_csv(folder / "log.csv", index=False)
     for axis in range(3):
@@ -91,6 +96,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("--list", action="store_true", help="Only say what would be typed.")
     parser.add_argument("--only", default="", help="A pattern of lines, as they are listed.")
+    parser.add_argument("--show", action="store_true", help="Print what each command prints.")
     wanted = parser.parse_args()
     failed = 0
     with tempfile.TemporaryDirectory() as scratch:
@@ -116,8 +122,9 @@ def main() -> int:
             well = done.returncode == 0 or ("--follow" in line and done.returncode == 124)
             failed += not well
             print(f"{done.returncode:>9}  {page}: {line}  ({time.monotonic() - began:.0f} s)", flush=True)
-            if not well:
-                print("           " + "\n           ".join((done.stdout + done.stderr).strip().splitlines()[-4:]))
+            if not well or wanted.show:
+                said = (done.stdout + done.stderr).strip().splitlines()
+                print("\n".join(f"           {t}" for t in (said if wanted.show else said[-4:])), flush=True)
     return int(failed > 0)
 
 
