@@ -23,7 +23,7 @@ import pandas as pd
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = "README index your_log units odd_files reading_the_report when_it_says_unknown faq user_guide which_model"
 PAGES += " identify choosing tuning your_effect your_simulator export streaming fleets tracking comparison measured"
-PAGES += " reproduction your_robot compare"
+PAGES += " reproduction compare your_robot"  # the last one writes the report of an arm over that of the axis
 FENCED = re.compile(r"^```(\w*)\n(.*?)^```", re.DOTALL | re.MULTILINE)
 PLACEHOLDER = re.compile(r"\b(LOG|MODEL\.json|FORMAT|PATH|DIR|COMMAND|TRAIN|NAME)\b")
 LEFT_OUT = {

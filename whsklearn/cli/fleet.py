@@ -146,8 +146,8 @@ def summary(found: Any, apart: Any, failed: Any, out: Path, seconds: float) -> s
     """The summary for the terminal: outliers first, then failures by reason."""
     text = (
         f"{len(found)} axes, {int(found['rows'].sum())} rows in {seconds:.1f} s "
-        f"({1e3 * found['seconds'].sum() / len(found):.1f} ms of work per axis); {len(apart)} outliers, "
-        f"{len(failed)} failed; table in {out}."
+        f"({1e3 * found['seconds'].sum() / len(found):.1f} ms of work per axis); {len(apart)} "
+        f"outlier{'s' * (len(apart) != 1)}, {len(failed)} failed; table in {out}."
     )
     lines = [wrapped(text)]
     bad = int((found["nmse"].astype(float) > 1.0).sum())

@@ -196,7 +196,7 @@ def comparison(found: Identification) -> str:
     for c in found.models:
         windows = [error_of(c.windows.get(h), trivial) for h, trivial in found.trivial.windows.items()]
         free = [error_of(c.test.get("nmse"))] * 2 if c.test.get("nmse", 0.0) > DIVERGED else [*map(c.test.get, INDICES)]
-        rows.append([c.name, c.size or None, *windows, *free, c.seconds])
+        rows.append([c.name, c.size or None, *windows, *free, c.seconds or None])
     lengths = [f"{h * found.train.dt:.3g} s" for h in found.trivial.windows]
     unit = found.model.units.get("output", "")
     told = f" ({unit})" if unit else ""

@@ -186,10 +186,11 @@ def run_stream(
         place |= loaded.get("place", {})
         _check_source(source, place)
         writer = Out(files.out, place["out"] if loaded else None, files.fresh)
+        called = "stdin" if source == "-" else source
         run = BesideRun(
             lambda: open_tracker("stream", root=root or Path.cwd(), enabled=root is not None),
-            Path(source).name if source != "-" else "stdin",
-            params=estimator_params(model) | {"source": source, "columns": ", ".join(map(_with_unit, columns))},
+            Path(called).name,
+            params=estimator_params(model) | {"source": called, "columns": ", ".join(map(_with_unit, columns))},
             tags={"resumed_from": place["run"]},
             say=say,
         )
