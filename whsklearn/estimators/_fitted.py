@@ -162,13 +162,11 @@ class FittedModel(BaseEstimator):
     def _structure(self) -> wh.Structure:
         """Orders and law in the form that the kernels take."""
         lags = self._lags
-        dims = lags.dims()
-        dims[0] *= self.n_features_in_
         try:
             key = lags.key_term()
         except ValueError:
             key = -1
-        return wh.Structure(dims, self.n_features_in_, as_law(lags.law), key, lags.advance())
+        return wh.Structure(lags.dims(self.n_features_in_), self.n_features_in_, as_law(lags.law), key, lags.advance())
 
     def _theta(self) -> Array:
         raise NotImplementedError

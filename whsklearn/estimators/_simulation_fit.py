@@ -78,7 +78,7 @@ def from_record(
         for k in range(late):
             data.counts[ends - 1 - k] = False  # outputs that come after an experiment's last measurement
     if start is not None and lags is not None:
-        fitted = refine(to_chain(start, _dims(lags, u.shape[1]), u.shape[1], law), data, 60, free=scale_free(law))
+        fitted = refine(to_chain(start, lags.dims(u.shape[1]), u.shape[1], law), data, 60, free=scale_free(law))
     else:
         fitted = search(data, law, UNKNOWN if lags is None else structures_for(lags))
     return described(fitted, data, delays, normed=scale_free(law))
@@ -151,12 +151,6 @@ def _away_from_zero(numerator: Array) -> float:
     """The leading coefficient; one that vanishes is replaced by the smallest one that keeps the division finite."""
     first, least = float(numerator.flat[0]), 1e-9 * float(np.abs(numerator).max())
     return first if abs(first) > least else (np.copysign(least, first) or 1.0)
-
-
-def _dims(lags: WienerHammersteinLags, m: int) -> Integers:
-    dims = lags.dims()
-    dims[0] *= m
-    return dims
 
 
 def _covariance(rows: Array, error: Array, n: int) -> Array:

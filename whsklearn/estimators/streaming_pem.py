@@ -203,9 +203,7 @@ class StreamingPEMRegressor(ChainRegressor):
 
     def _chain(self, answer: dict[str, Any], m: int) -> FittedChain:
         lags = WienerHammersteinLags(**answer["lags"])
-        dims = lags.dims()
-        dims[0] *= m
-        return to_chain(answer["theta"], dims, m, as_law(lags.law))
+        return to_chain(answer["theta"], lags.dims(m), m, as_law(lags.law))
 
     def _answer(self) -> dict[str, Any]:
         """theta and lags of the state or, before the start, of a fit to the samples so far."""

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 import jinja2
 
+from whsklearn import __version__
 from whsklearn.export.axis_code import WAVE, axis_code, compensated, torque_code
 from whsklearn.export.chain_code import chain_code
 from whsklearn.export.languages import C, Language, StructuredText
@@ -27,7 +27,7 @@ def render(template: str, **names: Any) -> str:
     env = jinja2.Environment(
         loader=jinja2.PackageLoader("whsklearn.export"), undefined=jinja2.StrictUndefined, keep_trailing_newline=True
     )
-    return env.get_template(template).render(version=_version(), **names)
+    return env.get_template(template).render(version=__version__, **names)
 
 
 def identifier(text: str) -> str:
@@ -127,10 +127,3 @@ def _units(model: Exported, lang: Language, what: str) -> dict[str, str]:
 def _title(model: Exported, what: str) -> str:
     kind = "servo axis" if model.axis is not None else "Wiener-Hammerstein chain"
     return f"{'Compensator' if what == 'compensator' else 'Free run'} of an identified {kind}."
-
-
-def _version() -> str:
-    try:
-        return version("whsklearn")
-    except PackageNotFoundError:
-        return "of a checkout"

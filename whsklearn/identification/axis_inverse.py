@@ -55,7 +55,7 @@ def balance(log: View, width: float, form: AxisForm) -> tuple[Array, Array]:
         else:
             q, v = np.zeros(b - a), filtered(log.target[a:b], fine, 1)
             acceleration = filtered(log.target[a:b], g1, 1)
-        slow = SLOW * max(float(np.sqrt(np.mean(v**2))), 1e-300)
+        slow = SLOW * max(rms(v), 1e-300)
         side = np.tanh(v / slow)
         columns = [v, side, np.ones_like(v)]
         columns += position_columns(q, form)
@@ -109,8 +109,8 @@ class Start(NamedTuple):
         A run that ignores the drive can follow a record for a while, especially that of an axis made unstable by
         gravity; its torque balance, however, is much worse.
         """
-        left, least = (_rms(self.drive - self.columns @ t) for t in (theta, self.theta))
-        alike = left <= max(WORSE * least, ALIKE * _rms(self.drive))
+        left, least = (rms(self.drive - self.columns @ t) for t in (theta, self.theta))
+        alike = left <= max(WORSE * least, ALIKE * rms(self.drive))
         return alike and (self.even or _accelerates(theta, self.columns, self.drive))  # without inertia it is no axis
 
 
@@ -154,10 +154,11 @@ def _even_starts(log: View, form: AxisForm) -> list[Start]:
 
 def _accelerates(theta: Array, columns: Array, drive: Array) -> bool:
     """Whether the drive accelerates the output at all."""
-    return bool(theta[0] * _rms(columns[:, 0]) > LEAST_INERTIA * _rms(drive))
+    return bool(theta[0] * rms(columns[:, 0]) > LEAST_INERTIA * rms(drive))
 
 
-def _rms(x: Array) -> float:
+def rms(x: Array) -> float:
+    """Root mean square."""
     return float(np.sqrt(np.mean(x**2)))
 
 

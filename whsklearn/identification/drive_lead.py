@@ -11,7 +11,7 @@ import numpy as np
 
 from whsklearn.effects.base import Array
 from whsklearn.filtering.records import HOLDS
-from whsklearn.identification.axis_inverse import FEWEST, balance, inverse_starts, solved
+from whsklearn.identification.axis_inverse import FEWEST, balance, inverse_starts, rms, solved
 from whsklearn.identification.axis_numbers import shooting_log
 from whsklearn.identification.view import View
 from whsklearn.identification.windows import axis_score
@@ -83,10 +83,10 @@ def skew(log: View) -> int:
     def look(lead: int) -> tuple[float, float]:
         return age(moved(log, lead), form)
 
-    lead = drive_lead(look, _rms(drive - columns @ solved(columns, drive)), log.dt, either_way=True)
-    if lead and not look(lead)[1] < KNOWN * _rms(drive):
+    lead = drive_lead(look, rms(drive - columns @ solved(columns, drive)), log.dt, either_way=True)
+    if lead and not look(lead)[1] < KNOWN * rms(drive):
         return 0
-    if log.logged == "position" and look(0)[1] < KNOWN * _rms(drive):
+    if log.logged == "position" and look(0)[1] < KNOWN * rms(drive):
         lead = _by_shooting(log.part(0, min(log.u.size, ENOUGH)), lead, form)
     return lead
 
@@ -117,7 +117,7 @@ def age(log: View, form: AxisForm) -> tuple[float, float]:
     theta = solved(columns, drive)
     both = np.column_stack([columns, np.gradient(columns @ theta, log.dt)])
     found = np.linalg.lstsq(both / (norm := np.linalg.norm(both, axis=0) + 1e-300), drive, rcond=1e-10)[0] / norm
-    return float(found[-1]), _rms(drive - columns @ theta)
+    return float(found[-1]), rms(drive - columns @ theta)
 
 
 def same_age(logs: Sequence[View]) -> list[int]:
@@ -187,7 +187,3 @@ def earlier(u: Array, samples: int) -> Array:
     if samples < 0:
         return earlier(u[::-1], -samples)[::-1]
     return np.concatenate([u[samples:], np.full(min(samples, u.size), u[-1])])
-
-
-def _rms(x: Array) -> float:
-    return float(np.sqrt(np.mean(x**2)))

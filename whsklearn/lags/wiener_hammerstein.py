@@ -87,14 +87,15 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
         """Number of columns, and of entries of theta."""
         return int(self.n_a + self.n_b + len(as_law(self.law)) - 1 + self.n_c - 1 + self.n_d)
 
-    def dims(self) -> NDArray[np.int64]:
-        """n_a, n_b, n_c, n_d and the number of weights, in the form that the kernels take.
+    def dims(self, n_inputs: int = 1) -> NDArray[np.int64]:
+        """n_a of all inputs, n_b, n_c, n_d and the number of weights, in the form that the kernels take.
 
-        Raises ValueError if an order is not a whole number, n_a or n_c is below 1, or n_b or n_d is below 0.
+        ``n_inputs``: inputs that share the denominator of L1. Raises ValueError if an order is not a whole number, n_a
+        or n_c is below 1, or n_b or n_d is below 0.
         """
         for name, least in (("n_a", 1), ("n_b", 0), ("n_c", 1), ("n_d", 0)):
             check_whole(name, getattr(self, name), least, "; set the order")
-        return np.array([self.n_a, self.n_b, self.n_c, self.n_d, len(as_law(self.law))], dtype=np.int64)
+        return np.array([n_inputs * self.n_a, self.n_b, self.n_c, self.n_d, len(as_law(self.law))], dtype=np.int64)
 
     def advance(self) -> int:
         """Samples by which the response comes earlier than the paper's: 2 minus both delays.
@@ -213,8 +214,7 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
             y_ = column_or_1d(check_array(y, ensure_2d=False, dtype=np.float64, input_name="y"))
         check_lengths(u, y_)
         restart = starts(groups, len(u), first=not carried)
-        dims, law, key = self.dims(), as_law(self.law), self.key_term()
-        dims[0] *= m
+        dims, law, key = self.dims(m), as_law(self.law), self.key_term()
         n = self.n_parameters + (m - 1) * self.n_a
         theta = np.full(n, 0.01) if self.theta is None else np.asarray(self.theta, dtype=float)
         if theta.shape != (n,):

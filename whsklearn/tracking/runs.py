@@ -14,13 +14,13 @@ import re
 import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from whsklearn import __version__
 from whsklearn.logs.files import utf8
 from whsklearn.tracking import store as store
 from whsklearn.tracking.served import input_example, model_requirements, own_types, served_signature
@@ -114,7 +114,7 @@ def open_tracker(
             f"The record of runs at {store.public(uri)} cannot be opened ({reason}); set MLFLOW_TRACKING_URI to "
             "keep it elsewhere, or use --no-track."
         ) from error
-    own = {"mlflow.source.name": experiment, "mlflow.source.type": "LOCAL", "version": version("whsklearn")}
+    own = {"mlflow.source.name": experiment, "mlflow.source.type": "LOCAL", "version": __version__}
     return Tracker(store.InSentences(client, patience), experiment, experiment_id, {**own, **(tags or {})})
 
 
