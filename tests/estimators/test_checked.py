@@ -41,6 +41,24 @@ def test_more_parameters_than_samples_are_told():
 def test_nothing_is_no_warning():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        warn(None, stacklevel=1)
+        warn(None)
     with pytest.warns(UserWarning, match="^told$"):
-        warn("told", stacklevel=1)
+        warn("told")
+
+
+@pytest.mark.parametrize(
+    "act",
+    [
+        lambda X, y: RMILSRegressor(WienerHammersteinLags(), n_starts=1, random_state=0).fit(X[:8], y[:8]),
+        lambda X, y: PEMRegressor(n_starts=1, random_state=0).fit(X[:8], y[:8]),
+        lambda X, y: RLSRegressor().fit(X, y),
+        lambda X, y: RLSRegressor().fit(X, y).score(X, -9.0 * y),
+    ],
+    ids=["recursive", "batch", "rows", "score"],
+)
+def test_a_warning_is_at_the_line_that_led_to_it(act):
+    X, y = make_wiener_hammerstein(200, snr_db=30, random_state=0)
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        act(X, y)
+    assert {w.filename for w in told} == {__file__}

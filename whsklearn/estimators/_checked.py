@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 import warnings
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +18,7 @@ from whsklearn.estimators import _advice
 from whsklearn.estimators._kept import KeptModel
 from whsklearn.estimators._records import Given, checked_weights, sample_numbers
 
+PACKAGE = str(Path(__file__).resolve().parents[1])
 TOLD: set[str] = set()  # warnings that are given once per process
 
 
@@ -43,9 +46,9 @@ class CheckedModel(KeptModel):
             restart = starts(given.groups, len(X), first=True)
             weights = checked_weights(given.sample_weight, len(X), some=True)
             self._structure()
-            self._warn_of_order(given.X, stacklevel=4)
-            self._warn_of_record(X, y, stacklevel=4)
-            self._warn_of_structure(X, y, restart, stacklevel=5)
+            self._warn_of_order(given.X)
+            self._warn_of_record(X, y)
+            self._warn_of_structure(X, y, restart)
         return X, y, restart, weights
 
     def _rows(self, X: Array, y: Array, groups: ArrayLike | None) -> tuple[Array, Array]:
@@ -61,25 +64,25 @@ class CheckedModel(KeptModel):
                 "than the lags reach back; give a longer record."
             )
         n_parameters = int(self._structure().slices()[-1].stop) if self._is_wiener_hammerstein else 0
-        warn(_advice.of_few_samples(n, n_parameters), stacklevel=5)
+        warn(_advice.of_few_samples(n, n_parameters))
 
-    def _warn_of_record(self, X: Array, y: Array, stacklevel: int = 3) -> None:
+    def _warn_of_record(self, X: Array, y: Array) -> None:
         """Warn of records that do not show the dynamics, or that need a constant the model lacks."""
         if not self._is_wiener_hammerstein or len(X) <= self._lags.max_lag:
             return
         said = _advice.of_a_signal_at_rest(X, y)
         if said is None and not self._finds_constant:
             said = _advice.of_a_constant(self._structure().law, X, y)
-        warn(said, stacklevel + 1)
+        warn(said)
 
-    def _warn_of_order(self, X: Any, stacklevel: int = 3) -> None:
+    def _warn_of_order(self, X: Any) -> None:
         """Warn of a dynamic model that is fitted to shuffled samples; once, not for every fold."""
         said = None if self.lags is None else _advice.of_the_order(sample_numbers(X))
         if said is not None and said not in TOLD:
             TOLD.add(said)
-            warn(said, stacklevel + 1)
+            warn(said)
 
-    def _warn_of_structure(self, X: Array, y: Array, restart: Bools, stacklevel: int = 3) -> None:
+    def _warn_of_structure(self, X: Array, y: Array, restart: Bools) -> None:
         """Say which structure is used if ``lags`` was not given, because its default differs between estimators."""
         if self.lags is not None:
             return
@@ -88,7 +91,7 @@ class CheckedModel(KeptModel):
             said = _advice.of_several_inputs(name, X.shape[1])
         else:
             said = _advice.of_a_dynamic_record(name, X, y, restart)
-        warn(said, stacklevel + 1)
+        warn(said)
 
     def _draw_seed(self) -> int:
         """A whole number from ``random_state``; 0 if nothing is drawn."""
@@ -97,7 +100,12 @@ class CheckedModel(KeptModel):
         return int(check_random_state(getattr(self, "random_state", None)).randint(2**31 - 1))
 
 
-def warn(said: str | None, stacklevel: int) -> None:
-    """Issue the warning, if there is one."""
-    if said is not None:
-        warnings.warn(said, UserWarning, stacklevel=stacklevel)
+def warn(said: str | None) -> None:
+    """Issue the warning, if there is one, at the line outside the package that led to it."""
+    if said is None:
+        return
+    frame: Any = sys._getframe(1)
+    level = 2
+    while frame.f_back is not None and frame.f_code.co_filename.startswith(PACKAGE):
+        frame, level = frame.f_back, level + 1
+    warnings.warn(said, UserWarning, stacklevel=level)

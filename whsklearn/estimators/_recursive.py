@@ -113,7 +113,7 @@ class RecursiveRegressor(AxisRegressor):
             stream.settle(state)
             self._keep(stream, state, seed, groups)
             if tight := self._told_of_the_start(stream, rows):
-                warn(tight, stacklevel=3)
+                warn(tight)
             else:
                 self._warn_of_an_axis(X[:, 0], len(targets))
             if weights is None and self.forgetting == 1.0 and self._has_converged:
@@ -197,7 +197,7 @@ class RecursiveRegressor(AxisRegressor):
             self._keep_lags()
             self._check_state(self.state_)
         if first and len(X) >= FIRST_RERUN:  # the axis may be at rest in the first rows of a stream
-            self._warn_of_record(X, y, stacklevel=6)
+            self._warn_of_record(X, y)
         rows, targets = X, y
         if not self._is_wiener_hammerstein and self.lags is not None:
             if restart[0] and not first:
@@ -257,17 +257,17 @@ class RecursiveRegressor(AxisRegressor):
 
     # -- advice --------------------------------------------------------------------------
 
-    def _warn_of_record(self, X: Array, y: Array, stacklevel: int = 3) -> None:
-        super()._warn_of_record(X, y, stacklevel + 1)
+    def _warn_of_record(self, X: Array, y: Array) -> None:
+        super()._warn_of_record(X, y)
         if self._is_wiener_hammerstein and self.gradient == "full" and not getattr(self, "memory", 0):
-            warn(_advice.of_scale(X, y), stacklevel + 1)
+            warn(_advice.of_scale(X, y))
 
-    def _warn_of_an_axis(self, path: Array, n_rows: int, stacklevel: int = 4) -> None:
+    def _warn_of_an_axis(self, path: Array, n_rows: int) -> None:
         """Warn of rigid-axis parameters that no real axis can have."""
         if self.lags is None or self._is_wiener_hammerstein or self._answers_several:
             return
         independent = int(n_rows * getattr(self.lags_, "independent_share", 1.0))
-        warn(_advice.of_an_axis(self._column_names(), self._theta(), self._covariance(), independent, path), stacklevel)
+        warn(_advice.of_an_axis(self._column_names(), self._theta(), self._covariance(), independent, path))
 
     @property
     def _has_converged(self) -> bool:

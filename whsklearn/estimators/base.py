@@ -164,7 +164,7 @@ class AxisRegressor(RegressorMixin, CheckedModel):
         y_hat = self.predict(given.X, given.groups)
         r2 = float(r2_score(given.y, y_hat, sample_weight=given.sample_weight))
         if fold_of_a_search() is None:  # a search also tries bad settings, so it is not warned
-            warn(_advice.of_a_free_run(r2), stacklevel=3)
+            warn(_advice.of_a_free_run(r2))
         return r2
 
     def predict_ahead(
@@ -230,7 +230,7 @@ class AxisRegressor(RegressorMixin, CheckedModel):
         restart[0] = True
         return _finite(wh.predictions(*self._running(), X, y, restart, horizon))
 
-    def _warn_of_the_law(self, X: Array, y: Array, restart: Bools, stacklevel: int = 4) -> None:
+    def _warn_of_the_law(self, X: Array, y: Array, restart: Bools) -> None:
         """Warn of a chain that misses something that follows the input, unless a constant is missing, which is told.
 
         Not in a search, which tries bad settings.
@@ -238,7 +238,7 @@ class AxisRegressor(RegressorMixin, CheckedModel):
         s = self._structure()
         if fold_of_a_search() is None and _advice.of_a_constant(s.law, X, y) is None:
             law = s.dims, s.law.codes, s.law.shapes
-            warn(_advice.of_the_law(self._running()[0], law, X, y, restart), stacklevel)
+            warn(_advice.of_the_law(self._running()[0], law, X, y, restart))
 
     def _running(self) -> tuple[Array, wh.Structure]:
         """The running estimate of the natural parameters, with signs in doubt left unresolved, and the structure."""
