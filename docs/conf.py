@@ -31,6 +31,7 @@ extensions = [
     "sphinx_gallery.gen_gallery",
 ]
 source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
+default_role = "py:obj"  # a name between single backticks leads to its page, if it has one
 smartquotes = False  # it would turn the two hyphens of an option into a dash
 exclude_patterns = ["_build", "examples", "auto_examples/*.ipynb"]
 myst_enable_extensions = ["deflist", "colon_fence"]
