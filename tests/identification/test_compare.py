@@ -39,8 +39,8 @@ def test_an_axis_is_recommended_for_an_axis(axis_record, logged):
 
 
 def test_gravity_is_recommended_for_a_pendulum_and_only_where_the_output_is_an_angle():
-    u, theta = 2.0 * slow_drive(4000, 1), np.array([0.05, 0.1, 0.2, 0.02, 1.5, 0.4])
-    y = axis_motion(theta, axis_log(u, hangs=True)._replace(of_position=True)) + 1e-4 * RNG.standard_normal(4000)
+    u, theta = 2.0 * slow_drive(2000, 1), np.array([0.05, 0.1, 0.2, 0.02, 1.5, 0.4])
+    y = axis_motion(theta, axis_log(u, hangs=True)._replace(of_position=True)) + 1e-4 * RNG.standard_normal(2000)
     found = identify(u, y, dt=0.005)
     assert found.recommended.name == "axis with gravity", found.reason
     assert found.model.parameters["gravity_imbalance"] == pytest.approx(np.hypot(1.5, 0.4), rel=0.03)
