@@ -6,9 +6,10 @@ import re
 
 import numpy as np
 import pandas as pd
+import pytest
 
 from tests.cli.fleet_folder import MODEL, source, write_axis
-from whsklearn.cli.fleet_axis import axes_of, identify_axes, read_axis
+from whsklearn.cli.fleet_axis import axes_of, identify_axes, outliers, read_axis
 
 
 def test_rows_are_put_in_the_order_of_time(fleet):
@@ -35,3 +36,20 @@ def test_failures_of_an_axis_are_a_row(tmp_path):
     said = {"text": "not numbers", "short": "samples?", "missing": "no column y", "twice": "is repeated", "nan": "NaN"}
     for name, pattern in (said | {"empty": "no Parquet file"}).items():
         assert re.search(pattern, rows[name]["failure"]), rows[name]
+
+
+@pytest.mark.parametrize("n", [3, 5, 10, 40])
+def test_axes_that_are_alike_have_no_outlier_however_few_they_are(n):
+    rng = np.random.default_rng(0)
+    found = 0
+    for _ in range(100):
+        fleet = pd.DataFrame(rng.normal(1.0, 0.1, (n, 10)), columns=[f"x{k}" for k in range(10)])
+        found += len(outliers(fleet.assign(axis=[f"a{k}" for k in range(n)], failure=""))) > 0
+    assert found <= 4  # 1 % asked; more than 4 of 100 come of it once in 300
+
+
+@pytest.mark.parametrize("n", [6, 10, 40])
+def test_an_axis_far_from_all_others_is_an_outlier(n):
+    fleet = pd.DataFrame({"x": np.random.default_rng(1).normal(1.0, 0.01, n), "axis": range(n), "failure": ""})
+    fleet.loc[2, "x"] = 4.0
+    assert outliers(fleet)["axis"].tolist() == [2]

@@ -15,7 +15,12 @@ from numpy.typing import NDArray
 from sklearn.base import clone
 
 Row = dict[str, Any]
-OUTLYING = 6.0  # robust standard deviations from the median; of normal numbers one in 5e8 is as far
+OUTLYING = 6.0  # robust standard deviations from the median: at least so far, as real fleets have longer tails
+FALSE = 0.01  # probability that a fleet of normal numbers has an outlier
+# The median absolute deviation of n normal numbers is as certain as the standard deviation of 0.37 n (Hampel 1974).
+# With the limit that follows, 0.3 % or fewer of 4,000 fleets of 3 to 100 axes with 12 numbers had an outlier, up to
+# 0.4 % at 30 and 50; with `OUTLYING` alone 85 % of fleets of 3, 57 % of 5 and 16 % of 10.
+EFFICIENCY = 0.37
 
 
 def axes_of(folder: Path, axis: str) -> list[str]:
@@ -106,9 +111,11 @@ def outliers(table: Any) -> Any:
     """Outliers of a result table, worst first, with the outlying columns in ``why``; failed axes are excluded.
 
     A column is outlying by its distance from the fleet's median in units of the scaled median absolute deviation,
-    nmse on a logarithmic scale and upwards only.
+    nmse on a logarithmic scale and upwards only.  The fewer axes there are, the less certain that unit is, and the
+    further off a column must be: as Student's t has it.
     """
     import pandas as pd
+    from scipy.stats import t as student
 
     numeric = table.drop(columns=["axis", "rows", "failure", "seconds", "mu_e", "rmse"], errors="ignore").astype(float)
     if "nmse" in numeric:
@@ -119,8 +126,10 @@ def outliers(table: Any) -> Any:
     if "nmse" in z:
         z["nmse"] = z["nmse"].clip(lower=0.0)
     size = z.abs().fillna(0.0)
+    n, width = max(int((table["failure"] == "").sum()), 2), max(len(size.columns), 1)
+    limit = max(OUTLYING, float(student.isf(0.5 * FALSE / (n * width), EFFICIENCY * (n - 1))))
     why = pd.Series(
-        [", ".join(f"{c} {z.at[i, c]:+.1f}" for c in size.columns if size.at[i, c] > OUTLYING) for i in table.index],
+        [", ".join(f"{c} {z.at[i, c]:+.1f}" for c in size.columns if size.at[i, c] > limit) for i in table.index],
         index=table.index,
         dtype=object,
     )
