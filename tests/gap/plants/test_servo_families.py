@@ -157,6 +157,19 @@ def further_orders(first):
     return np.array(orders), np.pi / view.scene.reach
 
 
+@pytest.mark.parametrize("lag", [0.0, 0.05])
+def test_a_wave_is_looked_for_by_the_columns_that_it_is_fitted_by(lag):
+    record = ServoRecord.from_frame(make_servo_log(duration=12.0, random_state=0))
+    view, model = start_of(record, ("viscous", "coulomb"), 0.004)
+    (kind,) = [c for c in catalogue() if c.name == "cogging"]
+    if lag:
+        model = view.fit(model.with_term(ServoTerm(candidate("actuator_lag"), (lag,))))
+    scene = servo_families.Scene(view, model)
+    shapes, columns, _ = next(iter(servo_families.orders(scene, kind)))
+    fitted = scene.columns(ServoTerm(kind, (0.0, 0.0, *shapes[5])))[:, 0, :]
+    assert np.abs(columns[:, 5, :] - fitted).max() < 0.02 * np.abs(fitted).max()
+
+
 def test_where_single_samples_are_noise_only_waves_are_looked_for():
     view, _ = looks_at([])
     model = start_of(view.record, ("viscous", "coulomb"), 0.004)[1]

@@ -276,6 +276,7 @@ def orders(scene: Scene, kind: Candidate) -> Blocks:
             yield [(float(order),)], scene.columns(ServoTerm(kind, (0.0, float(order)))), 1.0
         return
     size = view.blur(kind.unit_columns((0.0,), scene.signals)[:, 0])[view.at]
+    lag = sum(t.q[0] for t in scene.model.terms if t.kind.code == k.ACTUATOR_LAG)
     for i in range(0, values.size, AT_ONCE):
         part = values[None, i : i + AT_ONCE]
         damped = size[:, None] * np.exp(-0.5 * (scene.speed[:, None] * part * scene.sigma) ** 2)
@@ -284,7 +285,11 @@ def orders(scene: Scene, kind: Candidate) -> Blocks:
             term = [scene.columns(ServoTerm(kind, (0.0, 0.0, float(o))))[:, 0, :] for o in part[0]]
             yield [(float(o),) for o in part[0]], np.stack(term, axis=1), 1.0
         else:
-            columns = np.stack([damped * np.cos(phase), damped * np.sin(phase)], axis=2)
+            cos, sin = np.cos(phase), np.sin(phase)
+            if lag:  # as `InverseView.before_lag`
+                turn = lag * scene.speed[:, None] * part
+                cos, sin = cos - turn * sin, sin + turn * cos
+            columns = np.stack([damped * cos, damped * sin], axis=2)
             yield [(float(o),) for o in part[0]], columns, 1.0
 
 
