@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from whsklearn.effects import EndStop, ParameterChange, Scales, Stribeck, codes
+from whsklearn.effects import EndStop, LuGre, ParameterChange, Scales, Stribeck, codes
 from whsklearn.filtering.records import CUTOFF_SIGMA, decimation, filtered, gaussian_derivatives
 from whsklearn.gap import least_squares as ols
 from whsklearn.gap.least_squares import jacobian
@@ -46,6 +46,9 @@ LINE, AROUND = 1.5, 12.0
 # Smallest gain after a change of gain, relative to before: with 0.4 %, inertia and missing torque also fall to 0.4 %,
 # which "explained" KR300 A with Coulomb friction hidden. Simulated changes keep 70 % and more.
 LEAST_GAIN_LEFT = 0.1
+# Damping ratio of bristles beyond which they are a damper: five times the critical one, which is the largest that models
+# of friction use, because a fit knows it to a factor of a few (`tests/gap/plants/test_servo_inverse.py`).
+MOST_DAMPED = 5.0
 
 
 def reaching(t: ServoTerm, u: Array, motion: ColumnSignals, dt: float) -> Array:
@@ -457,6 +460,7 @@ def unphysical(view: InverseView, model: ServoHypothesis, index: int) -> str:
         or never_free(term.effect, view.record.position)
         or negative_damping(model, index, view.motion.velocity)
         or negative_after(model, index)
+        or overdamped(model, index)
         or too_large(model, index)
         or on_excitation_line(view.record, term)
     )
@@ -519,6 +523,20 @@ def negative_after(model: ServoHypothesis, index: int) -> str:
     if before + change.change >= -abs(before):
         return ""
     return f"it would leave a negative {change.parameter}, which would drive the axis"
+
+
+def overdamped(model: ServoHypothesis, index: int) -> str:
+    """The objection that bristles are dampers rather than springs; empty if not.
+
+    Bristles of stiffness s = T / d hold the inertia J at rest with the damping ratio c sqrt(s / J) / 2, c their damping
+    over their stiffness.  Models of friction use one (Olsson 1996, Control Systems with Friction, ch. 3).  A fit that
+    ends at 18 or 74 uses them as a damper of slow motion, in place of whatever else is missing there.
+    """
+    law = model.terms[index].effect
+    if not isinstance(law, LuGre):
+        return ""
+    ratio = 0.5 * law.damping * float(np.sqrt(law.torque / (law.distance * model.inertia)))
+    return f"its bristles would be damped {ratio:.0f} times as much as critically" if ratio > MOST_DAMPED else ""
 
 
 def never_falls(model: ServoHypothesis) -> bool:
