@@ -13,7 +13,7 @@ from benchmarks.blind_logs import servo
 from whsklearn.effects import ActuatorLag, AsymmetricViscous, Coulomb, GravityImbalance, LuGre, Viscous
 from whsklearn.gap import GapFinder
 from whsklearn.gap.plants.servo import ServoPlant
-from whsklearn.gap.plants.servo_candidates import candidate
+from whsklearn.gap.plants.servo_candidates import candidate, catalogue
 from whsklearn.gap.plants.servo_families import polished
 from whsklearn.gap.plants.servo_inverse import negative_damping, too_large, unphysical
 from whsklearn.gap.plants.servo_model import ServoTerm
@@ -267,6 +267,16 @@ def test_friction_that_falls_nowhere_is_no_certain_stribeck_curve(plain, viscous
     model = base.with_terms((base.terms[0].with_slot(0, viscous), ServoTerm(candidate("stribeck"), (0.1, 0.4, 2.0))))
     assert not unphysical(plant.inverse, model, 1)
     assert plant.enough(model) is certain
+
+
+@pytest.mark.parametrize(("damping", "objected"), [(0.01, False), (0.3, True)])
+def test_bristles_that_are_dampers_are_none(plain, damping, objected):
+    """Their damping ratio, c sqrt(s / J) / 2, is 0.7 and 21; fits had ended at 18 and 74 in place of other friction."""
+    view, base = start_of(plain, ("viscous",), 0.004)
+    bristles = LuGre(torque=1.0, distance=1e-3, ratio=1.0, damping=damping)
+    kind = next(c for c in catalogue() if c.cls is LuGre)
+    model = base.with_term(ServoTerm(kind, tuple(getattr(bristles, f) for f in kind.fields)))
+    assert ("damped" in unphysical(view, model, 1)) is objected
 
 
 def test_a_change_of_the_gain_takes_no_credit_for_the_gravity_that_it_takes_away():
