@@ -46,8 +46,8 @@ LINE, AROUND = 1.5, 12.0
 # Smallest gain after a change of gain, relative to before: with 0.4 %, inertia and missing torque also fall to 0.4 %,
 # which "explained" KR300 A with Coulomb friction hidden. Simulated changes keep 70 % and more.
 LEAST_GAIN_LEFT = 0.1
-# Damping ratio of bristles beyond which they are a damper: five times the critical one, which is the largest that models
-# of friction use, because a fit knows it to a factor of a few (`tests/gap/plants/test_servo_inverse.py`).
+# Damping ratio of bristles beyond which they are a damper: five times the critical one, which is the largest that
+# models of friction use, because a fit knows it to a factor of a few (`tests/gap/plants/test_servo_inverse.py`).
 MOST_DAMPED = 5.0
 
 
