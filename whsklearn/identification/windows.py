@@ -25,6 +25,7 @@ MOST = 24  # windows of a length
 # those of a few windows, whose median says nothing
 LOST, FEW = 3.0, 3
 SPEEDS = 9  # that are tried then; a run over the samples of a lead takes microseconds
+NEAR = 1e-4  # relative change of a state fit that ends: errors over windows are told to a hundredth
 PULL = 1e-3  # prior weight of an unchanged state, relative to the output, for what the samples before do not determine
 
 
@@ -241,13 +242,16 @@ def _first_block_moved(model: ChainModel, log: View, start: int, before: int, sp
         moved = x[:n] + modes[:n] @ state
         return lfilter(model.b2, model.f2, model.law(moved, np.diff(moved, prepend=moved[0])) - v[:n]) / log.si[1]
 
+    across, sizes, _ = np.linalg.svd(basis[:before], full_matrices=False)
+    across = across[:, sizes > 1e-6 * sizes[0]]  # what the state of the second block explains is taken from the error
+    pull = PULL * float(np.std(log.y)) / max(float(np.std(x)), 1e-300)
+
     def left(state: Array) -> Array:
         error = measured[:before] - added(state, before)
-        error = error - basis[:before] @ np.linalg.lstsq(basis[:before], error, rcond=1e-6)[0]
-        return np.r_[error, PULL * np.std(log.y) * state / max(float(np.std(x)), 1e-300)]
+        return np.r_[error - across @ (across.T @ error), pull * state]
 
     if order == 0:
         return np.zeros(span)
     turned = np.linalg.lstsq(modes[:before], -2.0 * x[:before], rcond=1e-6)[0]
-    ends = [least_squares(left, state) for state in (np.zeros(order), turned)]
+    ends = [least_squares(left, state, ftol=NEAR, xtol=NEAR, gtol=NEAR) for state in (np.zeros(order), turned)]
     return added(min(ends, key=lambda e: e.cost).x, span)
