@@ -9,7 +9,7 @@ from tests.logs.rig import NAMES, RATE
 from tests.logs.rig import columns as table
 from whsklearn import InverseDynamicsLags, RLSRegressor
 from whsklearn.datasets import load_turntable, make_servo_log
-from whsklearn.logs import ColumnError, LogWarning, check_log, load_log, slips_in
+from whsklearn.logs import ColumnError, LogError, LogWarning, check_log, load_log, slips_in
 
 
 def test_a_clean_log_comes_back_as_it_is(write):
@@ -217,6 +217,12 @@ def test_a_speed_that_was_counted_adds_up_to_the_count(write):
     with pytest.warns(LogWarning, match="Only the velocity is logged"):
         log = load_log(file, time="time_s", drive="torque_nm", velocity="speed_rpm")
     assert log.y * 880 == pytest.approx(count, abs=0.02)
+
+
+def test_a_velocity_is_not_integrated_over_samples(write):
+    file = write({"time_s": np.arange(500) / RATE, "torque_nm": np.ones(500), "speed_rpm": np.arange(500.0)})
+    with pytest.raises(LogError, match="name the time column or give sample_rate"):
+        load_log(file, drive="torque_nm", velocity="speed_rpm")
 
 
 def test_a_role_that_is_none_is_named(write):

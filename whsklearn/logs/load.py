@@ -457,6 +457,8 @@ def _restore(log: _Mending, units: dict[str, str]) -> None:
             signals[role], text = mend.unwrap(role, signals[role], turn)
             log.found.append(text)
     if "velocity" in signals and "position" not in signals:
+        if units.get("time") == "samples":
+            raise LogError("The velocity cannot be integrated without time; name the time column or give sample_rate.")
         by, units["position"] = integral_of(units["velocity"])
         counted = mend.speed_from_counts(signals["velocity"])
         speed = signals["velocity"] if counted is None else counted
