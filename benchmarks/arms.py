@@ -8,9 +8,10 @@ blocks that were not fitted, a share of that joint's rms drive, slow samples lef
 owners publish; "physical" is the arm whose links are bodies, on the samples fitted, and "free" the same for the base
 numbers as measured.  With ``--gap`` the gap of each record is asked instead: what the arm lacks in truth is found
 first (the TX40's wrist, blind), then Coulomb and viscous friction are taken from the law of one joint at a time, and
-gravity from all; "first" has the hidden effect first within its joint, of those that a record shows at all; what the
-finder refuses for its numbers is left out.  A load on the AIRBOT is asked for against the numbers without it, and half
-of the record without against the other half.  With
+gravity from all; "first" has the hidden effect first within its joint, of those that a record shows at all.  The finder
+goes on to the next candidate where the numbers of one are impossible; "first accepted" counts so, and an effect whose
+own numbers are refused is none.  A load on the AIRBOT is asked for against the numbers without it, and half of the
+record without against the other half.  With
 ``--replay`` MuJoCo replays the logged drives on the exported arm, from the measured motion every 0.5 s: rms error in
 position beside that of our own free runs, and beside standing still, which is the motion in a window.  The friction is
 the one that MJCF holds, because friction that grows with the torque is lost in the file; the last line is our own free
@@ -108,8 +109,8 @@ def without(arm: Arm, joint: str = "", name: str = "") -> Arm:
     return dataclasses.replace(arm, effects=rows)
 
 
-def hidden(rig: str, urdf: str) -> tuple[int, int]:
-    """How many effects hidden at the joints of a record come first within their joint, and how many are seen."""
+def hidden(rig: str, urdf: str) -> np.ndarray:
+    """How many effects hidden at the joints of a record come first there, are the first accepted, and are seen; (3,)."""
     q, torque, dt = record(rig)
     log, arm = (np.arange(len(q)) * dt, q, torque), Arm.from_file(folder() / f"{urdf}.urdf")
     begun = time.process_time()
@@ -119,7 +120,7 @@ def hidden(rig: str, urdf: str) -> tuple[int, int]:
     for when in ("before", "after"):
         shares = percent(row["missing"][when] for row in finder.diagnosis_.joints)
         print(f"    missing on held-out blocks {when:6} {shares}", flush=True)
-    right = seen = 0
+    counts = np.zeros(3, dtype=int)
     for joint, name in [("", "gravity"), *((j, n) for j in arm.joints for n in ("coulomb", "viscous"))]:
         base = without(arm, joint, name)
         plant = arm_plant(
@@ -132,21 +133,22 @@ def hidden(rig: str, urdf: str) -> tuple[int, int]:
         label = f"{name} at {joint}" if joint else name
         own = [k for k in looks if not k.place or not joint or joint in k.place]
         it = next(k for k in own if k.name == label)
-        while own[0] is not it and plant.objection(model, plant.refine(model, own[0])):
-            own = own[1:]  # the finder refuses it, too
-        if it.p_value <= 0.01 and it.size >= plant.tolerance:
-            seen, right = seen + 1, right + (own[0] is it)
-            if own[0] is not it:
-                print(f"    {label}: behind {', '.join(k.name for k in own[: own.index(it)])}")
-    print(f"    first within its joint: {right} of {seen}")
-    return right, seen
+        if it.p_value > 0.01 or it.size < plant.tolerance:
+            continue
+        refused = {k.name: plant.objection(model, plant.refine(model, k)) for k in own[: own.index(it) + 1]}
+        accepted = [name for name, why in refused.items() if not why]
+        counts += own[0] is it, accepted[:1] == [label], 1
+        if own[0] is not it or refused[label]:
+            print(f"    {label}: " + ", ".join(f"{k} ({why or 'accepted'})" for k, why in refused.items()))
+    print(f"    first within its joint: {counts[0]} of {counts[2]}, first accepted: {counts[1]}")
+    return counts
 
 
 def gap(only: str) -> None:
     """Names on real arms."""
     rigs = ("double_pendulum", "double_pendulum"), ("airbot", "airbot"), ("airbot_loaded", "airbot"), ("tx40", "tx40")
-    counts = [hidden(*rig) for rig in rigs if rig[0].startswith(only)]
-    print(f"hidden: {sum(c[0] for c in counts)} of {sum(c[1] for c in counts)}")
+    first, accepted, seen = sum(hidden(*rig) for rig in rigs if rig[0].startswith(only))
+    print(f"hidden: first {first} of {seen}, first accepted {accepted}")
     if not "airbot".startswith(only):
         return
     q, torque, dt = record("airbot")
