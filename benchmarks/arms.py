@@ -110,7 +110,7 @@ def without(arm: Arm, joint: str = "", name: str = "") -> Arm:
 
 
 def hidden(rig: str, urdf: str) -> np.ndarray:
-    """How many effects hidden at the joints of a record come first there, are the first accepted, and are seen; (3,)."""
+    """How many effects hidden at the joints of a record are first there, first accepted, and seen at all; (3,)."""
     q, torque, dt = record(rig)
     log, arm = (np.arange(len(q)) * dt, q, torque), Arm.from_file(folder() / f"{urdf}.urdf")
     begun = time.process_time()

@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from whsklearn.effects import ContactStop, Effect, Quantity
+from whsklearn.effects import ContactStop, Effect, Quantity, codes
 from whsklearn.gap.plant import FittedTerm
 from whsklearn.gap.plants.servo_candidates import Candidate, catalogue
 from whsklearn.systems.arm import Arm
@@ -95,7 +95,7 @@ class AtJoint:
     @property
     def rows(self) -> slice:
         """The rows on which its columns are not zero; rows are ordered by joint, then by instant."""
-        return slice(None) if self.index is None else slice(self.index, None, len(self.direction))
+        return slice(None) if self.index is None or self.splits else slice(self.index, None, len(self.direction))
 
     @cached_property
     def linear(self) -> int:
@@ -113,9 +113,14 @@ class AtJoint:
         return self.positive and not self.again
 
     @property
+    def splits(self) -> bool:
+        """Whether the link moves on its own behind the motor; all joints feel it."""
+        return self.catalogued is not None and self.cls.port == "block"
+
+    @property
     def transforms(self) -> bool:
-        """Whether it transforms the whole drive."""
-        return self.catalogued is not None and self.catalogued.transforms
+        """Whether it has no size but its shape: it transforms the whole drive, or splits the joint."""
+        return self.catalogued is not None and (self.catalogued.transforms or self.splits)
 
     @property
     def delays(self) -> bool:
@@ -192,6 +197,9 @@ def candidates(arm: Arm, there: dict[str, set[str]], *, frozen: bool, weight: in
                 continue
             if (c.name not in names or c.cls.repeats or more) and (not c.parent or c.parent in names):
                 yield AtJoint(c.cls, joint, row, c, place=frozenset([joint]), again=more and c.name in names)
+        for c in catalogue() if frozen else ():  # what the link and its friction weigh must be known
+            if c.code == codes.BACKLASH and not c.on_load and c.name not in names:
+                yield AtJoint(c.cls, joint, row, c, place=frozenset([joint]))
         if frozen and "joint_inertia" not in names:
             yield AtJoint(JointInertia, joint, row, place=frozenset([joint]))
     frictions = [next(c for c in catalogue() if c.name == name) for name in ALONG_TWO]
@@ -215,8 +223,8 @@ def candidates(arm: Arm, there: dict[str, set[str]], *, frozen: bool, weight: in
 
 
 def completed(arm: Arm, terms: Iterable[JointTerm]) -> Arm:
-    """The arm with all terms but gravity, which are other numbers of its links."""
-    for t in terms:
+    """The arm with all terms but gravity, which are other numbers of its links, and plays, which no arm holds."""
+    for t in (t for t in terms if not t.kind.splits):
         if t.kind.cls is Load:
             arm = arm.with_body(t.joint, t.q[0], t.shape)
         elif t.kind.cls is JointInertia and t.kind.index is None:
