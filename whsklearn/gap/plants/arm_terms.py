@@ -17,8 +17,8 @@ from whsklearn.gap.plant import FittedTerm
 from whsklearn.gap.plants.servo_candidates import Candidate, catalogue
 from whsklearn.systems.arm import Arm
 
-# Effects of the catalogue that are not candidates at a joint: an effect that splits the joint in two has no place in an
-# `Arm`, an error of an encoder changes the columns of all joints, and the weight of a joint is that of the links.
+# Effects of the catalogue that are not candidates at a joint: an error of an encoder changes the columns of all joints,
+# and the weight of a joint is that of the links.
 ELSEWHERE = ("encoder_eccentricity", "gravity_imbalance")
 ALONG_TWO = ("viscous", "coulomb")  # friction that depends on a neighbour's motion
 
@@ -165,7 +165,7 @@ def present(base: dict[str, tuple[str, ...]], terms: Any) -> dict[str, set[str]]
 
 
 def at_a_joint() -> list[Candidate]:
-    """What a candidate at a single joint must satisfy.
+    """Effects of the catalogue that a single joint of an `Arm` can have; none that splits it in two.
 
     Examples
     --------

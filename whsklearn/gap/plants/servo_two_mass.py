@@ -99,7 +99,7 @@ def columns(view: Any, model: ServoHypothesis, t: ServoTerm, torque: Array | Non
     if t.kind.on_load:
         return from_load(view, t, torque)
     gap, w, zeta, slowed = contact(model, t)
-    dt, (q, v) = view.scene.dt, view.motion[:2]
+    dt, q, v = view.scene.dt, view.motion.position, view.motion.velocity
     a = contact_acceleration(q, v, np.zeros(len(q)), gap, w, zeta, slowed, dt, steps_of(w, zeta, dt))[0]
     return view.blur(a)[:, None]
 
