@@ -46,6 +46,13 @@ def test_the_page_the_numbers_and_the_repaired_model_stand_side_by_side(tmp_path
     assert [e.name for e in load_model(folder / "repaired.json").effects] == ["cogging"]
 
 
+def test_a_horizon_has_the_digits_of_a_reader_not_of_the_clock():
+    row = {"horizon": 0.10000000000002035, "before": 0.2, "after": 0.1, "floor": 0.0, "closure": 0.5}
+    page = render(dataclasses.replace(FOUND, horizons=[row]))
+    assert '<td class="n">0.1</td>' in page
+    assert "0.1000000" not in page
+
+
 def test_nothing_of_an_earlier_model_stays(tmp_path):
     write_report(FOUND, tmp_path, ServoAxis())
     write_report(FOUND, tmp_path, Xml())
