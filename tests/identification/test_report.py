@@ -30,3 +30,4 @@ def test_files_hold_what_the_contract_says(tmp_path):
     np.testing.assert_allclose(model.simulate(u), found.model.simulate(u))
     assert found.recommended.name in page
     assert "data:image/png" in page
+    assert '<td class="n"></td>' not in page

@@ -137,8 +137,6 @@ def _windows(c: Compared, found: Identification) -> dict[str, float]:
 def page(found: Identification) -> str:
     """The page as HTML with embedded pictures; without matplotlib it has none."""
     try:
-        from whsklearn.identification.report import as_png, figure
-
         picture = as_png(figure(found))
     except ImportError:
         picture = ""
