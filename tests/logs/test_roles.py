@@ -72,6 +72,12 @@ def test_ticks_of_an_encoder_are_no_time_and_limits_and_set_values_are_not_measu
     assert guess(source("Zeit", "M_soll", "M_ist"), "position") is None  # M is not in metres
 
 
+def test_a_position_with_a_dot_is_a_velocity():
+    s = source("t_ms", "theta", "theta_dot", "theta_ddot", "torque_nm")
+    assert [guess(s, r) for r in ("position", "velocity", "drive")] == ["theta", "theta_dot", "torque_nm"]
+    assert guess(source("t", "tau", "qdot"), "position") is None
+
+
 def test_a_log_of_a_speed_loop_has_a_velocity():
     s = source("time", "vel_rad_s", "current_A")
     assert guess(s, "position") is None

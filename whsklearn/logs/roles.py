@@ -29,6 +29,7 @@ WORDS: dict[str, tuple[str, ...]] = {
     "reference": ("reference", "ref", "setpoint", "desired", "target", "goal", "soll", "sollwert", "set", "demand"),
     "velocity": (
         "velocity", "vel", "speed", "omega", "geschwindigkeit", "drehzahl", "vitesse", "velocidad", "velocità", "qvel",
+        "qdot", "thetadot", "dtheta", "dot",
     ),
 }  # fmt: skip
 # Stems of languages that are written without blanks or inflect their nouns, and the word above that each stands for.
@@ -44,8 +45,8 @@ _STEMS = {
     "reference": ("目标", "目標", "指令", "设定", "给定", "목표", "지령", "задан"),
 }  # fmt: skip
 _NOT_MEASURED = {
-    *WORDS["reference"], *WORDS["velocity"], "command", "commanded", "cmd", "error", "acceleration", "acc", "limit",
-    "lim",
+    *WORDS["reference"], *WORDS["velocity"], "command", "commanded", "cmd", "error", "acceleration", "acc", "ddot",
+    "limit", "lim",
 }  # fmt: skip
 _TICKS = {"ticks", "tick"}  # of a clock, or of an encoder
 # A share of the supply: it is only ever commanded, and taken where no torque, current or voltage is logged.
