@@ -105,5 +105,14 @@ def test_blocks_that_changed_places_are_found():
     assert any(np.allclose(t, swapped) for t in exchanged(theta, ORDERS))
 
 
+@pytest.mark.parametrize("reals", [(0.9, 0.2), (0.9, 0.2, -0.5)])
+def test_a_pair_changes_places_with_any_two_real_poles(reals):
+    pair, kept = np.array([1.0, -1.9, 0.95]), reals[2:]
+    theta = np.r_[0.3, np.poly(reals)[1:], 1.0, -0.4, pair[1:]]  # the resonance belongs to L1
+    swapped = np.r_[np.convolve(pair, np.poly(kept))[1:], np.poly(reals[:2])[1:]]
+    found = [np.r_[t[1 : 1 + len(reals)], t[-2:]] for t in exchanged(theta, (2, len(reals), 2, 2, 1))]
+    assert any(np.allclose(t, swapped) for t in found)
+
+
 def test_factors_of_different_degree_stay():
     assert exchanged(np.array([0.0, 0.5, 1.0, -0.4]), (1, 2, 1, 1, 1)) == []  # a complex pair and a real pole

@@ -7,6 +7,7 @@ starts run in parallel (measured by benchmarks/accuracy.py).
 
 from __future__ import annotations
 
+import functools
 import itertools
 
 import numpy as np
@@ -89,12 +90,17 @@ def exchanged(theta: Array, dims: tuple[int, ...]) -> list[Array]:
 
 
 def pairings(p: Array, q: Array) -> list[tuple[Array, Array]]:
-    """(p, q), and every result of exchanging a real root or complex pair of 1 + p... with one of 1 + q..."""
+    """(p, q), and every result of exchanging a real root or complex pair of 1 + p... with one of 1 + q...
+
+    A complex pair is exchanged with two real roots too: a search that gives a resonance to the wrong block leaves two
+    real poles where it belongs.
+    """
     out = [(p, q)]
     mine, yours = _factors(p), _factors(q)
-    for i, j in itertools.product(range(len(mine)), range(len(yours))):
-        if mine[i].size == yours[j].size:
-            out.append((_product(mine, i, yours[j]), _product(yours, j, mine[i])))
+    for i, j in itertools.product(_groups(mine), _groups(yours)):
+        mine_out, yours_out = [mine[k] for k in i], [yours[k] for k in j]
+        if sum(f.size - 1 for f in mine_out) == sum(f.size - 1 for f in yours_out) and len(i) + len(j) < 4:
+            out.append((_product(mine, i, yours_out), _product(yours, j, mine_out)))
     return out
 
 
@@ -105,12 +111,16 @@ def _factors(p: Array) -> list[Array]:
     return real + [np.array([1.0, -2 * r.real, abs(r) ** 2]) for r in roots if r.imag > 0.0]
 
 
-def _product(factors: list[Array], i: int, other: Array) -> Array:
-    """Coefficients after the leading one of the product in which factor i is replaced."""
-    out = np.ones(1)
-    for j, factor in enumerate(factors):
-        out = np.convolve(out, other if i == j else factor)
-    return out[1:]
+def _groups(factors: list[Array]) -> list[tuple[int, ...]]:
+    """The places of each factor, and of any two real ones."""
+    real = [i for i, f in enumerate(factors) if f.size == 2]
+    return [(i,) for i in range(len(factors))] + list(itertools.combinations(real, 2))
+
+
+def _product(factors: list[Array], out: tuple[int, ...], others: list[Array]) -> Array:
+    """Coefficients after the leading one of the product in which ``others`` stand for the factors ``out``."""
+    kept = [f for i, f in enumerate(factors) if i not in out]
+    return functools.reduce(np.convolve, [*kept[: out[0]], *others, *kept[out[0] :]], np.ones(1))[1:]
 
 
 def regressors(theta: Array, law: Law, u: Array, y: Array, restart: Bools) -> Array:
