@@ -143,13 +143,6 @@ def test_what_is_below_the_tolerance_counts_where_the_free_run_shows_it():
     assert verdict(0.003, 0.94, gap=0.029, floor=0.0014, remainder=[small], floors=1.1) == "named"
 
 
-@pytest.mark.parametrize(("signal", "expected"), [("velocity", "partial"), ("position", "named"), ("", "named")])
-def test_what_another_function_of_its_own_signal_explains_is_no_part_of_a_name(signal, expected):
-    """Friction that grows above a speed, called Stribeck's, where the free run shows nothing."""
-    small = SimpleNamespace(name="", p_value=1e-6, size=0.36 * 0.004, signal=signal)
-    assert verdict(0.003, 0.94, gap=0.029, floor=0.0014, remainder=[small]) == expected
-
-
 def test_without_a_name_it_is_unknown_where_something_follows_the_motion():
     assert verdict(1.0, 0.0, taken=(), remainder=[NAMELESS]) == "unknown"
     refused = SimpleNamespace(name="gravity_imbalance", p_value=1e-6, size=0.6, signal="position")

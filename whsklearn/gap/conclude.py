@@ -308,15 +308,11 @@ def verdict_of(plant: Any, found: Found, alpha: float, run: dict[str, float]) ->
     closed = (before - after) / max(before - floor, 1e-300)
     if (closed if plant.exact else min(closed, run["closure"])) < HALF:
         return "partial"
-    # A remainder below the tolerance is not worth naming, unless the free run shows that it matters, or a name has the
-    # wrong shape: any function of the speed explains 5 to 16 % of the gap beside a Stribeck curve where friction grows
-    # above a speed, and at most 3.5 % beside a true one (`benchmarks.learned --effects dead_velocity,stribeck`).
-    signals = {t.look.signal for t in found.taken} - {""}
-    shape = max((k.size for k in found.remainder if k.signal in signals and k.p_value <= alpha), default=0.0)
+    # A remainder below the tolerance is not worth naming, unless the free run shows that it matters.
     if plant.exact and still > least:  # own records that lack nothing but an effect need no margin
         return "partial"
     matters = still > least or run["after"] > QUIET * run["floor"]
-    if (still > STILL * before and (matters or shape > STILL * before)) or not plant.enough(found.model):
+    if (still > STILL * before and matters) or not plant.enough(found.model):
         return "partial"
     return "ambiguous" if any(t.rivals for t in found.taken) else "named"
 
