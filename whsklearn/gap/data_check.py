@@ -108,8 +108,8 @@ def _shape_problems(r: ServoRecord) -> list[DataProblem]:
         return [DataProblem("data-uneven-time", "Uneven sampling", text)]
     if typical > SLOWEST:
         text = (
-            f"One sample every {typical:.3g} s; an axis needs at least 20 a second. Log faster, or state the unit of the "
-            "time if it was misread."
+            f"One sample every {typical:.3g} s; an axis needs at least 20 a second. Log faster, or state the unit of "
+            "the time if it was misread."
         )
         return [DataProblem("data-time-unit", "Sampling too slow", text)]
     return []
