@@ -46,8 +46,8 @@ LINE, AROUND = 1.5, 12.0
 # Smallest gain after a change of gain, relative to before: with 0.4 %, inertia and missing torque also fall to 0.4 %,
 # which "explained" KR300 A with Coulomb friction hidden. Simulated changes keep 70 % and more.
 LEAST_GAIN_LEFT = 0.1
-# Damping ratio of bristles beyond which they are a damper: ten times that of the published model, because a fit knows it
-# to a factor of a few only (`tests/gap/plants/test_servo_inverse.py`).
+# Damping ratio of bristles beyond which they are a damper: ten times that of the published model, because a fit knows
+# it to a factor of a few only (`tests/gap/plants/test_servo_inverse.py`).
 MOST_DAMPED = 5.0
 
 
@@ -529,9 +529,9 @@ def overdamped(model: ServoHypothesis, index: int) -> str:
     """The objection that bristles are dampers rather than springs; empty if not.
 
     Bristles of stiffness s = T / d hold the inertia J at rest with the damping ratio c sqrt(s / J) / 2, c their damping
-    over their stiffness.  The model was published with 0.5 (Canudas de Wit et al. 1995, IEEE Trans. Autom. Control 40(3),
-    419-425: sigma_1 = sqrt(sigma_0), m = 1).  A fit that ends at 18 or 74 uses them as a damper of slow motion, in place
-    of whatever else is missing there.
+    over their stiffness.  The model was published with 0.5 (Canudas de Wit et al. 1995, IEEE Trans. Autom. Control
+    40(3), 419-425: sigma_1 = sqrt(sigma_0), m = 1).  A fit that ends at 18 or 74 uses them as a damper of slow motion,
+    in place of whatever else is missing there.
     """
     law = model.terms[index].effect
     if not isinstance(law, LuGre):
