@@ -118,6 +118,25 @@ def used_of(options: dict[str, Any], log: Bunch) -> Bunch:
     return records.liveliest(records.long_segments(log) if options["kind"] == "servo" else records.bridged(log))
 
 
+def zeros_apart(log: Bunch, several: bool) -> list[str]:
+    """What is said of several logs whose position was integrated: the integral begins at zero in each.
+
+    Examples
+    --------
+    >>> from sklearn.utils import Bunch
+    >>> from whsklearn.logs import Finding, LogReport
+    >>> speed = Bunch(report=LogReport((Finding("LOG018", "warning", "Only the velocity is logged."),)))
+    >>> [len(zeros_apart(log, several)) for log in (speed, Bunch(report=LogReport())) for several in (False, True)]
+    [0, 1, 0, 0]
+    """
+    report = log.get("report")
+    if not several or report is None or "LOG018" not in report.codes:
+        return []
+    return [
+        "The angle begins at zero in each log, so that waves over it do not add up; diagnose each log alone as well."
+    ]
+
+
 def diagnose(options: dict[str, Any], log: Bunch, second: Bunch | None, folder: Path) -> GapFinder:
     """Run the finder on a log, write the report, print the result, and record both; recording comes last.
 
@@ -130,9 +149,10 @@ def diagnose(options: dict[str, Any], log: Bunch, second: Bunch | None, folder: 
 
     record, columns = as_record(options, log)
     record = [record, *map(partial(another, options, log), options["more"])] if options.get("more") else record
-    for slip in slips_in(log) if options["kind"] == "servo" and not options["robot"] else []:
-        records.note(str(slip))
-        log.notes = (*log.notes, str(slip))
+    told = [*map(str, slips_in(log))] if options["kind"] == "servo" and not options["robot"] else []
+    for text in [*told, *zeros_apart(log, bool(options.get("more")))]:
+        records.note(text)
+        log.notes = (*log.notes, text)
     tracker = tracker_for("close_gap", options["track"], data=Path(options["log_file"]).stem)
     with tracker.run(f"gap of {Path(options['log_file']).name}") as parent:
         settings = {k: options[k] for k in ("law", "orders", "direct", "max_effects", "tolerance", "alpha")}
