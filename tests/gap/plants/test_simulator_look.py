@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from whsklearn.gap.plants.simulator import SimulatorPlant
 from whsklearn.gap.plants.simulator_look import (
     Errors,
     accelerations,
+    addable,
     catalogue,
     followed_motion,
     gone,
@@ -44,6 +46,13 @@ def test_further_shapes_are_looked_at_where_a_simulator_asks_for_them():
     assert sum(isinstance(e, LuGre) for e in asked["presliding_hysteresis"]) == 3 * len(
         LuGre.quantities["distance"].starts
     )
+
+
+def test_an_effect_occurs_once_unless_it_repeats():
+    plant = SimpleNamespace(shapes={"cable_spring": [CableSpring(1.0)], "cogging": [Cogging(0.1, 6.0)]})
+    there = SimpleNamespace(terms=[SimpleNamespace(name=name) for name in plant.shapes])
+    assert [name for name, _ in addable(plant, there)] == ["cogging"]
+    assert [name for name, _ in addable(plant, SimpleNamespace(terms=[]))] == ["cable_spring", "cogging"]
 
 
 def test_a_stop_is_as_stiff_as_the_drive_pushes_against_it():

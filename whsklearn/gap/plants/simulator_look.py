@@ -258,7 +258,7 @@ def accelerations(plant: Any, seen: Errors) -> Iterator[Look]:
 
     judged = at.copy()
     judged[at] = mask
-    for name, shapes in plant.shapes.items():
+    for name, shapes in addable(plant, seen.model):
         known, chosen = [e for e in shapes if columns_of(e, s).size], tangent
         scanned = shapes[0].scanned()
         if known and scanned and shapes[0].quantities[scanned].scan == "time":
@@ -285,7 +285,7 @@ def slopes(plant: Any, seen: Errors) -> Iterator[Look]:
     def column(effect: Effect) -> Array:
         return np.asarray(smallest(plant, seen.model, effect)[0][train])
 
-    for name, shapes in plant.shapes.items():
+    for name, shapes in addable(plant, seen.model):
         # one run each: only shapes that differ in one number, of which there are few
         few = [e for e in shapes if not e.scanned() and (len(e.searched()) < 2 or len(shapes) == 1)]
         try:
@@ -295,6 +295,15 @@ def slopes(plant: Any, seen: Errors) -> Iterator[Look]:
             continue
         if look is not None:
             yield look
+
+
+def addable(plant: Any, model: Any) -> list[tuple[str, list[Any]]]:
+    """Names and shapes that may be added to a model: an effect occurs once unless it repeats, as waves do.
+
+    A second Stribeck curve would mend the shape of the first; four of them took two minutes to find.
+    """
+    there = {t.name for t in model.terms}
+    return [(name, shapes) for name, shapes in plant.shapes.items() if name not in there or shapes[0].repeats]
 
 
 def one_effect(name: str, shapes: list[Any], column: Callable[[Effect], Array]) -> Family:
