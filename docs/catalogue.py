@@ -78,8 +78,7 @@ def forget_own(gallery_conf, fname):
 def at_a_joint_of_an_arm(cls: type[Effect]) -> str:
     """Whether `Arm` simulates the effect there, and whether `gap` names it."""
     if cls.port == "block":
-        named = "named by ``gap`` beside an identified arm" if cls.name == "backlash" else "no"
-        return f"{named}; `Arm` does not simulate it, as it splits the joint in two"
+        return "no, as it splits the joint in two"
     if cls.name not in {c.name for c in at_a_joint()}:
         return "simulated, not named by ``gap``"
     both = ", also along two joints that one gear turns" if cls.name in ALONG_TWO else ""

@@ -164,9 +164,7 @@ class Stribeck(StaticEffect):
 
     torque: float = number(1.0, "Nm", 1e-4, 1e3, log=True)
     # wider than half the rms speed, it is curvature at speed, which drag explains equally well
-    velocity: float = number(
-        0.1, "rad/s", 1e-3, 2.0, log=True, span=(0.004, 1.0), starts=(0.01, 0.03, 0.08, 0.2, 0.4, 0.8)
-    )
+    velocity: float = number(0.1, "rad/s", 1e-3, 2.0, log=True, span=(0.004, 0.5), starts=(0.01, 0.03, 0.08, 0.2, 0.4))
     exponent: float = number(2.0, "1", 0.5, 2.6, starts=(1.0, 2.0))
 
     name = "stribeck"

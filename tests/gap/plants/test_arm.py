@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import math
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,7 +11,6 @@ import pytest
 
 from tests.lags.test_rigid_body import RATE, smooth_log
 from tests.systems.drawn_arms import drawn_arm
-from whsklearn import Arm
 from whsklearn.datasets import default_arm, make_arm_log
 from whsklearn.effects import (
     CableSpring,
@@ -33,8 +31,6 @@ from whsklearn.identification import identify_arm
 pytestmark = pytest.mark.usefixtures("library_effects")
 
 ARM = default_arm()
-MOTOR, LINK = 0.05, 0.2  # kg m2, on either side of a play
-STEP = 2 * np.pi / 2**16  # of the encoder behind which it is
 
 
 def record(effects=None, robot=ARM, **settings):
@@ -447,62 +443,6 @@ def test_an_effect_at_a_slide_is_told_in_newtons_and_runs_of_mixed_joints_in_sha
     assert shown["output"] == "position of j1 (m)"
     assert [shown["joints"][j][-1] for j in arm.joints] == ["Nm", "N"]
     assert any("slide and others turn" in note for note in found.diagnosis_.notes)
-
-
-def behind_a_play(gap, seed, stiffness=7000.0, duration=12.0, rate=500, steps=10):
-    """(time, positions of the motor, drives) of a pendulum behind a play, which a PID moves by its motor."""
-    rng = np.random.default_rng(seed)
-    t, h = np.arange(int(duration * rate)) / rate, 1.0 / rate / steps
-    w, phase = rng.uniform(1.0, 6.0, (5, 1)), rng.uniform(0.0, 6.0, (5, 1))
-    asked = 0.25 * np.sin(w * t + phase).sum(axis=0)
-    q, v, link, speed, total = asked[0], 0.0, asked[0], 0.0, 0.0
-    path, drive = np.zeros(t.size), np.zeros(t.size)
-    for i in range(t.size):
-        path[i] = round(q / STEP) * STEP
-        total += (asked[i] - path[i]) / rate
-        drive[i] = (
-            60.0 * (asked[i] - path[i]) + 40.0 * total + 6.0 * ((asked[min(i + 1, t.size - 1)] - asked[i]) * rate - v)
-        )
-        for _ in range(steps):
-            twist = q - link
-            over = math.copysign(max(abs(twist) - 0.5 * gap, 0.0), twist)
-            push = stiffness * over + 7.5 * (v - speed) if over else 0.0
-            v += h * (drive[i] - push) / MOTOR
-            free = speed + h * (push - 2.0 * math.sin(link)) / LINK
-            speed = math.copysign(max(abs(free) - h * 0.4 / LINK, 0.0), free)
-            q, link = q + h * v, link + h * speed
-    return t, path[:, None], drive[:, None]
-
-
-@pytest.fixture(scope="module")
-def loosened():
-    """The plant of a pendulum behind a play of 30 mrad beside the numbers of its record without."""
-    arm = Arm.from_dh([(0.0, 0.0, 0.0, 0.0)], gravity=(9.81, 0.0, 0.0), joints=("hip",))
-    t, q, u = behind_a_play(1e-9, 1)
-    known = identify_arm(q, u, dt=t[1], robot=arm).model
-    return known, behind_a_play(0.03, 2)
-
-
-def test_a_play_is_named_at_its_joint(loosened):
-    known, log = loosened
-    finder = GapFinder(known).fit(log)
-    assert names(finder)[:1] == ["backlash at hip"]
-    assert finder.verdict_ in ("named", "partial")
-    assert finder.effects_[0].parameters["gap_rad"] == pytest.approx(0.03, rel=0.1)
-    row = finder.diagnosis_.joints[0]["missing"]
-    assert row["after"] < 0.2 * row["before"]
-
-
-def test_a_compliance_is_no_play(loosened):
-    known, _ = loosened
-    plant = arm_plant(known, behind_a_play(1e-9, 3, stiffness=250.0), law=None, tolerance=0.004)
-    plant.check()
-    model = plant.base(np.random.default_rng(0))
-    look = next(k for k in plant.looks(model, np.random.default_rng(0)) if k.name == "backlash at hip")
-    soft = dataclasses.replace(look.start, q=(1e-4, 0.8, 12.6, 1.19, 0.4))
-    grown = plant.refine(model, dataclasses.replace(look, start=soft))
-    assert plant.rms(plant.errors(grown)) < 0.7 * plant.rms(plant.errors(model))  # it explains much, by its contact
-    assert "compliance without play" in plant.objection(model, grown)
 
 
 def test_a_change_of_the_speed_over_which_friction_reverses_is_no_evidence_for_a_name():

@@ -68,8 +68,6 @@ from whsklearn.systems.servo import FEWEST_STEPS
 # of a spring against gravity, the effect only cancels other terms.  The sum is then below one part in twenty, and the
 # columns of a real arm are no better than that (4 to 10 % on held-out blocks, `python -m benchmarks.arms`).
 CANCELS = 20.0
-# Relative step of the numbers of a play in place of 1e-4: impacts come and go, and so a slope is a mean over many.
-BETWEEN = 0.03
 UNTOLD = 1e6  # m: the standard error of a centre that no drive tells, in place of infinity
 SOME = 200  # positions at which the mass matrix is checked for being positive definite
 
@@ -172,10 +170,8 @@ class ArmPlant(Plant):
         kinds = candidates(view.arm, there, frozen=self.known is not None, weight=view.weights_of_links.shape[2])
         limits: list[AtJoint] = []
         rest: list[AtJoint] = []
-        shares = self._shares(self.errors(model))
         for k in (k for k in kinds if k.cls is not Load or view.weighs(k)):
-            if not k.splits or shares[k.index] >= self.tolerance:  # less than is left cannot be worth a name
-                (limits if k.transforms and not k.delays and not k.splits else rest).append(k)
+            (limits if k.transforms and not k.delays else rest).append(k)
         pairs = [(f, self.tangent.look(f)) for f in (*families(view, rest), *nameless_at(view))]
         looks = [self._sized(look) for _, look in pairs if look is not None]
         looks += [self._sized(look) for k in limits if (look := look_at_limit(view, k, self.tangent)) is not None]
@@ -358,19 +354,16 @@ class ArmPlant(Plant):
                 if (low and closed and value <= low + 1e-3 * abs(low)) or value >= high - 1e-3 * abs(high):
                     return f"its {field} reaches the limit of the plausible range"
         shaped = t.kind.catalogued is not None and not t.effect.elementary and t.kind.n_numbers > 1
-        simple = (c for c in at_a_joint() if c.cls.elementary and c.n_slots == 1)
-        simpler = [(c.name, JointTerm(replace(t.kind, cls=c.cls, catalogued=c), (0.0,))) for c in simple if shaped]
-        if t.kind.splits:
-            simpler.append(("a compliance without play", JointTerm(t.kind, (0.0, *t.q[1:]))))
-        for name, term in simpler:
-            plain = view.fit(model.with_term(term))
-            beyond, most = (self.size(*map(self.errors, pair)) for pair in ((plain, grown), (model, plain)))
-            stays = float(self._shares(self.errors(grown))[view.arm.joints.index(t.joint)])
-            # Beyond it, a shape must explain the share of the power that a name must, or more than stays without
-            # one, and in any case what may stay or is not worth a name: MuJoCo's dry friction is soft, and adding a
-            # distance of some mrad explains 3 to 5 % of it (`python -m benchmarks.blind_arms --kinds coulomb`).
-            if beyond < max(min(self.tolerance, most), STILL * most, min(stays, LEAST_SHARE**0.5 * most)):
-                return f"{name.replace('_', ' ')} explains as much with fewer numbers"
+        for c in at_a_joint() if shaped else ():
+            if c.cls.elementary and c.n_slots == 1:
+                plain = view.fit(model.with_term(JointTerm(replace(t.kind, cls=c.cls, catalogued=c), (0.0,))))
+                beyond, most = (self.size(*map(self.errors, pair)) for pair in ((plain, grown), (model, plain)))
+                stays = float(self._shares(self.errors(grown))[view.arm.joints.index(t.joint)])
+                # Beyond it, a shape must explain the share of the power that a name must, or more than stays without
+                # one, and in any case what may stay or is not worth a name: MuJoCo's dry friction is soft, and adding a
+                # distance of some mrad explains 3 to 5 % of it (`python -m benchmarks.blind_arms --kinds coulomb`).
+                if beyond < max(min(self.tolerance, most), STILL * most, min(stays, LEAST_SHARE**0.5 * most)):
+                    return f"{c.name.replace('_', ' ')} explains as much with fewer numbers"
         at = [view.arm.joints.index(j) for j in t.kind.place or view.arm.joints]
         rest = self._shares(self.errors(model))[at]
         if model.terms and self.known is not None and self.known.unexplained and np.all(rest <= QUIET * self.floor[at]):
@@ -398,7 +391,7 @@ class ArmPlant(Plant):
         for t in model.terms:
             whole = whole + view.contribution(t)
             for slot in range(len(t.q)):
-                step = (-BETWEEN if t.kind.splits else 1e-4) * max(abs(t.q[slot]), 1e-6)
+                step = 1e-4 * max(abs(t.q[slot]), 1e-6)
                 q = (*t.q[:slot], t.q[slot] + step, *t.q[slot + 1 :])
                 moved = view.contribution(replace(t, q=q)) - view.contribution(t)
                 blocks.append((moved / step).reshape(-1, 1))
@@ -448,11 +441,8 @@ class ArmPlant(Plant):
         view = self.view
         other = ArmPlant(self.record, self.lags, None, self.tolerance, self.known)
         path, drive = view.read(view.moved.position, rng), view.along(model, view.moved)
-        for t in model.terms:
-            if t.kind.splits:
-                drive += view.loosened(t.kind, t.shape)
-            elif t.kind.delays:
-                drive += np.outer(view.lost(t.kind, t.shape), t.kind.direction)
+        for t in (t for t in model.terms if t.kind.delays):
+            drive += np.outer(view.lost(t.kind, t.shape), t.kind.direction)
         drive += view.unexplained(model, rng)
         other.record, other.view = replace(self.record, position=path, drive=drive), view
         other._made, other._judged, other._arms = True, (model,), self._arms
@@ -464,7 +454,7 @@ class ArmPlant(Plant):
     def simulate(self, model: ArmState, horizon: float) -> Array:
         """Free runs of all joints from the drives, restarted at the measured motion; shape (n n_joints,).
 
-        Gravity that the file lacks and plays are evaluated along the measured motion and subtracted from the drives.
+        Gravity that the file lacks is evaluated along the measured motion and subtracted from the drives.
         """
         view = self.view
         key = model.numbers.tobytes(), model.terms, horizon
@@ -472,11 +462,9 @@ class ArmPlant(Plant):
             return self._runs[key]
         drive, path = self.record.drive, self.record.position
         moved = view.moved if not self._made else view.motion_of(path)
-        rows = view.time[view.kept]
-        for t in model.terms:
-            if t.kind.splits:
-                drive = drive - view.loosened(t.kind, t.shape)
-            elif t.kind.cls is Weight and not self._made:
+        if not self._made:
+            for t in (t for t in model.terms if t.kind.cls is Weight):
+                rows = view.time[view.kept]
                 drive = drive - np.column_stack([np.interp(view.time, rows, x) for x in view.contribution(t).T])
         arm = self._arm(model)
 

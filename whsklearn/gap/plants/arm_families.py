@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 from collections.abc import Iterable, Iterator
 from functools import partial
-from itertools import product
 from typing import Any
 
 import numpy as np
@@ -24,11 +23,6 @@ Blocks = Iterator[tuple[Any, Array, Array | float]]
 N_STEPS, N_LIMITS, N_AGES = 25, 24, 16
 HIGHEST = 60.0  # order of a wave over a joint's angle
 LEAST_LEFT = 0.5  # share of a drive's rms that a limit or a dead zone must leave, or the joint cannot be fitted
-# Where a play is looked for: s in which the rms drive carries the motor across, a factor of 1.4 in the gap, within
-# which a fit ends in it; of the inertia at a joint, what is behind it; of the highest frequency, that of the contact;
-# its damping ratios, which also stand for what a motor gives way within a sample.
-CROSSINGS = 0.016 * 2.0 ** (np.arange(15) / 4)
-BEHIND, STIFF, IMPACTS = 0.8, 0.7, (0.5, 1.0)
 FEWEST = 4  # rows per column of a nameless family
 EVALUATIONS = 80  # of the cost while a shape is polished, for each simplex
 FINE = 0.01  # where it ends: of the first step, and of chi-squared, in which a difference of one is by chance
@@ -44,7 +38,7 @@ def families(view: ArmView, kinds: Iterable[AtJoint]) -> Iterator[Family]:
     for kind in kinds:
         yield Family(
             kind.name, partial(_blocks, view, kind), partial(_start, kind), kind.n_numbers,
-            kind.grows and kind.cls is not Load, kind.transforms and not kind.splits, kind.rows, kind.place,
+            kind.grows and kind.cls is not Load, kind.transforms, kind.rows, kind.place,
         )  # fmt: skip
 
 
@@ -66,8 +60,6 @@ def _blocks(view: ArmView, kind: AtJoint, tangent: Tangent) -> Blocks:
         yield [()], view.columns(kind, ())[:, None, :], 1.0
     elif kind.delays:
         yield from _delayed(view, kind)
-    elif kind.splits:
-        yield from _loosened(view, kind)
     elif c.cls is ContactStop:  # in the outer fifth of the path, on one side
         place = np.quantile(view.position[:, kind.index], (OUTER if c.options["side"] == "upper" else 1.0 - OUTER))
         for angle in place:
@@ -90,25 +82,6 @@ def _delayed(view: ArmView, kind: AtJoint) -> Blocks:
     book = view.columns(kind, (LATEST * view.dt,))
     for value in np.geomspace(LATEST * view.dt, max(OLDEST, 10 * LATEST * view.dt), N_AGES):
         yield [(float(value),)], (view.columns(kind, (float(value),)) - book)[:, None, :], 1.0
-
-
-def _loosened(view: ArmView, kind: AtJoint) -> Blocks:
-    """Plays that the joint's rms drive crosses in these times, with its dry friction behind them or before."""
-    c, scene = kind.catalogued, view.scene(kind)
-    assert c is not None
-    assert kind.index is not None
-    (low, high), dry = c.ranged(scene)[0], max(view.dry[kind.index], 0.0)
-    gaps = 0.5 * scene.torque / float(np.median(view.inertia(kind.index))) * CROSSINGS**2
-    for gap, zeta, held in product(gaps[(low < gaps) & (gaps < high)], IMPACTS, dict.fromkeys((dry, 0.0))):
-        shape = float(gap), BEHIND, STIFF * scene.resonance, zeta, float(held)
-        column = np.zeros((view.keep.size, 1, 1))
-        column[_own_rows(view, kind), 0, 0] = view.loosened_alone(kind, shape)
-        yield [shape], column, 1.0
-
-
-def _own_rows(view: ArmView, kind: AtJoint) -> slice:
-    """The rows of its own joint, which tell most of a play in a tenth of the time."""
-    return slice(kind.index, None, view.n_joints) if kind.splits else kind.rows
 
 
 def look_at_limit(view: ArmView, kind: AtJoint, tangent: Tangent) -> Look | None:
@@ -212,7 +185,7 @@ def polished(view: ArmView, tangent: Tangent, term: JointTerm) -> JointTerm:
         c.ratios(c.linear + i) and low > 0.0 and term.shape[i] > 0.0 for i, (low, _) in zip(free, ranges, strict=True)
     ]
     family = Family(kind.name, lambda _: (), lambda *_: None, positive=kind.grows, offset=kind.transforms,
-                    rows=_own_rows(view, kind))  # fmt: skip
+                    rows=kind.rows)  # fmt: skip
     record = copy.copy(tangent)  # without its null records
     record.rows, record.power = tangent.rows[:, :1], tangent.power[:1]
 
@@ -225,14 +198,8 @@ def polished(view: ArmView, tangent: Tangent, term: JointTerm) -> JointTerm:
     book = view.columns(kind, (LATEST * view.dt,)) if kind.delays else 0.0
 
     def cost(x: Array) -> float:
-        shape = shape_at(x)
-        columns = view.loosened_alone(kind, shape)[:, None] if kind.splits else view.columns_at(kind, shape) - book
-        if (
-            kind.transforms
-            and not kind.splits
-            and kind.index is not None
-            and not _leaves_enough(view, kind.index, columns)
-        ):
+        columns = view.columns_at(kind, shape_at(x)) - book
+        if kind.transforms and kind.index is not None and not _leaves_enough(view, kind.index, columns):
             return 0.0
         return -float(record.taken(family, columns[:, None, :])[0][0, 0])
 

@@ -12,13 +12,13 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from whsklearn.effects import ContactStop, Effect, Quantity, codes
+from whsklearn.effects import ContactStop, Effect, Quantity
 from whsklearn.gap.plant import FittedTerm
 from whsklearn.gap.plants.servo_candidates import Candidate, catalogue
 from whsklearn.systems.arm import Arm
 
-# Effects of the catalogue that are not candidates at a joint: an error of an encoder changes the columns of all joints,
-# and the weight of a joint is that of the links.
+# Effects of the catalogue that are not candidates at a joint: an effect that splits the joint in two has no place in an
+# `Arm`, an error of an encoder changes the columns of all joints, and the weight of a joint is that of the links.
 ELSEWHERE = ("encoder_eccentricity", "gravity_imbalance")
 ALONG_TWO = ("viscous", "coulomb")  # friction that depends on a neighbour's motion
 
@@ -95,7 +95,7 @@ class AtJoint:
     @property
     def rows(self) -> slice:
         """The rows on which its columns are not zero; rows are ordered by joint, then by instant."""
-        return slice(None) if self.index is None or self.splits else slice(self.index, None, len(self.direction))
+        return slice(None) if self.index is None else slice(self.index, None, len(self.direction))
 
     @cached_property
     def linear(self) -> int:
@@ -113,14 +113,9 @@ class AtJoint:
         return self.positive and not self.again
 
     @property
-    def splits(self) -> bool:
-        """Whether the link moves on its own behind the motor; all joints feel it."""
-        return self.catalogued is not None and self.cls.port == "block"
-
-    @property
     def transforms(self) -> bool:
-        """Whether it has no size but its shape: it transforms the whole drive, or splits the joint."""
-        return self.catalogued is not None and (self.catalogued.transforms or self.splits)
+        """Whether it transforms the whole drive."""
+        return self.catalogued is not None and self.catalogued.transforms
 
     @property
     def delays(self) -> bool:
@@ -165,7 +160,7 @@ def present(base: dict[str, tuple[str, ...]], terms: Any) -> dict[str, set[str]]
 
 
 def at_a_joint() -> list[Candidate]:
-    """Effects of the catalogue that a single joint of an `Arm` can have; none that splits it in two.
+    """What a candidate at a single joint must satisfy.
 
     Examples
     --------
@@ -197,9 +192,6 @@ def candidates(arm: Arm, there: dict[str, set[str]], *, frozen: bool, weight: in
                 continue
             if (c.name not in names or c.cls.repeats or more) and (not c.parent or c.parent in names):
                 yield AtJoint(c.cls, joint, row, c, place=frozenset([joint]), again=more and c.name in names)
-        for c in catalogue() if frozen else ():  # what the link and its friction weigh must be known
-            if c.code == codes.BACKLASH and not c.on_load and c.name not in names:
-                yield AtJoint(c.cls, joint, row, c, place=frozenset([joint]))
         if frozen and "joint_inertia" not in names:
             yield AtJoint(JointInertia, joint, row, place=frozenset([joint]))
     frictions = [next(c for c in catalogue() if c.name == name) for name in ALONG_TWO]
@@ -223,8 +215,8 @@ def candidates(arm: Arm, there: dict[str, set[str]], *, frozen: bool, weight: in
 
 
 def completed(arm: Arm, terms: Iterable[JointTerm]) -> Arm:
-    """The arm with all terms but gravity, which are other numbers of its links, and plays, which no arm holds."""
-    for t in (t for t in terms if not t.kind.splits):
+    """The arm with all terms but gravity, which are other numbers of its links."""
+    for t in terms:
         if t.kind.cls is Load:
             arm = arm.with_body(t.joint, t.q[0], t.shape)
         elif t.kind.cls is JointInertia and t.kind.index is None:

@@ -20,9 +20,8 @@ from whsklearn.effects import Coulomb, Effect, Scales, codes
 from whsklearn.filtering import Motion
 from whsklearn.filtering.records import encoder_noise
 from whsklearn.gap.calibration import N_NULL, coloured, n_effective, null_rows, smoothed_power
-from whsklearn.gap.plants import servo_two_mass as two_mass
 from whsklearn.gap.plants.arm_terms import AtJoint, JointInertia, JointTerm, Load, Weight, completed
-from whsklearn.gap.plants.servo_candidates import ColumnSignals, candidate
+from whsklearn.gap.plants.servo_candidates import ColumnSignals
 from whsklearn.gap.plants.servo_own import N_RECORDS
 from whsklearn.gap.record import MAD, Array, Segmented, rms
 from whsklearn.identification.arm_fit import SAME, Known, held_out
@@ -39,7 +38,6 @@ LATEST = 2.0  # samples: up to this age of a drive it is bookkeeping, beyond it 
 # At rest, dry friction may have any value between both signs, and the model uses one of them: it is off by up to twice
 # its size.
 HELD = 2.0
-LIGHTEST = 0.02  # of the inertia at a joint: a link with less behind its motor has no play that a drive shows
 WIDER = 1.5  # ratio of the speeds whose difference stands for a change of one
 STANDS_OUT = 4.0  # standard deviations of the residual; chance puts 6e-5 of a normal one beyond
 
@@ -196,8 +194,6 @@ class ArmView(ArmRows):
             return self.body(kind) @ point(shape)[:, None]
         if kind.cls is Weight:
             return self.weights_of_links.reshape(-1, kind.width)
-        if kind.splits:
-            return self.blur(self.loosened(kind, shape)).reshape(-1, 1)
         if kind.cls is JointInertia:
             along = (self.moved.acceleration @ np.array(kind.direction))[:, None]
         elif kind.transforms:
@@ -247,55 +243,6 @@ class ArmView(ArmRows):
             return np.asarray(self.record.by_piece(earlier, self.torque @ np.array(kind.direction)))
         u, effect = self.drive @ np.array(kind.direction), kind.catalogued.effect(shape)
         return self.along_pieces(effect.contribution, self.signals(kind.direction)._replace(drive=u))
-
-    def loosened(self, kind: AtJoint, shape: tuple[float, ...]) -> Array:
-        """What a play at a joint adds to all drives, (n, n_joints): the link is simulated behind the measured motor.
-
-        J_l a_l = T_c - F_l sign(v_l) - r, where r is what else the link needs along the motor's motion.  The drive of
-        its joint is that of the contact, T_c, in place of J_l a_m + F_l sign(v_m) + r; those of the others are as the
-        arm needs them along the motion of the link.
-        """
-        own, behind = self._behind(kind, shape)
-        moved, j = Motion(*(x.copy() for x in self.moved)), kind.index
-        moved.position[:, j] += behind[2] - self.position[:, j]
-        moved.velocity[:, j], moved.acceleration[:, j] = behind[1], behind[0]
-        out = np.asarray(self.physics.inverse_dynamics(*moved, effects=False) - self.bare)
-        out[:, j] = own
-        return out
-
-    def loosened_alone(self, kind: AtJoint, shape: tuple[float, ...]) -> Array:
-        """The same of its own joint, at the rows, (m,)."""
-        return self.blur(self._behind(kind, shape)[0])
-
-    def _behind(self, kind: AtJoint, shape: tuple[float, ...]) -> tuple[Array, list[Array]]:
-        """Change of the drive at a joint with a play, (n,), and acceleration, velocity and position of its link."""
-        j, (gap, share, hz, zeta, dry) = kind.index, shape
-        assert j is not None
-        inertia, q, a = self.inertia(j), np.ascontiguousarray(self.position[:, j]), self.moved.acceleration[:, j]
-        whole = float(np.median(inertia))
-        link = np.maximum(inertia - (1.0 - share) * whole, LIGHTEST * whole)
-        sign = candidate("coulomb").unit_columns((), self.turned(Coulomb, kind.joint, self.signals(kind.direction)))
-        follows = self.torque[:, j] - (inertia - link) * a - (self.dry[j] - dry) * sign[:, 0]
-        w, zeta = 2 * np.pi * hz * np.sqrt(1.0 - share), zeta * np.sqrt(1.0 - share)  # of the link, its motor held
-        steps, slowed = two_mass.steps_of(w, zeta, self.dt), dry / (share * whole)
-
-        def driven(q: Array, pull: Array) -> Array:
-            v = np.gradient(q, self.dt)
-            return np.transpose(two_mass.contact_acceleration(q, v, pull, gap, w, zeta, slowed, self.dt, steps))
-
-        contact, *behind = np.transpose(self.record.by_piece(driven, q, a - (follows - dry * sign[:, 0]) / link))
-        return link * contact - follows, behind
-
-    def inertia(self, joint: int) -> Array:
-        """Inertia at a joint, its motor's included, along the motion, (n,)."""
-        if joint not in self._inertias:
-            self._inertias[joint] = self.physics.mass_matrix(self.moved.position)[:, joint, joint]
-        return self._inertias[joint]
-
-    @cached_property
-    def bare(self) -> Array:
-        """Drives without effects along the motion, (n, n_joints)."""
-        return np.asarray(self.physics.inverse_dynamics(*self.moved, effects=False))
 
     @cached_property
     def weights_of_links(self) -> Array:
@@ -410,12 +357,6 @@ class ArmView(ArmRows):
             left = self.by_joint(self.left(model))
             self.weight = 1.0 / np.maximum(left, 1e-6 * np.maximum(self.drive_rms, 1e-12))
         self.torque = self.along(model, self.moved)
-        self.physics = self.lags.interpret(model.numbers, physical=False)
-        self._inertias: dict[int, Array] = {}
-        self.__dict__.pop("bare", None)
-        names, dry = dict(zip(self.lags.base_.names, model.numbers, strict=True)), "coulomb"
-        there = [(t.joint, t.q[0]) for t in model.terms if t.effect.name == dry]
-        self.dry = [names.get(f"{j}.{dry}", 0.0) + sum(x for joint, x in there if joint == j) for j in self.arm.joints]
         self.rate = self.blur(self.record.by_piece(lambda u: np.gradient(u, self.dt, axis=0), self.torque))
         self._forget()
 
@@ -434,7 +375,7 @@ class ArmView(ArmRows):
         self._fits, self._signals = {}, {}
         for key in list(self._columns):
             c = key[0].catalogued
-            if key[0].splits or (c is not None and c.driven and (c.delays or not c.transforms)):
+            if c is not None and c.driven and (c.delays or not c.transforms):
                 del self._columns[key]
 
     # -- own records --------------------------------------------------------------------------

@@ -31,20 +31,18 @@ TURNS = (
 
 
 @njit(cache=True, nogil=True)
-def contact_acceleration(position, velocity, pull, gap, w, zeta, slowed, dt, substeps):
-    """A load that a measured motor drives through a spring with play, (4, n): what the contact gives it, its motion.
+def contact_acceleration(position, velocity, gap, w, zeta, slowed, dt, substeps):
+    """What the contact gives a load that a measured motor drives through a spring with play, shape (n,).
 
-    Rows: acceleration by the contact; acceleration, velocity and position of the load.  Other torques give it ``pull``
-    (n,) beside, and dry friction takes ``slowed`` (rad/s2) from it.
+    Dry friction takes ``slowed`` (rad/s2) from it.
     """
     n = position.size
-    out = np.empty((4, n))
-    q, v = position[0] + 0.5 * gap * np.sign(pull[0]), velocity[0]
+    out = np.empty(n)
+    q, v = position[0], velocity[0]
     h = dt / substeps
     for i in range(n):
         j = min(i + 1, n - 1)
         mean = 0.0
-        out[2, i], out[3, i] = v, q
         for s in range(substeps):
             f = (s + 0.5) / substeps
             twist = position[i] + f * (position[j] - position[i]) - q
@@ -57,17 +55,12 @@ def contact_acceleration(position, velocity, pull, gap, w, zeta, slowed, dt, sub
                 a = w * w * math.copysign(over, twist) + 2.0 * zeta * w * slip
                 if a * twist < 0.0:
                     a = 0.0
-            v += h * (a + pull[i])
+            v += h * a
             v = math.copysign(max(abs(v) - h * slowed, 0.0), v)
             q += h * v
             mean += a
-        out[0, i], out[1, i] = mean / substeps, (v - out[2, i]) / dt
+        out[i] = mean / substeps
     return out
-
-
-def steps_of(w: float, zeta: float, dt: float) -> int:
-    """Steps a sample in which a load on its spring is followed."""
-    return max(1, math.ceil(w * dt * max(STEPS, 2 * STEPS * zeta) / (2 * np.pi)))
 
 
 def contact(model: ServoHypothesis, t: ServoTerm) -> tuple[float, float, float, float]:
@@ -99,8 +92,9 @@ def columns(view: Any, model: ServoHypothesis, t: ServoTerm, torque: Array | Non
     if t.kind.on_load:
         return from_load(view, t, torque)
     gap, w, zeta, slowed = contact(model, t)
-    dt, q, v = view.scene.dt, view.motion.position, view.motion.velocity
-    a = contact_acceleration(q, v, np.zeros(len(q)), gap, w, zeta, slowed, dt, steps_of(w, zeta, dt))[0]
+    dt = view.scene.dt
+    substeps = max(1, math.ceil(w * dt * max(STEPS, 2 * STEPS * zeta) / (2 * np.pi)))
+    a = contact_acceleration(view.motion.position, view.motion.velocity, gap, w, zeta, slowed, dt, substeps)
     return view.blur(a)[:, None]
 
 
