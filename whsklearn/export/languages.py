@@ -232,7 +232,13 @@ class C(Language):
 
 
 class StructuredText(Language):
-    """IEC 61131-3 Structured Text with LREAL numbers."""
+    """IEC 61131-3 Structured Text with LREAL numbers.
+
+    Examples
+    --------
+    >>> StructuredText().function("sin", ["q"]), StructuredText().number(1e-9)
+    ('SIN(q)', '1.0E-9')
+    """
 
     operators: ClassVar = {**_OPERATORS, "Eq": "=", "NotEq": "<>", "And": "AND", "Or": "OR"}
     twice: ClassVar = frozenset({"copysign", "floor"})

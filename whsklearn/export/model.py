@@ -106,7 +106,14 @@ def lost_parts(axis: ServoAxis, *, timing: bool, transmission: bool, limit: bool
 
 @dataclass(frozen=True)
 class Exported:
-    """A model ready for export."""
+    """A model ready for export.
+
+    Examples
+    --------
+    >>> model = Exported(units={"input": "mNm", "output": "deg"})
+    >>> model.factors[0], model.si
+    (0.001, ('Nm', 'rad'))
+    """
 
     axis: ServoAxis | None = None
     chain: CodedChain | None = None  # one of the two

@@ -94,7 +94,14 @@ FAR = 1e3  # position of a stop that does not exist
 
 @dataclass
 class Mjcf:
-    """Attributes of the elements of the file."""
+    """Attributes of the elements of the file.
+
+    Examples
+    --------
+    >>> from whsklearn.effects import Viscous
+    >>> mapped(ServoAxis(inertia=0.05, law=[Viscous(0.2)])).damping  # by the power of the speed
+    {1: 0.2}
+    """
 
     joint: dict[str, float] = field(default_factory=dict)
     spring: dict[int, float] = field(default_factory=dict)  # polynomial about ``springref``

@@ -75,7 +75,14 @@ def write_design(
 
 
 class Picture(NamedTuple):
-    """A signal against its limit: the points of a polyline, and the heights of the limits and of zero, in px."""
+    """A signal against its limit: the points of a polyline, and the heights of the limits and of zero, in px.
+
+    Examples
+    --------
+    >>> picture = against(np.array([0.0, 1.0]), np.array([0.5, -0.5]), 0.5)
+    >>> picture.points, picture.limit
+    ('0.0,16.0 680.0,114.0', 0.5)
+    """
 
     points: str
     top: float

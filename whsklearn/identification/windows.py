@@ -25,7 +25,6 @@ MOST = 24  # windows of a length
 # those of a few windows, whose median says nothing
 LOST, FEW = 3.0, 3
 SPEEDS = 9  # that are tried then; a run over the samples of a lead takes microseconds
-NEAR = 1e-4  # relative change of a state fit that ends: errors over windows are told to a hundredth
 PULL = 1e-3  # prior weight of an unchanged state, relative to the output, for what the samples before do not determine
 
 
@@ -253,5 +252,5 @@ def _first_block_moved(model: ChainModel, log: View, start: int, before: int, sp
     if order == 0:
         return np.zeros(span)
     turned = np.linalg.lstsq(modes[:before], -2.0 * x[:before], rcond=1e-6)[0]
-    ends = [least_squares(left, state, ftol=NEAR, xtol=NEAR, gtol=NEAR) for state in (np.zeros(order), turned)]
+    ends = [least_squares(left, state) for state in (np.zeros(order), turned)]
     return added(min(ends, key=lambda e: e.cost).x, span)

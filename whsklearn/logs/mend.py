@@ -316,6 +316,9 @@ def speed_from_counts(speed: Array) -> Array | None:
     >>> exact = speed_from_counts(np.round(speed, 2))
     >>> bool(np.abs(exact - speed).max() < 0.01), speed_from_counts(np.round(speed)), speed_from_counts(np.sin(speed))
     (True, None, None)
+    >>> whole = np.round(60.0 * np.sin(0.05 * np.arange(400.0)))  # a smooth speed in whole rpm: rounded, not counted
+    >>> lattice(whole), speed_from_counts(whole)
+    (1.0, None)
     """
     grid = lattice(speed)
     if not grid or abs(math.log10(grid) - round(math.log10(grid))) < OF_DECIMALS:
