@@ -19,6 +19,7 @@ from whsklearn.effects.base import PLACES, Effect, signals_of
 from whsklearn.effects.friction import Coulomb, Viscous
 from whsklearn.effects.law import FrictionLaw
 from whsklearn.effects.quantity import Quantity
+from whsklearn.metrics import rms
 from whsklearn.systems.servo import ServoAxis
 
 KINDS = ("exact", "at_size", "first_order", "none")
@@ -170,14 +171,9 @@ def _check_first_order(e: Effect) -> None:
         mean = torque.copy()
         mean[:-1] = 0.5 * (torque[1:] + torque[:-1])
         predicted = base.simulate_drive(drive, disturbance=-mean, initial_position=START).position - record.position
-    error = _rms(simulated - predicted) / max(_rms(predicted), 1e-300)
+    error = rms(simulated - predicted) / max(rms(predicted), 1e-300)
     told = f"simulated, the effect differs from the torque of its columns by {error:.0%}, expected less than "
     _require(error < TOLERANCE, e, f"{told}{TOLERANCE:.0%}; compare signs, units and the order of the numbers.")
-
-
-def _rms(values: NDArray[np.float64]) -> float:
-    """Root mean square."""
-    return float(np.sqrt(np.mean(np.square(values))))
 
 
 def _probe() -> Bunch:
@@ -203,7 +199,7 @@ def _small(e: Effect, signals: Bunch, record: Bunch) -> Effect:
     if math.isinf(e.neutral):
         return e.resized(0.97 * float(np.abs(drive).max()))
     size = e.magnitude if e.magnitude != e.neutral else 1.0
-    reach = _rms(e.resized(size).contribution(signals))
+    reach = rms(e.resized(size).contribution(signals))
     _require(reach > 0.0, e, "its columns are zero in motion over several radians; check it at values that act there.")
-    scale = _rms(record.position) if e.port == "output" else _rms(drive)
+    scale = rms(record.position) if e.port == "output" else rms(drive)
     return e.resized(1e-3 * size * scale / reach)

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.utils import Bunch
 
 from whsklearn.effects.base import Effect, get_effect, signals_of
+from whsklearn.metrics import rms
 from whsklearn.systems.servo import ServoAxis, record_frame, simulate_many
 from whsklearn.systems.servo_parts import PIDController, Sensor
 
@@ -194,9 +195,9 @@ def draw_effect(
         return _limited(effect, signals, share * torque)
     if effect.port in ("torque", "input") and effect.column_kind == "exact":
         unit = effect.columns(signals) @ (effect.coefficients / effect.magnitude)
-        return effect.resized(math.copysign(share * torque / _rms(unit), effect.magnitude))
+        return effect.resized(math.copysign(share * torque / _size(unit), effect.magnitude))
     if cls.name in ("output_offset", "output_drift"):
-        return effect.resized(share * np.std(base.true_position) / _rms(effect.columns(signals)))
+        return effect.resized(share * np.std(base.true_position) / _size(effect.columns(signals)))
     return _answered(effect, axis, reference, base, share)
 
 
@@ -219,9 +220,9 @@ def _shaped(cls: type[Effect], base: Bunch, rng: np.random.Generator) -> Effect:
     return cls(**fields)
 
 
-def _rms(values: NDArray[np.float64]) -> float:
-    """Root mean square, never zero."""
-    return max(float(np.sqrt(np.mean(np.square(values)))), 1e-12)
+def _size(values: NDArray[np.float64]) -> float:
+    """Root mean square, never zero: it divides."""
+    return max(rms(values), 1e-12)
 
 
 def _limited(effect: Effect, signals: Bunch, wanted: float) -> Effect:
@@ -229,7 +230,7 @@ def _limited(effect: Effect, signals: Bunch, wanted: float) -> Effect:
     low, high = 0.0, float(np.abs(signals.drive).max())
     for _ in range(40):
         middle = 0.5 * (low + high)
-        low, high = (low, middle) if _rms(effect.resized(middle).contribution(signals)) < wanted else (middle, high)
+        low, high = (low, middle) if _size(effect.resized(middle).contribution(signals)) < wanted else (middle, high)
     return effect.resized(high)
 
 
@@ -239,7 +240,7 @@ def _answered(effect: Effect, axis: ServoAxis, reference: NDArray[np.float64], b
     for _ in range(8):
         record = simulate_many([axis.with_effect(effect)], reference=reference, noise=False)[0]
         change = np.nan_to_num(record.drive - base.drive, nan=1e6, posinf=1e6, neginf=-1e6)
-        answer = _rms(np.clip(change, -1e6, 1e6))
+        answer = _size(np.clip(change, -1e6, 1e6))
         if abs(answer / wanted - 1.0) < 0.05:
             break
         factor = float(np.clip(wanted / answer, 0.2, 5.0))

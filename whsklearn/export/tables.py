@@ -21,6 +21,7 @@ from whsklearn.effects.base import Array
 from whsklearn.export.axis_code import compensated
 from whsklearn.export.model import Exported, Loss, losses_of, parts_of
 from whsklearn.logs.files import atomic_write
+from whsklearn.metrics import rms
 from whsklearn.systems.servo import ServoAxis
 
 Torque = Callable[[Array], Array]
@@ -279,7 +280,7 @@ def _over_a_turn(name: str, torque: Torque, tabled: Torque, entries: int, *, hol
     at = angle * entries / (2 * np.pi)
     table = tabled(np.arange(entries) * 2 * np.pi / entries)
     read = table[at.astype(int)] if hold else np.interp(at, np.arange(entries + 1), np.append(table, table[0]))
-    return Left(name, _rms(known), _rms(known - read))
+    return Left(name, rms(known), rms(known - read))
 
 
 def _over_speed(name: str, torque: Torque, speeds: Array, top: float, read: Array) -> Left:
@@ -287,8 +288,4 @@ def _over_speed(name: str, torque: Torque, speeds: Array, top: float, read: Arra
     fine = top * np.concatenate([-np.geomspace(1, 2e-3, 500), np.geomspace(2e-3, 1, 500)])
     known = torque(fine)
     table = np.interp(fine, speeds, read) if speeds[0] < 0 else np.sign(fine) * np.interp(np.abs(fine), speeds, read)
-    return Left(name, _rms(known), _rms(known - table))
-
-
-def _rms(x: Array) -> float:
-    return float(np.sqrt(np.mean(x**2)))
+    return Left(name, rms(known), rms(known - table))

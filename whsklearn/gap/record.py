@@ -267,11 +267,6 @@ class ServoRecord(Segmented):
         return self.time.size
 
 
-def rms(x: ArrayLike) -> float:
-    """Root mean square of all entries."""
-    return float(np.sqrt(np.mean(np.asarray(x) ** 2)))
-
-
 def noise_level(position: ArrayLike) -> float:
     """Standard deviation of white noise in a smooth signal, from its sixth differences without the largest 2 %.
 

@@ -10,6 +10,7 @@ import numpy as np
 from whsklearn.effects.base import Array
 from whsklearn.filtering.records import filtered, gaussian_derivatives
 from whsklearn.identification.view import View
+from whsklearn.metrics import rms
 from whsklearn.recursion.batch.axis_free_run import AxisForm, dissipates, rising_at_last
 
 # Standard deviations of the Gaussian in samples.  With a narrow one, encoder noise in the acceleration biases the
@@ -155,11 +156,6 @@ def _even_starts(log: View, form: AxisForm) -> list[Start]:
 def _accelerates(theta: Array, columns: Array, drive: Array) -> bool:
     """Whether the drive accelerates the output at all."""
     return bool(theta[0] * rms(columns[:, 0]) > LEAST_INERTIA * rms(drive))
-
-
-def rms(x: Array) -> float:
-    """Root mean square."""
-    return float(np.sqrt(np.mean(x**2)))
 
 
 def _backwards(log: View, form: AxisForm) -> str:

@@ -13,7 +13,7 @@ from whsklearn.gap.plants.chain import ChainPlant
 from whsklearn.gap.plants.chain_fit import base_starts, coloured, cost, minima, polished, sharpened
 from whsklearn.gap.plants.chain_looks import gained, look
 from whsklearn.gap.plants.chain_model import Record, chain_free_run
-from whsklearn.gap.record import rms
+from whsklearn.metrics import rms
 
 RNG = np.random.default_rng
 

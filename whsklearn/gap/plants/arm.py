@@ -43,7 +43,7 @@ from whsklearn.gap.plants.servo_candidates import candidate
 from whsklearn.gap.plants.servo_inverse import negative_damping, never_free, too_large
 from whsklearn.gap.plants.servo_model import ServoTerm
 from whsklearn.gap.plants.servo_run import OWN_MOTION
-from whsklearn.gap.record import SPLIT, Array, held_out_blocks, rms
+from whsklearn.gap.record import SPLIT, Array, held_out_blocks
 from whsklearn.gap.search import LEAST_SHARE, STILL
 from whsklearn.gap.tangent import Family, Look, Tangent
 from whsklearn.identification.arm_fit import (
@@ -58,6 +58,7 @@ from whsklearn.identification.arm_fit import (
 )
 from whsklearn.identification.payload import ALIKE, FURTHEST, Beside
 from whsklearn.lags.rigid_body import RigidBodyLags
+from whsklearn.metrics import rms
 from whsklearn.models.arm import ArmModel
 from whsklearn.models.files import as_arm
 from whsklearn.systems.arm import Arm

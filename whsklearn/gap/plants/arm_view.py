@@ -23,7 +23,7 @@ from whsklearn.gap.calibration import N_NULL, coloured, n_effective, null_rows, 
 from whsklearn.gap.plants.arm_terms import AtJoint, JointInertia, JointTerm, Load, Weight, completed
 from whsklearn.gap.plants.servo_candidates import ColumnSignals
 from whsklearn.gap.plants.servo_own import N_RECORDS
-from whsklearn.gap.record import MAD, Array, Segmented, rms
+from whsklearn.gap.record import MAD, Array, Segmented
 from whsklearn.identification.arm_fit import SAME, Known, held_out
 from whsklearn.identification.drive_lead import OLDEST
 from whsklearn.identification.payload import MASS
@@ -31,6 +31,7 @@ from whsklearn.lags.arm_rows import ArmRows, records_of, turning
 from whsklearn.lags.axis_rows import DRY
 from whsklearn.lags.rigid_body import RigidBodyLags
 from whsklearn.logs.check import lattice
+from whsklearn.metrics import rms
 from whsklearn.systems._arm_kernels import N_BODY
 from whsklearn.systems.arm_files import STANDARD_GRAVITY, body_numbers
 

@@ -38,9 +38,10 @@ from whsklearn.gap.plants.chain_fit import (
 )
 from whsklearn.gap.plants.chain_looks import SLOPED, Seen, gained, kinds, look
 from whsklearn.gap.plants.chain_model import ChainCandidate, ChainHypothesis, Record
-from whsklearn.gap.record import HELD_OUT, rms
+from whsklearn.gap.record import HELD_OUT
 from whsklearn.gap.search import LEAST_SHARE, STILL, WORTH_FITTING
 from whsklearn.gap.tangent import Look
+from whsklearn.metrics import rms
 from whsklearn.systems.wiener_hammerstein import WienerHammersteinSystem
 
 if TYPE_CHECKING:

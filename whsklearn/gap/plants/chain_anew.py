@@ -32,9 +32,9 @@ from whsklearn.gap.plants.chain_fit import (
 )
 from whsklearn.gap.plants.chain_looks import kinds, softly
 from whsklearn.gap.plants.chain_model import ChainCandidate, ChainHypothesis, ChainTerm, Record
-from whsklearn.gap.record import rms
 from whsklearn.gap.search import WORTH_FITTING
 from whsklearn.gap.tangent import Look
+from whsklearn.metrics import rms
 from whsklearn.recursion.batch.best_linear import Ratio
 
 NUDGES = (0.7, 0.87, 1.15, 1.4)  # factors by which a shape moves to another minimum

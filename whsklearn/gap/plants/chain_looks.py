@@ -22,8 +22,8 @@ from whsklearn.gap.nameless import HATS, generic_basis, hats, without_name
 from whsklearn.gap.plants import chain_model as cm
 from whsklearn.gap.plants.chain_fit import climb, coloured, sharpened
 from whsklearn.gap.plants.chain_model import ChainCandidate, ChainHypothesis, ChainTerm, Record, Sizes, catalogue
-from whsklearn.gap.record import rms
 from whsklearn.gap.tangent import Family, Look, Tangent, strongest_lines, with_p_values
+from whsklearn.metrics import rms
 
 SLOPED, VERY_SOFT = cm.RUNGS[2], cm.RUNGS[1]  # kappa times rms dx at which a sign has a slope; at which it has a form
 

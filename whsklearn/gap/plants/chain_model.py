@@ -28,8 +28,9 @@ from whsklearn.effects.rows import law_values
 from whsklearn.effects.static import Power
 from whsklearn.gap.plant import FittedTerm, with_vectors
 from whsklearn.gap.plants.variant import WAVE_STEP, EffectVariant
-from whsklearn.gap.record import MAD, rms
+from whsklearn.gap.record import MAD
 from whsklearn.logs.check import lattice
+from whsklearn.metrics import rms
 from whsklearn.recursion.batch.best_linear import filter_rows, stabilised
 from whsklearn.systems.chain import PackedChain, Ports, run
 

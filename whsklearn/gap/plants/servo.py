@@ -43,9 +43,10 @@ from whsklearn.gap.plants.servo_start import (
     start_of,
     with_earlier_drive,
 )
-from whsklearn.gap.record import SPLIT, Array, ServoRecord, rms
+from whsklearn.gap.record import SPLIT, Array, ServoRecord
 from whsklearn.gap.search import HALF, LEAST_SHARE, SAME
 from whsklearn.logs.units import inertia_unit
+from whsklearn.metrics import rms
 
 OVER_LITTLE_TRAVEL = {"input_offset": ("gravity_imbalance",), "asymmetric_coulomb": ("gravity_imbalance",),
                       "cable_spring": ("gravity_imbalance",), "gravity_imbalance": ("cable_spring",)}  # fmt: skip

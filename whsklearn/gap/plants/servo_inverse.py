@@ -26,10 +26,11 @@ from whsklearn.gap.plants import servo_stop as stop
 from whsklearn.gap.plants import servo_two_mass as two_mass
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, ColumnSignals
 from whsklearn.gap.plants.servo_model import ServoHypothesis, ServoTerm
-from whsklearn.gap.record import Array, ServoRecord, rms
+from whsklearn.gap.record import Array, ServoRecord
 from whsklearn.gap.search import HALF, LEAST_SHARE
 from whsklearn.identification.drive_lead import KNOWN, LATEST, OLDEST
 from whsklearn.logs.check import lattice
+from whsklearn.metrics import rms
 
 KEPT = 40  # columns cached, because a polish moves one shape and not the others
 # The sign of a velocity is unknown below so many standard deviations of its noise; for records without noise, below

@@ -15,9 +15,10 @@ from whsklearn.gap.plants.servo_candidates import candidate
 from whsklearn.gap.plants.servo_inverse import NOISY, SLOW, InverseView
 from whsklearn.gap.plants.servo_model import FASTEST_COUPLING, HOLD, ServoHypothesis, ServoTerm
 from whsklearn.gap.plants.servo_run import ObserverView
-from whsklearn.gap.record import Array, ServoRecord, held_out_blocks, noise_level, rms
+from whsklearn.gap.record import Array, ServoRecord, held_out_blocks, noise_level
 from whsklearn.identification.drive_lead import drive_lead, earlier
 from whsklearn.logs.check import lattice
+from whsklearn.metrics import rms
 
 LOWEST_CUTOFF = 2.0  # Hz, of the search for the filter
 FIRST_CUTOFF = 8.0  # Hz, for the first guess of the inertia: above any reference, below most noise

@@ -45,10 +45,11 @@ from whsklearn.gap.plants.simulator_look import (
     whole,
 )
 from whsklearn.gap.plants.simulator_model import SimulatorFit, SimulatorModel, refine
-from whsklearn.gap.record import SPLIT, Array, ServoRecord, held_out_blocks, noise_level, rms
+from whsklearn.gap.record import SPLIT, Array, ServoRecord, held_out_blocks, noise_level
 from whsklearn.gap.search import HALF, MOST_FITTED, WORTH_FITTING
 from whsklearn.gap.tangent import Look, with_p_values
 from whsklearn.logs.check import lattice
+from whsklearn.metrics import rms
 
 FAR_ABOVE = 3.0  # multiple of the noise, whose level is known from sixth differences to within a few percent
 
