@@ -96,12 +96,13 @@ def test_errors_are_one_sentence(log, tmp_path, arguments, status, message):
 def test_a_log_that_cannot_be_read_is_a_data_problem_with_a_report(tmp_path):
     path = tmp_path / "empty.csv"
     path.write_text("", encoding="utf-8")
-    done = run(path, "--no-track", "--report", tmp_path / "r")
+    done = run(path, "--no-track", "--out", tmp_path / "r")
     assert done.exit_code == 3
     assert "empty.csv is empty" in done.output
     data = json.loads((tmp_path / "r" / "gap.json").read_text(encoding="utf-8"))
     assert data["verdict"] == "data_problem"
-    assert "is empty" in data["next_experiment"]
+    assert (tmp_path / "r" / "gap.html").read_text(encoding="utf-8").count(data["sentence"]) == 1
+    assert "is empty" in data["sentence"]
 
 
 def test_a_report_folder_that_cannot_be_written_is_told_before_the_work(log, tmp_path):

@@ -56,7 +56,7 @@ def main() -> None:
 
     \b
     whsklearn demo
-    whsklearn gap axis.csv --drive torque_nm --position position_rad --report gap
+    whsklearn gap axis.csv --drive torque_nm --position position_rad --out gap
     whsklearn identify axis.csv --input torque_nm --output position_rad --out model
 
     Exit status: 0 a result, 2 a wrong option, 3 a log that cannot be used, 1 any other failure.

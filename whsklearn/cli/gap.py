@@ -60,7 +60,7 @@ USUAL = {"time": "time_s", "drive": "torque_nm", "position": "position_rad"}
 @click.option("--joint", help="Joint of the simulator.")
 @click.option("--actuator", help="Actuator whose control was logged, if the joint has several.")
 @click.option("--test", "second", type=opt.LOG, help="Another log of the axis, to test the result on.")
-@click.option("--report", type=opt.FOLDER, default="gap", help="Folder for the report.")
+@click.option("--out", "--report", "report", type=opt.FOLDER, default="gap", help="Folder for the report.")
 def main(**options: Any) -> None:
     """Find, name and close the gap between a model and LOG.
 
@@ -68,8 +68,8 @@ def main(**options: Any) -> None:
     is a CSV of any dialect, Parquet, MAT, HDF5, TDMS, MDF4, MCAP, a ROS bag or a LeRobot folder.
 
     \b
-    whsklearn gap axis.csv --time time_s --drive torque_nm --position position_rad --report gap
-    whsklearn gap axis.csv --effects my_effects.py --report gap
+    whsklearn gap axis.csv --time time_s --drive torque_nm --position position_rad --out gap
+    whsklearn gap axis.csv --effects my_effects.py --out gap
     whsklearn gap arm.csv --robot arm.urdf --joints "shoulder:q1,i1;elbow:q2,i2"
     whsklearn gap robot.mcap --drive /joints.effort.elbow --position /joints.position.elbow
     """  # noqa: D301 - click reads the backspace
