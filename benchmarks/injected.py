@@ -28,7 +28,7 @@ from tqdm import tqdm
 
 from benchmarks.blind import wilson
 from benchmarks.real_axes import Rig, diagnose, rigs
-from whsklearn.metrics import rms
+from whsklearn.effects.base import rms
 
 Array = Any
 FIELDS = "record effect verdict names aliases found first wrong itself share seconds error".split()

@@ -15,11 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 from sklearn.utils import Bunch
 
-from whsklearn.effects.base import PLACES, Effect, signals_of
+from whsklearn.effects.base import PLACES, Effect, rms, signals_of
 from whsklearn.effects.friction import Coulomb, Viscous
 from whsklearn.effects.law import FrictionLaw
 from whsklearn.effects.quantity import Quantity
-from whsklearn.metrics import rms
 from whsklearn.systems.servo import ServoAxis
 
 KINDS = ("exact", "at_size", "first_order", "none")

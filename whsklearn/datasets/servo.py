@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.utils import Bunch
 
-from whsklearn.effects.base import Effect, get_effect, signals_of
-from whsklearn.metrics import rms
+from whsklearn.effects.base import Effect, get_effect, rms, signals_of
 from whsklearn.systems.servo import ServoAxis, record_frame, simulate_many
 from whsklearn.systems.servo_parts import PIDController, Sensor
 

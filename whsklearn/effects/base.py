@@ -496,6 +496,15 @@ class Effect(_Frozen):
         return {self.quantities[k].labelled(k): v for k, v in numeric.items()} | self.options
 
 
+def rms(x: ArrayLike) -> float:
+    """Root mean square of all entries, of any shape.
+
+    >>> rms([3.0, -3.0])
+    3.0
+    """
+    return float(np.sqrt(np.mean(np.square(x))))
+
+
 def signals_of(record: Bunch, drive: str = "drive") -> Bunch:
     """True signals of a simulated record, as `Effect.columns` takes them; with ``drive="torque"`` that at the motor."""
     acceleration = np.gradient(record.velocity, record.time)

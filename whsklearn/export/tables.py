@@ -17,11 +17,10 @@ from typing import NamedTuple
 import numpy as np
 
 from whsklearn.effects import Effect
-from whsklearn.effects.base import Array
+from whsklearn.effects.base import Array, rms
 from whsklearn.export.axis_code import compensated
 from whsklearn.export.model import Exported, Loss, losses_of, parts_of
 from whsklearn.logs.files import atomic_write
-from whsklearn.metrics import rms
 from whsklearn.systems.servo import ServoAxis
 
 Torque = Callable[[Array], Array]

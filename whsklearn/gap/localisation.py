@@ -22,11 +22,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import false_discovery_control
 
+from whsklearn.effects.base import rms
 from whsklearn.gap.calibration import N_BLOCKS
 from whsklearn.gap.diagnosis import Place
 from whsklearn.gap.plant import Gap
 from whsklearn.gap.record import Array
-from whsklearn.metrics import rms
 
 NOWHERE = "The gap follows none of the signals that were examined."
 N_BINS = 20  # of equally many samples along each signal

@@ -25,10 +25,10 @@ from typing import Any, NamedTuple, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from whsklearn.effects.base import rms
 from whsklearn.gap.calibration import gain, least_lead, rival_leads
 from whsklearn.gap.diagnosis import ALPHA, Curve
 from whsklearn.gap.record import Array
-from whsklearn.metrics import rms
 
 # Share of the rms drive or output below which no effect is worth naming. In the inverse view, the residual of
 # surrogates of records with nothing missing is 0.0037 to 0.0047 of the drive. The default of every entry point.

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from whsklearn.effects.base import rms
 from whsklearn.gap.diagnosis import rows_in
 from whsklearn.gap.plants import Base, make_plant
 from whsklearn.logs.overlap import shared_run
-from whsklearn.metrics import rms
 
 # Share of the floor, or of the gap before, below which a difference is a rounding error and not a gap.
 NO_GAP = 1e-3

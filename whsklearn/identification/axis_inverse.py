@@ -7,10 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from whsklearn.effects.base import Array
+from whsklearn.effects.base import Array, rms
 from whsklearn.filtering.records import filtered, gaussian_derivatives
 from whsklearn.identification.view import View
-from whsklearn.metrics import rms
 from whsklearn.recursion.batch.axis_free_run import AxisForm, dissipates, rising_at_last
 
 # Standard deviations of the Gaussian in samples.  With a narrow one, encoder noise in the acceleration biases the

@@ -9,13 +9,12 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from whsklearn.effects.base import Array
+from whsklearn.effects.base import Array, rms
 from whsklearn.filtering.records import HOLDS
 from whsklearn.identification.axis_inverse import FEWEST, balance, inverse_starts, solved
 from whsklearn.identification.axis_numbers import shooting_log
 from whsklearn.identification.view import View
 from whsklearn.identification.windows import axis_score
-from whsklearn.metrics import rms
 from whsklearn.recursion.batch.axis_free_run import AxisForm, fit_pieces
 
 # s: the oldest drive of a real log (pendulum rigs and arms reach -0.016 to 0.038 s)

@@ -135,18 +135,6 @@ def rmse(y: ArrayLike, y_hat: ArrayLike, skip: int = 0) -> float:
     return math.sqrt(_mean_square(e))
 
 
-def rms(x: ArrayLike) -> float:
-    """Root mean square of all entries of ``x``, of any shape.
-
-    Examples
-    --------
-    >>> from whsklearn.metrics import rms
-    >>> rms([3.0, -3.0])
-    3.0
-    """
-    return float(np.sqrt(np.mean(np.square(x))))
-
-
 def parameter_error(theta_hat: ArrayLike, theta: ArrayLike) -> float:
     """Relative parameter error, delta = norm(theta_hat - theta) / norm(theta) of section 5.1 and Fig. 2d.
 

@@ -8,12 +8,12 @@ import pytest
 from benchmarks.blind_logs import filtered_chain, mass_on_spring
 from tests.gap.plants.example_chain import PLAIN, TRUE, kind, record, term
 from whsklearn.effects import ChainDeadZone, ParameterChange, Stribeck, as_law
+from whsklearn.effects.base import rms
 from whsklearn.gap.plants import chain_anew as anew
 from whsklearn.gap.plants.chain import ChainPlant
 from whsklearn.gap.plants.chain_fit import base_starts, coloured, cost, minima, polished, sharpened
 from whsklearn.gap.plants.chain_looks import gained, look
 from whsklearn.gap.plants.chain_model import Record, chain_free_run
-from whsklearn.metrics import rms
 
 RNG = np.random.default_rng
 

@@ -12,13 +12,13 @@ import pytest
 from whsklearn import ServoAxis
 from whsklearn.datasets import make_servo_log
 from whsklearn.effects import Coulomb, Stribeck, Viscous
+from whsklearn.effects.base import rms
 from whsklearn.gap import VERDICTS, GapFinder
 from whsklearn.gap.plants import servo_own, servo_run, servo_stop
 from whsklearn.gap.plants.servo import ServoPlant
 from whsklearn.gap.plants.servo_candidates import candidate
 from whsklearn.gap.plants.servo_model import ServoTerm
 from whsklearn.gap.record import ServoRecord
-from whsklearn.metrics import rms
 from whsklearn.systems import PIDController, Transmission
 
 INERTIA, VISCOUS, COULOMB = 0.05, 0.12, 0.3

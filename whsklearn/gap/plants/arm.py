@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.effects import ContactStop
+from whsklearn.effects.base import rms
 from whsklearn.gap.calibration import p_value, rival_leads
 from whsklearn.gap.data_check import DataProblem
 from whsklearn.gap.filters import whiteness
@@ -58,7 +59,6 @@ from whsklearn.identification.arm_fit import (
 )
 from whsklearn.identification.payload import ALIKE, FURTHEST, Beside
 from whsklearn.lags.rigid_body import RigidBodyLags
-from whsklearn.metrics import rms
 from whsklearn.models.arm import ArmModel
 from whsklearn.models.files import as_arm
 from whsklearn.systems.arm import Arm

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.effects import Coulomb, Effect, Scales, codes
+from whsklearn.effects.base import rms
 from whsklearn.filtering import Motion
 from whsklearn.filtering.records import encoder_noise
 from whsklearn.gap.calibration import N_NULL, coloured, n_effective, null_rows, smoothed_power
@@ -31,7 +32,6 @@ from whsklearn.lags.arm_rows import ArmRows, records_of, turning
 from whsklearn.lags.axis_rows import DRY
 from whsklearn.lags.rigid_body import RigidBodyLags
 from whsklearn.logs.check import lattice
-from whsklearn.metrics import rms
 from whsklearn.systems._arm_kernels import N_BODY
 from whsklearn.systems.arm_files import STANDARD_GRAVITY, body_numbers
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from whsklearn.effects import FrictionLaw, Quantization, as_law, get_effect
-from whsklearn.effects.base import Array, Bools
+from whsklearn.effects.base import Array, Bools, rms
 from whsklearn.effects.law import has_knots
 from whsklearn.gap.calibration import GATE, p_value
 from whsklearn.gap.data_check import FEWEST_SAMPLES, FLAT, SPIKE, DataProblem, flat_share
@@ -41,7 +41,6 @@ from whsklearn.gap.plants.chain_model import ChainCandidate, ChainHypothesis, Re
 from whsklearn.gap.record import HELD_OUT
 from whsklearn.gap.search import LEAST_SHARE, STILL, WORTH_FITTING
 from whsklearn.gap.tangent import Look
-from whsklearn.metrics import rms
 from whsklearn.systems.wiener_hammerstein import WienerHammersteinSystem
 
 if TYPE_CHECKING:

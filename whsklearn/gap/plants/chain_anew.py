@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from whsklearn.effects import FrictionLaw, Power
-from whsklearn.effects.base import Array
+from whsklearn.effects.base import Array, rms
 from whsklearn.gap.plants import chain_model as cm
 from whsklearn.gap.plants.chain_fit import (
     KEPT,
@@ -34,7 +34,6 @@ from whsklearn.gap.plants.chain_looks import kinds, softly
 from whsklearn.gap.plants.chain_model import ChainCandidate, ChainHypothesis, ChainTerm, Record
 from whsklearn.gap.search import WORTH_FITTING
 from whsklearn.gap.tangent import Look
-from whsklearn.metrics import rms
 from whsklearn.recursion.batch.best_linear import Ratio
 
 NUDGES = (0.7, 0.87, 1.15, 1.4)  # factors by which a shape moves to another minimum

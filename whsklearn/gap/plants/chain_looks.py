@@ -16,14 +16,13 @@ import numpy as np
 from scipy.signal import lfilter
 
 from whsklearn.effects import Scales
-from whsklearn.effects.base import Array
+from whsklearn.effects.base import Array, rms
 from whsklearn.gap.calibration import N_NULL, gain
 from whsklearn.gap.nameless import HATS, generic_basis, hats, without_name
 from whsklearn.gap.plants import chain_model as cm
 from whsklearn.gap.plants.chain_fit import climb, coloured, sharpened
 from whsklearn.gap.plants.chain_model import ChainCandidate, ChainHypothesis, ChainTerm, Record, Sizes, catalogue
 from whsklearn.gap.tangent import Family, Look, Tangent, strongest_lines, with_p_values
-from whsklearn.metrics import rms
 
 SLOPED, VERY_SOFT = cm.RUNGS[2], cm.RUNGS[1]  # kappa times rms dx at which a sign has a slope; at which it has a form
 

@@ -21,7 +21,7 @@ from scipy.signal import lfilter
 
 from whsklearn._numba import njit
 from whsklearn.effects import FrictionLaw, Scales, codes, effect_names, get_effect
-from whsklearn.effects.base import Array, Bools, Integers
+from whsklearn.effects.base import Array, Bools, Integers, rms
 from whsklearn.effects.chain import CHAIN_FORMS
 from whsklearn.effects.own import WHICH, address_of
 from whsklearn.effects.rows import law_values
@@ -30,7 +30,6 @@ from whsklearn.gap.plant import FittedTerm, with_vectors
 from whsklearn.gap.plants.variant import WAVE_STEP, EffectVariant
 from whsklearn.gap.record import MAD
 from whsklearn.logs.check import lattice
-from whsklearn.metrics import rms
 from whsklearn.recursion.batch.best_linear import filter_rows, stabilised
 from whsklearn.systems.chain import PackedChain, Ports, run
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.effects import get_effect
+from whsklearn.effects.base import rms
 from whsklearn.gap.calibration import gain
 from whsklearn.gap.data_check import DataProblem, check_servo
 from whsklearn.gap.diagnosis import NamedEffect
@@ -46,7 +47,6 @@ from whsklearn.gap.plants.servo_start import (
 from whsklearn.gap.record import SPLIT, Array, ServoRecord
 from whsklearn.gap.search import HALF, LEAST_SHARE, SAME
 from whsklearn.logs.units import inertia_unit
-from whsklearn.metrics import rms
 
 OVER_LITTLE_TRAVEL = {"input_offset": ("gravity_imbalance",), "asymmetric_coulomb": ("gravity_imbalance",),
                       "cable_spring": ("gravity_imbalance",), "gravity_imbalance": ("cable_spring",)}  # fmt: skip

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from whsklearn.effects import EndStop, LuGre, ParameterChange, Scales, Stribeck, codes
+from whsklearn.effects.base import rms
 from whsklearn.filtering.records import CUTOFF_SIGMA, decimation, filtered, gaussian_derivatives
 from whsklearn.gap import least_squares as ols
 from whsklearn.gap.least_squares import jacobian
@@ -30,7 +31,6 @@ from whsklearn.gap.record import Array, ServoRecord
 from whsklearn.gap.search import HALF, LEAST_SHARE
 from whsklearn.identification.drive_lead import KNOWN, LATEST, OLDEST
 from whsklearn.logs.check import lattice
-from whsklearn.metrics import rms
 
 KEPT = 40  # columns cached, because a polish moves one shape and not the others
 # The sign of a velocity is unknown below so many standard deviations of its noise; for records without noise, below

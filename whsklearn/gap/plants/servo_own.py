@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.stats import norm
 
+from whsklearn.effects.base import rms
 from whsklearn.gap.calibration import N_DRAWS, independent, null_rows
 from whsklearn.gap.diagnosis import ALPHA
 from whsklearn.gap.plants.servo_candidates import ColumnSignals as Motion
@@ -22,7 +23,6 @@ from whsklearn.gap.plants.servo_model import HOLD, ServoHypothesis
 from whsklearn.gap.record import Array
 from whsklearn.gap.search import HALF
 from whsklearn.identification.drive_lead import LATEST, OLDEST, earlier
-from whsklearn.metrics import rms
 from whsklearn.systems._servo_kernel import DELAY, DRIVE, MEASURED, N_SIGNALS, RESOLUTION, How, PassInputs, run
 from whsklearn.systems.servo import FEWEST_STEPS
 

@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 
 from whsklearn.effects import Scales
 from whsklearn.effects import codes as k
+from whsklearn.effects.base import rms
 from whsklearn.gap.filters import WHITENING, ResidualFilter, solve_whitening, whiten
 from whsklearn.gap.least_squares import Minimum, gain_of, least_squares
 from whsklearn.gap.plant import PAYS
 from whsklearn.gap.plants.servo_candidates import Candidate
 from whsklearn.gap.plants.servo_model import LONGEST_STEP, ServoHypothesis, ServoTerm
 from whsklearn.gap.record import Array, ServoRecord, held_out_blocks
-from whsklearn.metrics import rms
 from whsklearn.systems.servo import FEWEST_STEPS
 
 STEP_ERROR = 0.01  # share of the tolerance by which a longer fine step may change the gap

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.effects import get_effect
+from whsklearn.effects.base import rms
 from whsklearn.gap.diagnosis import NamedEffect
 from whsklearn.gap.plant import QUIET
 from whsklearn.gap.search import HALF
-from whsklearn.metrics import rms
 
 # Step of the grid as a share of half the travel, where a coarse encoder is not told by its counts: linear axes.
 COARSE_GRID = 2.5e-4

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.signal import fftconvolve
 
 from whsklearn.effects import Scales
+from whsklearn.effects.base import rms
 from whsklearn.filtering.records import CUTOFF_SIGMA, HIGHEST_CUTOFF, gaussian_derivatives
 from whsklearn.gap.filters import observer_gains, residual_filter
 from whsklearn.gap.plant import DEFAULT_TOLERANCE, PAYS
@@ -18,7 +19,6 @@ from whsklearn.gap.plants.servo_run import ObserverView
 from whsklearn.gap.record import Array, ServoRecord, held_out_blocks, noise_level
 from whsklearn.identification.drive_lead import drive_lead, earlier
 from whsklearn.logs.check import lattice
-from whsklearn.metrics import rms
 
 LOWEST_CUTOFF = 2.0  # Hz, of the search for the filter
 FIRST_CUTOFF = 8.0  # Hz, for the first guess of the inertia: above any reference, below most noise

@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.effects import effect_names, get_effect
+from whsklearn.effects.base import rms
 from whsklearn.gap.calibration import GATE, gain, n_effective, p_value
 from whsklearn.gap.data_check import DataProblem, check_servo
 from whsklearn.gap.filters import WHITENING, autoregression, whiten, whiteness
@@ -49,7 +50,6 @@ from whsklearn.gap.record import SPLIT, Array, ServoRecord, held_out_blocks, noi
 from whsklearn.gap.search import HALF, MOST_FITTED, WORTH_FITTING
 from whsklearn.gap.tangent import Look, with_p_values
 from whsklearn.logs.check import lattice
-from whsklearn.metrics import rms
 
 FAR_ABOVE = 3.0  # multiple of the noise, whose level is known from sixth differences to within a few percent
 

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.effects import ContactStop, Coulomb, Effect, Scales, Viscous, effect_names, get_effect
+from whsklearn.effects.base import rms
 from whsklearn.filtering.records import CUTOFF_SIGMA, HIGHEST_CUTOFF, decimation, filtered, gaussian_derivatives
 from whsklearn.gap.calibration import N_NULL, coloured, n_effective, smoothed_power
 from whsklearn.gap.nameless import nameless
@@ -28,7 +29,6 @@ from whsklearn.gap.plants.servo_candidates import UNSEEN
 from whsklearn.gap.plants.variant import EffectVariant
 from whsklearn.gap.record import Array, noise_level
 from whsklearn.gap.tangent import AT_ONCE, Family, Look, Tangent, strongest_lines
-from whsklearn.metrics import rms
 
 HIGHEST = 25.0  # Hz; above it, a second derivative contains only encoder noise
 DEPTHS = np.array([0.003, 0.01, 0.03, 0.08])  # by which a stop may yield, as a share of half the travel
