@@ -25,6 +25,9 @@ LAYOUTS = {
     "numpy's header": text(head=None, before=["# time_s,torque_nm,position_rad"]),
     "quoted header": text(head=[f'"{h}"' for h in HEAD]),
     "a separator behind the names": text(head=[*HEAD, ""]),
+    "a table of Markdown": "".join(
+        f"| {row} |\n" for row in text(" | ", after=["---- | --------:|:------------:"]).splitlines()
+    ),
 }
 
 

@@ -221,3 +221,10 @@ def test_a_zone_behind_the_date_is_no_part_of_it(load):
     stamps = pd.Timestamp("2026-05-21 10:00") + pd.to_timedelta(table["time_s"], unit="s")
     table["time_s"] = stamps.strftime("%Y-%m-%d %H:%M:%S.%f CEST")
     assert load(table).sample_rate == pytest.approx(RATE, rel=1e-6)
+
+
+@pytest.mark.parametrize("digits", [3, 4, 6, 7])
+def test_a_fraction_behind_a_third_colon_is_a_fraction_of_the_second(digits):
+    stamps = np.array([f"14:02:07:{k * 10 ** (digits - 2):0{digits}d}" for k in (0, 1, 25)])
+    seconds, _ = to_seconds(stamps, "s", "Time")
+    np.testing.assert_allclose(seconds, [0.0, 0.01, 0.25], atol=1e-9)

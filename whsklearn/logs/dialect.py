@@ -70,7 +70,7 @@ def _names_apart(line: str, width: int) -> list[str] | None:
 
 def _says(line: str) -> bool:
     """Whether a line contains anything but blank cells or the rule below the header of a table."""
-    return re.fullmatch(r"[\s|+=,;-]*", line) is None
+    return re.fullmatch(r"[\s|+=,;:-]*", line) is None
 
 
 def _is_data(cells: list[str], decimal: str) -> bool:

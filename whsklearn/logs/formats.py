@@ -97,12 +97,14 @@ def _opened(file: Path) -> Source:
     if file.suffix.lower() in _SCOPE:
         raise LogError(f"{file.name} is a TwinCAT Scope project; open it in Scope View and export its channels as CSV.")
     with file.open("rb") as stream:
-        head = stream.read(16)
+        head = stream.read(512)
     for magic, reader in _MAGIC:
         if head.startswith(magic):
             return reader(file)
     if packed.is_packed(head):
         return _unpacked(file, head)
+    if what := packed.foreign(head):
+        raise LogError(f"{file.name} is {what}.")
     ending = _ENDINGS.get(file.suffix.lower())
     if ending is binary.open_matlab and head:  # of version 4, without a signature
         return ending(file)
@@ -135,11 +137,13 @@ def _unpacked(path: Path, head: bytes) -> Source:
         return binary.open_numpy(path)
     with packed.opened(path) as stream:
         try:
-            inside = stream.read(16)
+            inside = stream.read(512)
         except packed.DAMAGE:
             inside = b""
     if any(inside.startswith(magic) for magic, _ in _MAGIC):
         raise LogError(f"{path.name} is packed, and its content is not a text table; unpack it first.")
+    if what := packed.foreign(inside):
+        raise LogError(f"{path.name} is packed, and its content is {what}.")
     return _of_text(path)
 
 

@@ -15,6 +15,16 @@ from whsklearn.logs.errors import LogError, damaged
 DAMAGE = (EOFError, gzip.BadGzipFile, lzma.LZMAError, zlib.error, zipfile.BadZipFile)
 _OPENERS: dict[bytes, Any] = {b"\x1f\x8b": gzip.open, b"BZh": bz2.open, b"\xfd7zXZ": lzma.open}
 ZIP = b"PK\x03\x04"
+_TABLES = {".csv", ".tsv"}  # a text of another ending beside one of these describes it
+_FOREIGN: tuple[tuple[int, bytes | tuple[bytes, ...], str], ...] = (  # place and bytes of a signature, what the file is, and what to do with it
+    (0, b"\x28\xb5\x2f\xfd", "packed by zstd; unpack it first"),
+    (0, b"\x04\x22\x4d\x18", "packed by lz4; unpack it first"),
+    (0, b"7z\xbc\xaf\x27\x1c", "a 7z archive; extract the log from it"),
+    (0, b"Rar!\x1a\x07", "a RAR archive; extract the log from it"),
+    (257, b"ustar", "a tar archive; extract the log from it"),
+    (0, b"SQLite format 3\0", "an SQLite database; export the table of the log as CSV"),
+    (0, (b"\x80\x04\x95", b"\x80\x05\x95"), "a Python pickle, which could run code; save the log as CSV or Parquet"),
+)
 
 
 def opened(path: Path) -> IO[bytes]:
@@ -34,6 +44,17 @@ def is_packed(head: bytes) -> bool:
     return head.startswith((*_OPENERS, ZIP))
 
 
+def foreign(head: bytes) -> str:
+    """What a file or the content of a packed one is that no reader takes, and the remedy; empty if it is none of these.
+
+    ``head``: its first 512 bytes.
+
+    >>> foreign(b"7z\xbc\xaf\x27\x1c"), foreign(b"time_s,torque_nm")
+    ('a 7z archive; extract the log from it', '')
+    """
+    return next((what for place, magic, what in _FOREIGN if head.startswith(magic, place)), "")
+
+
 def members(path: Path) -> list[str]:
     """The files in a ZIP archive, without the metadata of file managers.
 
@@ -45,13 +66,16 @@ def members(path: Path) -> list[str]:
 
 
 def member(path: Path) -> str:
-    """The one log in a ZIP archive.
+    """The one log in a ZIP archive: its only file, or its only CSV.
 
-    Raises LogError if there is none, or more than one file.
+    Raises LogError if there is none, or more than one.
     """
     names = members(path)
     if "[Content_Types].xml" in names:
         raise LogError(f"{path.name} is a spreadsheet; save its sheet as CSV.")
+    tables = [n for n in names if Path(n).suffix.lower() in _TABLES]
+    if len(tables) == 1:
+        return tables[0]
     if len(names) != 1:
         there = ", ".join(names[:8]) or "nothing"
         raise LogError(

@@ -147,7 +147,7 @@ def _dates(values: NDArray[Any], column: str) -> tuple[Array, tuple[Finding, ...
         return _from_first(pd.to_datetime(pd.Series(values), utc=True).dt.tz_localize(None).to_numpy()), ()
     text = pd.Series(values, dtype="string").str.strip().str.replace(",", ".", regex=False)
     text = text.str.replace(ZONE, "", regex=True)
-    text = text.str.replace(r"(:\d\d):(\d{3}|\d{6})$", r"\1.\2", regex=True)  # 10:00:00:005, as LabVIEW and PLCs write
+    text = text.str.replace(r"(:\d\d):(\d{3,7})$", r"\1.\2", regex=True)  # 10:00:00:005, as LabVIEW and PLCs write
     attempts: tuple[dict[str, Any], ...] = ({"format": "ISO8601"}, {"format": "mixed", "dayfirst": True})
     sample = text.dropna().iloc[0] if text.notna().any() else ""
     if sample.count(":") >= 1 and "-" not in sample and "/" not in sample and sample.count(".") <= 1:
