@@ -64,3 +64,13 @@ def test_a_comma_beats_a_decimal_comma_only_where_it_parts_numbers():
 def test_names_with_blanks_stand_two_blanks_apart():
     found = dialect_of(["Time (s)   Motor torque (Nm)  Angle", "  0.00    1.5   2.5", "  0.01    1.6   2.6"])
     assert found.names == ["Time (s)", "Motor torque (Nm)", "Angle"]
+
+
+@pytest.mark.parametrize("decimal", [".", ","])
+def test_rows_of_a_date_and_words_are_not_one_column_of_dates(decimal):
+    """A telescope's log: with as many words as that, all separators but the right one leave one cell that looks right."""
+    sep = "," if decimal == "." else ";"
+    rows = [f"2026-03-04T21:15:{k:02d}{decimal}020Z{sep}{k}{sep}{k}{decimal}5{sep}TRACK{sep}ok" for k in range(20)]
+    found = dialect_of([sep.join(["utc", "axis_arcsec", "motor_ma", "mode", "state"]), *rows])
+    assert (found.separator, found.decimal, found.width) == (sep, decimal, 5)
+    assert found.names == ["utc", "axis_arcsec", "motor_ma", "mode", "state"]

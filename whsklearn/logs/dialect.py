@@ -9,7 +9,8 @@ from whsklearn.logs.cells import is_number, is_word, plain
 from whsklearn.logs.heads import COMMENTS, Head, commented, headings
 
 SEPARATORS = (",", ";", "\t", "|", r"\s+")
-_DATE = re.compile(r"\d{1,4}[-/.:]\d{1,2}[-/.:]\d{1,4}")
+# A date alone in its cell, perhaps with a comma before the fraction: a whole row that begins with one is no date.
+_DATE = re.compile(r"\d{1,4}[-/.:]\d{1,2}[-/.:]\d{1,4}[^,;|\t]*(?:,\d{1,9}[^,;|\t]*)?")
 _BODY = 50  # rows from which the type of a column is determined
 _HEAD_BESIDE = 20  # maximum number of header rows beside the data
 _FEW = 4  # rows; a shorter table above another one with names is not a log
@@ -75,7 +76,7 @@ def _says(line: str) -> bool:
 
 def _is_data(cells: list[str], decimal: str) -> bool:
     """Whether most cells are numbers or dates, or half of four or more with the first, and not all are blank."""
-    good = [is_number(c, decimal) or bool(_DATE.match(c)) for c in cells]
+    good = [is_number(c, decimal) or bool(_DATE.fullmatch(c)) for c in cells]
     half = len(cells) >= 4 and cells[0] != "" and good[0]  # time, name, value, unit
     return any(c and g for c, g in zip(cells, good, strict=True)) and 2 * sum(good) + half > len(cells)
 
@@ -113,7 +114,7 @@ def _read_as(
     comment = next((t.lstrip()[0] for t in lines if t.lstrip().startswith(("#", "%"))), "#")
     # A comma as separator is preferred to a decimal comma only if every cell is then a number (see `fits`); a decimal
     # point is assumed if both readings agree.
-    good = sum(is_number(x, decimal) or bool(_DATE.match(x)) for c in body for x in c) / sum(map(len, body))
+    good = sum(is_number(x, decimal) or bool(_DATE.fullmatch(x)) for c in body for x in c) / sum(map(len, body))
     score = 10.0 * fits * good + min(numeric, 8.0) / 8.0 + 0.01 * (decimal == ".") + 0.5 * (width > 1)
     return score, Dialect(separator, decimal, first, head.names, head.units, width, comment, cells, head.clocks, header)
 
@@ -165,10 +166,10 @@ def _beside(rows: list[tuple[int, list[str]]], start: int, decimal: str) -> bool
 
 def _label(rows: list[tuple[int, list[str]]], k: int, decimal: str) -> bool:
     """Whether a row begins with a word where the rows below have numbers: a ``key; value`` line, or a header."""
-    if not is_word(rows[k][1][0]) or bool(_DATE.match(rows[k][1][0])):
+    if not is_word(rows[k][1][0]) or bool(_DATE.fullmatch(rows[k][1][0])):
         return False
     below = [c[0] for _, c in rows[k + 1 :][-_BODY:]]
-    return 2 * sum(is_number(c, decimal) or bool(_DATE.match(c)) for c in below) > len(below)
+    return 2 * sum(is_number(c, decimal) or bool(_DATE.fullmatch(c)) for c in below) > len(below)
 
 
 def _counts_up(cells: list[str]) -> bool:
