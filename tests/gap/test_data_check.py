@@ -45,3 +45,10 @@ def test_the_unit_of_the_position_does_not_matter(factor):
     whole = counted(np.sin(2 * np.pi * 0.5 * T))
     assert cut_at_speed(factor * np.clip(whole, -0.5, 0.5), 1 / RATE)
     assert not cut_at_speed(factor * whole, 1 / RATE)
+
+
+@pytest.mark.parametrize(("rate", "slow"), [(20.0, False), (19.9, False), (19.5, True)])
+def test_twenty_samples_a_second_are_enough_whatever_the_last_digit_of_the_stamps(rate, slow):
+    t = 84211.3 + np.arange(2000) / rate
+    found = check_servo(ServoRecord(t, np.sin(t) + 0.1 * np.sin(7 * t), np.sin(t)))
+    assert ("data-time-unit" in [p.code for p in found]) == slow

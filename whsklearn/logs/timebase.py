@@ -30,7 +30,9 @@ _COUNTERS = (2.0**16, 2.0**24, 2.0**32)  # ticks at which a counter overflows
 _DAY = (86400.0, 86400e3, 86400e6)  # s, ms and us of a day, whose count begins again at midnight
 _FILETIME = (1e17, 2e17, 1e-7)  # 100 ns since 1601, between 1917 and 2234: stamps of Windows and TwinCAT
 ZONE = re.compile(r"\s+(?![AP]M$)[A-Z]{3,4}$")  # CEST behind a date, which is no part of it: only differences count
-SLOWEST = 0.05  # s; no axis is logged more slowly, so integers with larger steps count ms or us
+# s; no axis is logged more slowly, so integers with larger steps count ms or us.  20 Hz, whose stamps are 0.05 s apart
+# only to the last digit of a float and to the clock's 1 %.
+SLOWEST = 0.0505
 
 
 class Stamps(NamedTuple):
