@@ -68,7 +68,7 @@ def test_names_with_blanks_stand_two_blanks_apart():
 
 @pytest.mark.parametrize("decimal", [".", ","])
 def test_rows_of_a_date_and_words_are_not_one_column_of_dates(decimal):
-    """A telescope's log: with as many words as that, all separators but the right one leave one cell that looks right."""
+    """A telescope's log: all separators but the right one leave a single cell, which begins like a date."""
     sep = "," if decimal == "." else ";"
     rows = [f"2026-03-04T21:15:{k:02d}{decimal}020Z{sep}{k}{sep}{k}{decimal}5{sep}TRACK{sep}ok" for k in range(20)]
     found = dialect_of([sep.join(["utc", "axis_arcsec", "motor_ma", "mode", "state"]), *rows])

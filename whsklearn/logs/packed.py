@@ -16,7 +16,8 @@ DAMAGE = (EOFError, gzip.BadGzipFile, lzma.LZMAError, zlib.error, zipfile.BadZip
 _OPENERS: dict[bytes, Any] = {b"\x1f\x8b": gzip.open, b"BZh": bz2.open, b"\xfd7zXZ": lzma.open}
 ZIP = b"PK\x03\x04"
 _TABLES = {".csv", ".tsv"}  # a text of another ending beside one of these describes it
-_FOREIGN: tuple[tuple[int, bytes | tuple[bytes, ...], str], ...] = (  # place and bytes of a signature, what the file is, and what to do with it
+# place and bytes of a signature, what the file is, and what to do with it
+_FOREIGN: tuple[tuple[int, bytes | tuple[bytes, ...], str], ...] = (
     (0, b"\x28\xb5\x2f\xfd", "packed by zstd; unpack it first"),
     (0, b"\x04\x22\x4d\x18", "packed by lz4; unpack it first"),
     (0, b"7z\xbc\xaf\x27\x1c", "a 7z archive; extract the log from it"),
@@ -45,7 +46,7 @@ def is_packed(head: bytes) -> bool:
 
 
 def foreign(head: bytes) -> str:
-    """What a file or the content of a packed one is that no reader takes, and the remedy; empty if it is none of these.
+    r"""What a file is that no reader takes, and the remedy; empty if it is none of these.
 
     ``head``: its first 512 bytes.
 
