@@ -112,7 +112,7 @@ def test_columns_may_be_named_and_drives_be_currents(folder):
     ("log", "more", "said"),
     [
         ("bare.csv", [], "name all joints with --joints"),
-        ("arm.csv", ["--joints", "yaw"], "expected NAME:POSITION,DRIVE"),
+        ("arm.csv", ["--joints", "yaw:"], "expected NAME:POSITION,DRIVE"),
         ("arm.csv", ["--joints", "elbow:a,b"], "no joint 'elbow'"),
         ("arm.csv", ["--joints", "yaw:a,b;pitch:a,c"], "gives column 'a' twice"),
         ("arm.csv", ["--gains", "yaw:x"], "NM_PER_AMPERE"),
@@ -365,7 +365,7 @@ def test_a_stream_learns_the_joints_and_goes_on_where_it_stopped(folder):
     ("log", "more", "said"),
     [
         ("arm.csv", ["--orders", "1,1,1,1"], "to which orders does not apply"),
-        ("arm.csv", ["--joints", "yaw:a,b"], "names no columns for 'pitch'"),
+        ("arm.csv", ["--joints", "yaw:a,b"], "does not name 'pitch'"),
         ("-", [], "give them with --joints"),
     ],
 )

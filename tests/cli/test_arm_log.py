@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from whsklearn.cli.arm_log import common_rows, gains_of, guessed_columns, joint_columns, to_si
+from whsklearn.cli.arm_log import columns_of, common_rows, gains_of, guessed_columns, joint_columns, to_si
+from whsklearn.systems import Arm
 
 JOINTS = ["shoulder", "elbow", "wrist"]
 STYLES = {
@@ -13,13 +14,14 @@ STYLES = {
     "by number from zero": ["actual_q_{k}", "actual_current_{k}"],
     "by number from one": ["q{n}", "tau{n}"],
     "in German": ["winkel_{j}", "strom_{j}"],
+    "by unit": ["{j}_deg", "{j}_mA"],
 }
 
 
 @pytest.mark.parametrize("style", list(STYLES))
 def test_columns_are_found_in_any_order_and_beside_those_that_are_neither(style):
     pairs = {j: tuple(s.format(j=j, k=k, n=k + 1) for s in STYLES[style]) for k, j in enumerate(JOINTS)}
-    names = ["time", *(c for pair in pairs.values() for c in pair), *(f"{j} pos error" for j in JOINTS)]
+    names = ["time", *(c for pair in pairs.values() for c in pair), *(f"{j}{end}" for j in JOINTS for end in (" pos error", "_rpm", "_V"))]
     for seed in range(5):
         shuffled = list(np.random.default_rng(seed).permutation(names))
         assert guessed_columns(JOINTS, shuffled) == pairs
@@ -36,10 +38,26 @@ def test_joints_without_one_column_of_each_kind_are_to_be_named(names):
         guessed_columns(JOINTS, names)
 
 
-@pytest.mark.parametrize("text", ["hip:q1", "hip", ":q1,i1", "hip:q1,i1;hip:q2,i2", "hip:q1,i1;knee:q1,i2"])
+@pytest.mark.parametrize("text", ["hip:q1", "hip:", ":q1,i1", "hip:q1,i1;hip:q2,i2", "hip:q1,i1;knee:q1,i2"])
 def test_a_joint_is_named_once_with_two_columns_of_its_own(text):
     with pytest.raises(ValueError, match="--joints"):
         joint_columns(text)
+
+
+def test_joints_are_named_and_their_columns_found():
+    assert joint_columns("hip; knee:q1,i1;") == {"hip": (), "knee": ("q1", "i1")}
+    arm = Arm.from_dh([(0.3, 0, 0, 0)] * 2, gravity=(0, 0, 0), joints=("hip", "knee"))
+    names = ["t", "hip_pos", "hip_tau", "q1", "i1", "knee_pos", "knee_tau"]
+    assert columns_of({"joints": "knee:q1,i1;hip"}, arm, names) == {"knee": ("q1", "i1"), "hip": ("hip_pos", "hip_tau")}
+    with pytest.raises(ValueError, match="does not name 'hip'"):
+        columns_of({"joints": "knee:q1,i1"}, arm, names)
+
+
+def test_numbered_columns_of_more_joints_than_are_named_are_not_given_to_the_first():
+    numbered = [f"{kind}_{k}" for k in range(3) for kind in ("q", "tau")]
+    assert list(guessed_columns(["hip", "knee"], numbered).values()) == [("q_0", "tau_0"), ("q_1", "tau_1")]
+    with pytest.raises(ValueError, match="--joints"):
+        guessed_columns(["hip", "knee"], numbered, exactly=True)
 
 
 def test_gains_turn_a_current_into_a_torque_whatever_its_prefix():

@@ -9,6 +9,7 @@ import pytest
 
 from tests.lags.test_rigid_body import RATE, smooth_log
 from tests.systems.drawn_arms import drawn_arm
+from whsklearn.cli.arm import document, numbers_table
 from whsklearn.datasets import default_arm, make_arm_log
 from whsklearn.effects import CableSpring, Cogging, Coulomb, InputOffset, LoadFriction, Viscous
 from whsklearn.filtering import motion
@@ -224,3 +225,14 @@ def test_an_exchange_is_told_where_one_drive_is_in_a_unit_of_its_own(seed, pair,
     order[pair] = pair[::-1]
     said = swapped(records_of(lags, q[:, order], u[:, order]))[0]
     assert all(f"the columns of j{i} by those given for j{j}" in said for i, j in (pair, pair[::-1]))
+
+
+def test_numbers_that_act_on_no_drive_of_the_record_are_told():
+    q, torque = make_arm_log(duration=12.0, return_arrays=True)
+    q[:, 0] = q[0, 0]
+    with pytest.warns(UserWarning, match="yaw does not move"):
+        resting = identify_arm(q, torque, dt=0.002, robot=default_arm())
+    assert {"yaw.viscous", "yaw.coulomb", "yaw.input_offset"} <= set(resting.untold)
+    assert not any(name.startswith("pitch.") and name.split(".")[1] in ("mx", "viscous") for name in resting.untold)
+    table = numbers_table(document(resting, stated=True)).splitlines()
+    assert next(line for line in table if line.startswith("yaw.coulomb")).split()[1:3] == ["-", "-"]

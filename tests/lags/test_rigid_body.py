@@ -13,6 +13,7 @@ from tests.systems.drawn_arms import drawn_arm
 from whsklearn import Arm, RigidBodyLags, RLSRegressor
 from whsklearn.effects import Coulomb, GravityImbalance, LoadFriction, Viscous
 from whsklearn.filtering import motion
+from whsklearn.filtering.records import motion_cutoff
 from whsklearn.lags import InverseDynamicsLags
 from whsklearn.lags.rigid_body import axes_of
 from whsklearn.systems.arm import direction_of
@@ -133,6 +134,18 @@ def test_slow_samples_of_a_joint_take_out_its_own_rows_alone():
     second_half = keep[len(keep) // 2 + 10 :]
     assert not second_half[:, 2].any()
     assert second_half[:, 0].mean() > 0.5
+
+
+def test_a_cutoff_leaves_enough_rows_of_fast_joints():
+    rate, step = 100.0, 2 * np.pi / 1024  # a coarse encoder asks for a low cut-off, which widens every reversal
+    q, torque = (x[:: round(RATE / rate)] for x in smooth_log(ARM, 60.0))
+    lags = RigidBodyLags(ARM, sample_rate=rate)
+    keep = lags.joint_rows(np.round(q / step) * step, torque)[2]
+    assert np.median(keep.sum(axis=0)) > 3.5 * len(lags.base_.names) / ARM.n_joints  # four were asked for
+    assert lags.cutoff_ > 1.2 * np.median([motion_cutoff(x, rate) for x in np.round(q / step).T * step])
+    fine = RigidBodyLags(ARM, sample_rate=rate)
+    fine.joint_rows(q, torque)
+    assert fine.cutoff_ == pytest.approx(np.median([motion_cutoff(x, rate) for x in q.T]))  # there are enough
 
 
 def test_friction_along_a_sum_of_joints_is_paid_for_by_both():

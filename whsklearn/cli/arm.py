@@ -214,7 +214,7 @@ def document(found: ArmFit, stated: bool) -> dict[str, Any]:
     ]
     return {
         "recommended": "arm", "models": [], "parameters": parameters, "joints": joints, "model_file": "model.json",
-        "cutoff_hz": found.lags.cutoff_, "unseen": list(found.lags.base_.unseen),
+        "cutoff_hz": found.lags.cutoff_, "unseen": [*found.lags.base_.unseen, *found.untold],
     }  # fmt: skip
 
 
@@ -231,11 +231,16 @@ def joints_table(found: ArmFit) -> str:
 
 
 def numbers_table(told: dict[str, Any]) -> str:
-    """Base numbers with intervals, the file's values, and the number of parameters merged into each."""
+    """Base numbers with intervals, the file's values, and the number of parameters merged into each.
+
+    Numbers that the log says nothing of have neither value nor interval.
+    """
     rows = []
     for p in told["parameters"]:
         value, half, file = p["value"], 1.96 * p["standard_error"], p["nominal"]
-        rows.append([p["name"], f"{value:.4g}", f"{value - half:.4g} to {value + half:.4g}",
+        seen = p["name"] not in told["unseen"]
+        rows.append([p["name"], f"{value:.4g}" if seen else None,
+                     f"{value - half:.4g} to {value + half:.4g}" if seen else None,
                      None if file is None else f"{file:.4g}", p["unit"], len(p["merged"]) or ""])  # fmt: skip
     return table(["number", "value", "95 % interval", "file", "unit", "merged"], rows)
 

@@ -24,6 +24,7 @@ DRIVES = ("current", "currents", "iq", "i", "strom"), (
     "kraft",
 )  # fmt: skip
 POSITIONS = ("enc", "encoder"), ("position", "positions", "pos", "angle", "angles", "theta", "q", "winkel", "lage")
+UNITS = {"position": ("rad", "m", "counts"), "drive": ("Nm", "N", "A")}  # in SI, that tell a column without such a word
 ASKED = {"target", "desired", "des", "d", "reference", "ref", "command", "commanded", "cmd", "setpoint", "goal", "soll"}
 NEITHER = {
     "velocity", "velocities", "vel", "speed", "dot", "acceleration", "acc", "error", "ext", "external", "hat", "limit",
@@ -31,46 +32,59 @@ NEITHER = {
 }  # fmt: skip
 
 
-def joint_columns(text: str) -> dict[str, tuple[str, str]]:
-    """Columns of position and drive by joint, from ``shoulder:q1,i1;elbow:q2,i2``.
+def joint_columns(text: str) -> dict[str, tuple[str, ...]]:
+    """Columns of position and drive by joint, from ``shoulder:q1,i1;elbow:q2,i2``; none for a joint that is only named.
 
-    >>> joint_columns("shoulder:q1,i1;elbow:q2,i2")
-    {'shoulder': ('q1', 'i1'), 'elbow': ('q2', 'i2')}
+    >>> joint_columns("shoulder:q1,i1;elbow")
+    {'shoulder': ('q1', 'i1'), 'elbow': ()}
     """
     out = {}
     for part in filter(None, (p.strip() for p in text.split(";"))):
         name, colon, columns = part.partition(":")
-        pair = [c.strip() for c in columns.split(",")]
-        if not (name.strip() and colon and len(pair) == 2 and all(pair)):
-            raise ColumnError(f"--joints holds {part!r}; expected NAME:POSITION,DRIVE for each joint, separated by ;")
+        pair = tuple(c.strip() for c in columns.split(",")) if colon else ()
+        if not (name.strip() and all(pair) and len(pair) in ((2,) if colon else (0,))):
+            raise ColumnError(
+                f"--joints holds {part!r}; expected NAME:POSITION,DRIVE for each joint, or its NAME, separated by ;"
+            )
         if name.strip() in out:
             raise ColumnError(f"--joints names {name.strip()!r} twice; give each joint once.")
-        out[name.strip()] = (pair[0], pair[1])
+        out[name.strip()] = pair
     if twice := [c for pair in out.values() for c in pair if sum(p.count(c) for p in out.values()) > 1]:
         raise ColumnError(f"--joints gives column {twice[0]!r} twice; give each joint its own position and drive.")
     return out
 
 
-def guessed_columns(joints: Sequence[str], names: Sequence[str]) -> dict[str, tuple[str, str]]:
-    """The same without `--joints`, from columns that contain the joint's name or its number.
+def guessed_columns(
+    joints: Sequence[str], names: Sequence[str], exactly: bool = False
+) -> dict[str, tuple[str, str]]:
+    """The columns of position and drive of joints, from columns that contain the joint's name or its number.
 
-    Raises ColumnError if a joint has not exactly one column of each kind.
+    If the joints are ``exactly`` those that were logged, there are no more numbers than joints: of several columns, the
+    first ones may else be those of other joints.  Raises ColumnError if a joint has not exactly one column of each kind.
 
     >>> guessed_columns(["hip", "knee"], ["t", "actual_q_0", "actual_q_1", "actual_qd_0", "actual_qd_1", "I0", "I1"])
     {'hip': ('actual_q_0', 'I0'), 'knee': ('actual_q_1', 'I1')}
     """
-    kinds = [_one_kind(joints, names, ranks, kind) for ranks, kind in ((POSITIONS, "position"), (DRIVES, "drive"))]
+    kinds = [
+        _one_kind(joints, names, ranks, kind, exactly)
+        for ranks, kind in ((POSITIONS, "position"), (DRIVES, "drive"))
+    ]
     return {joint: (kinds[0][joint], kinds[1][joint]) for joint in joints}
 
 
-def _one_kind(joints: Sequence[str], names: Sequence[str], ranks: Sequence[Sequence[str]], kind: str) -> dict[str, str]:
-    """The column of this kind for every joint, by the most reliable words that every joint has."""
+def _one_kind(
+    joints: Sequence[str], names: Sequence[str], ranks: Sequence[Sequence[str]], kind: str, exactly: bool
+) -> dict[str, str]:
+    """The column of this kind for every joint, by the most reliable words that every joint has, or else by its unit."""
+    from whsklearn.logs.units import factor_of, unit_of
+
     found: dict[tuple[bool, int, bool], dict[str, list[str]]] = {}
     series: dict[tuple[bool, int, tuple[str, ...]], list[tuple[int, str]]] = {}
     for column in names:
         owner = _owner(joints, column)
         words = words_and_numbers(re.sub(_named(owner), " ", column, flags=re.IGNORECASE) if owner else column)
-        rank = max((r for r, known in enumerate(ranks) if set(known) & set(words)), default=None)
+        by_unit = -1 if factor_of(unit_of(column))[1] in UNITS[kind] else None
+        rank = max((r for r, known in enumerate(ranks) if set(known) & set(words)), default=by_unit)
         if rank is None or NEITHER & set(words):
             continue
         measured = not ASKED & set(words)
@@ -82,7 +96,8 @@ def _one_kind(joints: Sequence[str], names: Sequence[str], ranks: Sequence[Seque
             series.setdefault((measured, rank, stem), []).append((int(words[k]), column))
     for (measured, rank, _), numbered in series.items():
         numbers, columns = zip(*sorted(numbered), strict=True)
-        if len(numbers) >= len(joints) and numbers in (tuple(range(len(numbers))), tuple(range(1, len(numbers) + 1))):
+        enough = len(numbers) == len(joints) if exactly else len(numbers) >= len(joints)
+        if enough and numbers in (tuple(range(len(numbers))), tuple(range(1, len(numbers) + 1))):
             for joint, column in zip(joints, columns, strict=False):
                 found.setdefault((measured, rank, False), {}).setdefault(joint, []).append(column)
     count = 0
@@ -143,12 +158,14 @@ def gains_of(text: str) -> dict[str, tuple[float, float]]:
 
 def columns_of(options: Mapping[str, Any], arm: Arm, names: Sequence[str]) -> dict[str, tuple[str, str]]:
     """Columns of position and drive of every joint: those of ``--joints``, or found by their names."""
-    given = joint_columns(options["joints"]) if options.get("joints") else guessed_columns(arm.joints, names)
-    if missing := [j for j in arm.joints if j not in given]:
-        raise ColumnError(
-            f"--joints names no columns for {missing[0]!r}; the robot's joints are {', '.join(arm.joints)}."
-        )
-    return given
+    stated = joint_columns(options["joints"]) if options.get("joints") else dict.fromkeys(arm.joints, ())
+    if missing := [j for j in arm.joints if j not in stated]:
+        raise ColumnError(f"--joints does not name {missing[0]!r}; the robot's joints are {', '.join(arm.joints)}.")
+    taken = {c for pair in stated.values() for c in pair}
+    sought = [j for j in arm.joints if not stated[j]]
+    free = [c for c in names if c not in taken]
+    found = guessed_columns(sought, free, exactly=bool(options.get("joints"))) if sought else {}
+    return found | {j: (pair[0], pair[1]) for j, pair in stated.items() if pair}
 
 
 def checked_gains(options: Mapping[str, Any], arm: Arm) -> dict[str, tuple[float, float]]:
@@ -230,7 +247,7 @@ def read_arm(path: str, options: Mapping[str, Any], arm: Arm) -> Bunch:
         far, by = to_si(joint, bool(slides), log.units["position"], log.units["drive"], gains)
         logs.append((log, far, by))
     first, rows = logs[0][0], common_rows([log.time for log, *_ in logs])
-    if not options.get("joints") and not all(_owner([j], c) for j, pair in given.items() for c in pair):
+    if ":" not in (options.get("joints") or "") and not all(_owner([j], c) for j, pair in given.items() for c in pair):
         note(f"Columns in the robot's order: {'; '.join(f'{j}: {q} and {u}' for j, (q, u) in given.items())}.")
     unknown = [u for j, (_, u) in given.items() if u in unstated and set(DRIVES[0]) & set(words_and_numbers(u))]
     if unknown:

@@ -63,6 +63,8 @@ class ArmFit:
         Of the base numbers.
     ages : dict of str to float
         For each moving joint, the delay between its logged drive and its action (s).
+    untold : tuple of str
+        Numbers that act on no drive in this record, such as the friction of a joint that does not move.
 
     References
     ----------
@@ -85,6 +87,7 @@ class ArmFit:
     nominal: dict[str, float]
     covariance: Array
     ages: dict[str, float]
+    untold: tuple[str, ...] = ()
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")  # two threads take twice the CPU and sum in another order
@@ -141,6 +144,7 @@ def identify_arm(
     theta, covariance = theta[: len(names)], covariance[: len(names), : len(names)]
     errors = dict(zip(names, np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist(), strict=True))
     missing = held_out(aged.phi, rows.target, rows.keep, rows.weights)
+    powers = np.linalg.norm(rows.phi[rows.keep], axis=0)
     size = np.sqrt(np.sum(np.where(rows.keep, rows.target, 0.0) ** 2, axis=0) / np.maximum(rows.keep.sum(axis=0), 1))
     model = ArmModel(
         lags.interpret(theta, covariance), dict(zip(names, theta.tolist(), strict=True)), dt=dt,
@@ -151,6 +155,7 @@ def identify_arm(
     return ArmFit(
         model, lags, dict(zip(joints, missing.tolist(), strict=True)),
         {j: one_axis(rows, k) for k, j in enumerate(joints)}, nominal_numbers(lags), covariance, ages,
+        tuple(name for name, power in zip(names, powers, strict=True) if power <= SAME * powers.max()),
     )  # fmt: skip
 
 

@@ -34,6 +34,8 @@ from whsklearn.systems.base_parameters import BaseParameters, base_parameters
 FINE = 5.0  # the motion passes a filter this many times wider than the columns, so that signs and products stay sharp
 WIDEST = 0.2  # of the sampling rate, for that filter: beyond it the central difference is not a derivative
 ROWS = 10.0  # least number of rows per weight in a record: a lower cut-off would leave fewer
+FAST = 4.0  # the same without slow rows: half of a record, which tells the held-out error, has two for each weight
+HIGHER = 1.25  # from one cut-off to the next, while it leaves fewer
 # Periods of the cut-off omitted at each end.  Without noise, the filter's end causes an error of 12, 3, 0.7 and 0.1 %
 # in successive half periods.
 EDGE = 3
@@ -68,7 +70,8 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         ``"wrist+hand"``; they are then added to the law of that axis only.
     cutoff : float, optional
         Cut-off of the filter on both drives and columns, in Hz; positions pass a filter five times wider.  The default
-        is the median of what the joints' noise allows (`motion_cutoff`), but high enough to leave ten rows per weight.
+        is the median of what the joints' noise allows (`motion_cutoff`), but high enough to leave ten rows per weight,
+        four without the slow ones.
         For streams it is a tenth of the sampling rate, on positions only.
     slow : float, default=0.08
         Share of a joint's rms speed below which its rows are dropped (records only), because near rest friction
@@ -611,10 +614,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
 
     def _seen(self, columns: Array, moved: Motion, target: Array, limits: Array) -> tuple[Any, ...]:
         """Rows of one record, two per period of the cut-off, without the filter's ends; and where joints are fast."""
-        period = max(int(self.sample_rate / self.cutoff_), 1)
-        keep = np.abs(moved.velocity) >= limits
-        if self.slow:
-            keep = minimum_filter1d(keep.astype(np.uint8), period + 1, axis=0).astype(bool)
+        keep = self._fast(moved.velocity, limits, self.cutoff_)
         kept = self.samples_of(len(target))
         flat = columns.reshape(len(columns), -1)
         parts = [self._filtered(flat[:, i : i + AT_ONCE])[kept] for i in range(0, flat.shape[1], AT_ONCE)]
@@ -667,9 +667,32 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         moving = [motion_cutoff(x, self.sample_rate) for x in paths.T if len(x) > 64 and np.ptp(x) > 0.0]
         if not moving:
             return self.cutoff_
-        seconds = length / self.sample_rate
-        fewest = ROWS * len(self.base_.kept) / (2.0 * self.arm_.n_joints * seconds)
-        return float(min(max(float(np.median(moving)), fewest), 0.1 * self.sample_rate))
+        seconds, highest = length / self.sample_rate, 0.1 * self.sample_rate
+        weights = len(self.base_.kept) / self.arm_.n_joints
+        cutoff = min(max(float(np.median(moving)), 0.5 * ROWS * weights / seconds), highest)
+        while cutoff < highest and 2.0 * cutoff * seconds * self._share_of_rows(paths, cutoff) < FAST * weights:
+            cutoff = min(HIGHER * cutoff, highest)
+        return cutoff
+
+    def _share_of_rows(self, paths: Array, cutoff: float) -> float:
+        """The share of a record's rows that count with this cut-off, in the median of the joints that move.
+
+        A lower one leaves fewer for two reasons: it has fewer rows, and widens each reversal by more.
+        """
+        fine, speeds = min(FINE * cutoff, WIDEST * self.sample_rate), []
+        for x in (x for x in paths.T if np.ptp(x) > 0.0):
+            v = motion(x, self.sample_rate, fine).velocity
+            speeds.append(np.abs(v) / max(float(np.sqrt(np.mean(v**2))), 1e-300))
+        keep = self._fast(np.column_stack(speeds), np.full(len(speeds), self.slow), cutoff)
+        return float(np.median(keep.mean(axis=0)))
+
+    def _fast(self, velocity: Array, limits: Array, cutoff: float) -> NDArray[np.bool_]:
+        """Where joints are fast within the filter's length, (n, n_joints)."""
+        keep = np.abs(velocity) >= limits
+        if self.slow:
+            period = max(int(self.sample_rate / cutoff), 1)
+            keep = minimum_filter1d(keep.astype(np.uint8), period + 1, axis=0).astype(bool)
+        return keep
 
     def _drive(self, X: Array, y: ArrayLike | None) -> Array:
         """Drives for the columns that need them: the last columns of X, or y, or zeros if no column needs them."""

@@ -126,6 +126,8 @@ def _compiled(mujoco: Any, source: str | os.PathLike[str]) -> tuple[Any, dict[st
     text = str(source)
     if not text.lstrip().startswith("<"):
         text = Path(source).read_text(encoding="utf-8")
+    if "${" in text or "<xacro:" in text:
+        raise ValueError("it is a xacro, expected a URDF; expand it first: xacro robot.urdf.xacro > robot.urdf.")
     root = ElementTree.fromstring(text)
     if root.tag != "robot":
         spec = mujoco.MjSpec.from_string(text) if text == str(source) else mujoco.MjSpec.from_file(str(source))
