@@ -21,7 +21,8 @@ STYLES = {
 @pytest.mark.parametrize("style", list(STYLES))
 def test_columns_are_found_in_any_order_and_beside_those_that_are_neither(style):
     pairs = {j: tuple(s.format(j=j, k=k, n=k + 1) for s in STYLES[style]) for k, j in enumerate(JOINTS)}
-    names = ["time", *(c for pair in pairs.values() for c in pair), *(f"{j}{end}" for j in JOINTS for end in (" pos error", "_rpm", "_V"))]
+    others = " pos error", "_rpm", "_V"
+    names = ["time", *(c for pair in pairs.values() for c in pair), *(f"{j}{end}" for j in JOINTS for end in others)]
     for seed in range(5):
         shuffled = list(np.random.default_rng(seed).permutation(names))
         assert guessed_columns(JOINTS, shuffled) == pairs

@@ -95,7 +95,7 @@ def test_gravity_may_be_another():
         (urdf(joint("a", "base", "one", "fixed")), "no joint"),
         (BALL, "ball or a free joint"),
         ("<robot><link", "cannot be read"),
-        (urdf('<link name="a"><inertial><mass value="${m}"/></inertial></link>'), "xacro robot.urdf.xacro > robot.urdf"),
+        (urdf('<link name="a"><inertial><mass value="${m}"/></inertial></link>'), "xacro robot.urdf.xacro > robot"),
         ('<mujoco><worldbody><body><joint type="spin"/></body></worldbody></mujoco>', "cannot be read"),
     ],
 )

@@ -24,7 +24,7 @@ DRIVES = ("current", "currents", "iq", "i", "strom"), (
     "kraft",
 )  # fmt: skip
 POSITIONS = ("enc", "encoder"), ("position", "positions", "pos", "angle", "angles", "theta", "q", "winkel", "lage")
-UNITS = {"position": ("rad", "m", "counts"), "drive": ("Nm", "N", "A")}  # in SI, that tell a column without such a word
+UNITS = {"position": ("rad", "m", "counts"), "drive": ("Nm", "N", "A")}  # SI; they tell a column without a word
 ASKED = {"target", "desired", "des", "d", "reference", "ref", "command", "commanded", "cmd", "setpoint", "goal", "soll"}
 NEITHER = {
     "velocity", "velocities", "vel", "speed", "dot", "acceleration", "acc", "error", "ext", "external", "hat", "limit",
@@ -33,7 +33,7 @@ NEITHER = {
 
 
 def joint_columns(text: str) -> dict[str, tuple[str, ...]]:
-    """Columns of position and drive by joint, from ``shoulder:q1,i1;elbow:q2,i2``; none for a joint that is only named.
+    """Columns of position and drive by joint, from ``hip:q1,i1;knee:q2,i2``; none for one that is only named.
 
     >>> joint_columns("shoulder:q1,i1;elbow")
     {'shoulder': ('q1', 'i1'), 'elbow': ()}
@@ -54,9 +54,7 @@ def joint_columns(text: str) -> dict[str, tuple[str, ...]]:
     return out
 
 
-def guessed_columns(
-    joints: Sequence[str], names: Sequence[str], exactly: bool = False
-) -> dict[str, tuple[str, str]]:
+def guessed_columns(joints: Sequence[str], names: Sequence[str], exactly: bool = False) -> dict[str, tuple[str, str]]:
     """The columns of position and drive of joints, from columns that contain the joint's name or its number.
 
     If the joints are ``exactly`` those that were logged, there are no more numbers than joints: of several columns, the
@@ -66,8 +64,7 @@ def guessed_columns(
     {'hip': ('actual_q_0', 'I0'), 'knee': ('actual_q_1', 'I1')}
     """
     kinds = [
-        _one_kind(joints, names, ranks, kind, exactly)
-        for ranks, kind in ((POSITIONS, "position"), (DRIVES, "drive"))
+        _one_kind(joints, names, ranks, kind, exactly) for ranks, kind in ((POSITIONS, "position"), (DRIVES, "drive"))
     ]
     return {joint: (kinds[0][joint], kinds[1][joint]) for joint in joints}
 

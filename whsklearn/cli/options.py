@@ -82,7 +82,10 @@ system_options = _together(
 )
 # The columns of each joint of an arm.
 joint_options = _together(
-    click.option("--joints", help='Joints of an arm and their columns: "NAME:POSITION,DRIVE;..."; columns are found for a NAME alone, joints if omitted.'),
+    click.option(
+        "--joints",
+        help='Joints of an arm and their columns: "NAME:POSITION,DRIVE;..."; found if omitted, or for a NAME alone.',
+    ),
     click.option("--gains", help='Torque constants of an arm: "NAME:NM_PER_AMPERE+-ERROR;...", for drives in amperes.'),
 )
 robot_options = _together(
