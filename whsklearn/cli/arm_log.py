@@ -58,7 +58,7 @@ def guessed_columns(joints: Sequence[str], names: Sequence[str], exactly: bool =
     """The columns of position and drive of joints, from columns that contain the joint's name or its number.
 
     If the joints are ``exactly`` those that were logged, there are no more numbers than joints: of several columns, the
-    first ones may else be those of other joints.  Raises ColumnError if a joint has not exactly one column of each kind.
+    first may be those of others.  Raises ColumnError if a joint has not exactly one column of each kind.
 
     >>> guessed_columns(["hip", "knee"], ["t", "actual_q_0", "actual_q_1", "actual_qd_0", "actual_qd_1", "I0", "I1"])
     {'hip': ('actual_q_0', 'I0'), 'knee': ('actual_q_1', 'I1')}
