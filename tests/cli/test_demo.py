@@ -1,4 +1,4 @@
-"""The demonstration: two commands in a row, beside the first of which a log is written for the second."""
+"""The demonstration: two commands in a row, and a log that is written for the second."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_a_log_that_could_not_be_written_is_told_before_it_is_looked_for(called,
     assert [name for name, _ in called] == ["simulated_example"]
 
 
-def test_where_the_first_part_fails_no_log_is_waited_for(called, monkeypatch, tmp_path):
+def test_where_the_first_part_fails_no_log_is_written(called, monkeypatch, tmp_path):
     monkeypatch.setattr(simulated_example, "main", click.command()(lambda **_: (_ for _ in ()).throw(click.Abort())))
     done = CliRunner().invoke(demo.main, ["--out", str(tmp_path)])
     assert done.exit_code == 1

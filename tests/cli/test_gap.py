@@ -101,8 +101,8 @@ def test_a_log_that_cannot_be_read_is_a_data_problem_with_a_report(tmp_path):
     assert "empty.csv is empty" in done.output
     data = json.loads((tmp_path / "r" / "gap.json").read_text(encoding="utf-8"))
     assert data["verdict"] == "data_problem"
-    assert (tmp_path / "r" / "gap.html").read_text(encoding="utf-8").count(data["sentence"]) == 1
-    assert "is empty" in data["sentence"]
+    assert "is empty" in data["next_experiment"]
+    assert (tmp_path / "r" / "gap.html").read_text(encoding="utf-8").count("is empty") == 1
 
 
 def test_a_report_folder_that_cannot_be_written_is_told_before_the_work(log, tmp_path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 
 import numpy as np
 import pandas as pd
@@ -15,22 +16,56 @@ from whsklearn.cli.identify import main
 from whsklearn.models import load_model
 
 
-def test_a_linear_log_gives_a_linear_model_its_numbers_and_a_page(tmp_path):
-    u = np.random.default_rng(0).normal(size=110)
-    y = lfilter([0.0, 0.5, 0.2], [1.0, -1.2, 0.5], u) + 0.01 * np.random.default_rng(1).normal(size=110)
-    pd.DataFrame({"u": u, "y": y}).to_csv(tmp_path / "log.csv", index=False)
-    arguments = [tmp_path / "log.csv", "--input", "u", "--output", "y", "--no-track", "--out", tmp_path / "out"]
-    done = CliRunner().invoke(main, [str(a) for a in arguments])
+@pytest.fixture(scope="module")
+def recorded(migrated_database, tmp_path_factory):
+    """A linear log identified with tracking on: its input and output, what was printed, and the folder of both."""
+    folder = tmp_path_factory.mktemp("identify")
+    (folder / "mlruns").mkdir()
+    store = f"sqlite:///{shutil.copy(migrated_database, folder / 'mlruns' / 'mlflow.db')}"
+    u = np.random.default_rng(0).normal(size=150)
+    y = lfilter([0.0, 0.5, 0.2], [1.0, -1.2, 0.5], u) + 0.01 * np.random.default_rng(1).normal(size=150)
+    pd.DataFrame({"u": u, "y": y}).to_csv(folder / "log.csv", index=False)
+    arguments = [folder / "log.csv", "--input", "u", "--output", "y", "--out", folder / "out"]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("MLFLOW_TRACKING_URI", store)
+        done = CliRunner().invoke(main, [str(a) for a in arguments])
     assert done.exit_code == 0, done.output
-    found = json.loads((tmp_path / "out" / "identify.json").read_text())
+    return u, y, done.output, folder, store
+
+
+def test_a_linear_log_gives_a_linear_model_its_numbers_and_a_page(recorded):
+    u, y, said, folder, _ = recorded
+    found = json.loads((folder / "out" / "identify.json").read_text())
     assert found["recommended"] in ("arx", "output_error")
     assert {m["kind"] for m in found["models"]} >= {"arx", "output_error"}
     numbers = {p["name"]: (p["value"], p["standard_error"]) for p in found["parameters"]}
     for name, truth in (("b1", 0.5), ("f1", -1.2)):
         assert abs(numbers[name][0] - truth) < 4 * numbers[name][1] < 0.1
-    model = load_model(tmp_path / "out" / "model.json")
+    model = load_model(folder / "out" / "model.json")
     assert np.std(model.simulate(u) - y) < 0.02
-    assert "b1" in done.output
+    assert "b1" in said
+
+
+def test_a_child_run_a_structure_and_the_model_itself_are_recorded(recorded, monkeypatch):
+    import mlflow
+
+    u, _, said, folder, store = recorded
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", store)
+    assert "experiment identify: sqlite:///" in said
+    client = mlflow.MlflowClient(store)
+    runs = client.search_runs([client.get_experiment_by_name("identify").experiment_id])
+    (parent,) = [r for r in runs if "mlflow.parentRunId" not in r.data.tags]
+    found = json.loads((folder / "out" / "identify.json").read_text())
+    children = {r.info.run_name: r for r in runs if r is not parent}
+    assert set(children) == {m["name"] for m in found["models"]}
+    for m in found["models"]:
+        assert children[m["name"]].data.metrics["nmse"] == pytest.approx(m["test"]["nmse"])
+    assert children[found["recommended_name"]].data.metrics["nmse"] == parent.data.metrics["nmse"]
+    kept = {a.path for a in client.list_artifacts(parent.info.run_id)}
+    assert kept >= {"identify.html", "identify.json", "model.json"}
+    (model,) = client.search_logged_models([parent.info.experiment_id])
+    served = mlflow.pyfunc.load_model(model.model_uri)
+    np.testing.assert_allclose(served.predict(u[:, None]), load_model(folder / "out" / "model.json").simulate(u))
 
 
 def test_a_log_with_a_hole_is_used_on_both_sides_of_it(tmp_path):
@@ -84,32 +119,6 @@ def test_all_segments_of_a_test_log_are_judged(tmp_path):
         errors.append(chosen["test"]["rmse"])
     assert errors[0] < 0.015  # the noise: no run goes on across the hole
     assert errors[1] > 0.1
-
-
-def test_a_child_run_a_structure_and_the_model_itself_are_recorded(tmp_path, mlflow_root):
-    import mlflow
-
-    u = np.random.default_rng(0).normal(size=150)
-    y = lfilter([0.0, 0.5, 0.2], [1.0, -1.2, 0.5], u) + 0.01 * np.random.default_rng(1).normal(size=150)
-    pd.DataFrame({"u": u, "y": y}).to_csv(tmp_path / "log.csv", index=False)
-    arguments = [tmp_path / "log.csv", "--input", "u", "--output", "y", "--out", tmp_path / "out"]
-    done = CliRunner().invoke(main, [str(a) for a in arguments])
-    assert done.exit_code == 0, done.output
-    assert "experiment identify: sqlite:///" in done.output
-    client = mlflow.MlflowClient()
-    runs = client.search_runs([client.get_experiment_by_name("identify").experiment_id])
-    (parent,) = [r for r in runs if "mlflow.parentRunId" not in r.data.tags]
-    found = json.loads((tmp_path / "out" / "identify.json").read_text())
-    children = {r.info.run_name: r for r in runs if r is not parent}
-    assert set(children) == {m["name"] for m in found["models"]}
-    for m in found["models"]:
-        assert children[m["name"]].data.metrics["nmse"] == pytest.approx(m["test"]["nmse"])
-    assert children[found["recommended_name"]].data.metrics["nmse"] == parent.data.metrics["nmse"]
-    kept = {a.path for a in client.list_artifacts(parent.info.run_id)}
-    assert kept >= {"identify.html", "identify.json", "model.json"}
-    (model,) = client.search_logged_models([parent.info.experiment_id])
-    served = mlflow.pyfunc.load_model(model.model_uri)
-    np.testing.assert_allclose(served.predict(u[:, None]), load_model(tmp_path / "out" / "model.json").simulate(u))
 
 
 def linear_log(seed, n=160, step=0.01):

@@ -57,10 +57,11 @@ def test_what_changes_the_path_or_the_reading_closes_the_gap_in_simulation(name)
     assert finder.diagnosis_.closure > 0.8
 
 
-def test_a_reading_in_degrees_is_taken_as_such(cogging):
+def test_a_reading_in_degrees_is_taken_as_such_and_the_reference_may_be_left_out(cogging):
     case, finder = cogging
     frame = case.frame.assign(position_deg=np.rad2deg(case.frame["position_rad"]))
-    again = GapFinder("servo").fit(frame, **{**COLUMNS, "position": "position_deg"})
+    again = GapFinder("servo").fit(frame, **{**COLUMNS, "position": "position_deg", "reference": None})
+    assert again.verdict_ == finder.verdict_
     assert again.effects_[0].effect.labelled()["order"] == pytest.approx(finder.effects_[0].effect.order, rel=1e-6)
 
 
@@ -147,12 +148,6 @@ def test_an_interruption_keeps_what_is_finished():
     finder = GapFinder("servo", on_round=stop).fit(case.frame, **COLUMNS)
     assert finder.diagnosis_.interrupted
     assert [e.name for e in finder.effects_] == ["cogging"]
-
-
-def test_reference_may_be_left_out(cogging):
-    case, finder = cogging
-    columns = {**COLUMNS, "reference": None}
-    assert GapFinder("servo").fit(case.frame, **columns).verdict_ == finder.verdict_
 
 
 @pytest.mark.parametrize(

@@ -177,7 +177,9 @@ def compile_once(candidates: Sequence[ComparedModel], train: ComparedRecord) -> 
         warnings.simplefilter("ignore")  # a few samples are not enough to judge by
         for candidate in bar:
             with contextlib.suppress(ValueError):
-                few = clone(candidate.model).fit(train.X[:WARM_UP], train.y[:WARM_UP])
+                few = clone(candidate.model)
+                few.set_params(**{k: 2 for k in few.get_params(deep=False) if k == "n_starts"})  # the same kernels
+                few.fit(train.X[:WARM_UP], train.y[:WARM_UP])
                 few.predict(train.X[:WARM_UP])
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import click
@@ -23,25 +21,12 @@ def main(seed: int, track: bool, out: str) -> None:
 
     ctx, folder = click.get_current_context(), writable_folder(out)
     log, report = str(folder / "hidden.csv"), str(folder / "gap")
-    # The log is written in parallel with the first part: on a new machine both begin by compiling for ten seconds or
-    # more, and what one process compiles the others load.
-    program = f"from {__name__} import hidden_effect; hidden_effect()"
-    with subprocess.Popen(
-        [sys.executable, "-c", program, "--seed", str(seed), "--out", log],
-        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-    ) as writing:  # fmt: skip
-        lost = None
-        try:
-            ctx.invoke(simulated_example.main, seed=seed, track=track)
-        except RecordLost as error:  # the second part still has a report to write, recorded or not
-            lost, track = error, False
-        except BaseException:
-            writing.kill()  # its log is no longer needed
-            raise
-        said = writing.communicate()[0].strip().splitlines()
-    if writing.returncode:
-        raise click.ClickException(said[-1] if said else f"no log was written to {log}")
-    click.echo(said[-1])
+    lost = None
+    try:
+        ctx.invoke(simulated_example.main, seed=seed, track=track)
+    except RecordLost as error:  # the second part still has a report to write, recorded or not
+        lost, track = error, False
+    ctx.invoke(hidden_effect, seed=seed, out=log)
     ctx.invoke(gap.main, log_file=log, report=report, seed=seed, track=track)
     click.echo(f"Open {Path(report, 'gap.html')}; whsklearn --help lists the commands.")
     if lost is not None:

@@ -179,5 +179,5 @@ def data_problem(problems: list[Any]) -> Diagnosis:
     fatal = [p for p in problems if p.fatal]
     return Diagnosis(
         "data_problem", " ".join(f"{p.title}: {p.explanation}" for p in fatal), problems=problems,
-        next_experiment="Repair the log, or record it again.",
+        next_experiment="Repair the log first: " + fatal[0].explanation,
     )  # fmt: skip
