@@ -9,7 +9,7 @@ import pytest
 from tests.logs.rig import NAMES, RATE, columns
 from tests.logs.rig import columns as table
 from whsklearn.logs import LogWarning, load_log
-from whsklearn.logs.timebase import to_seconds
+from whsklearn.logs.timebase import even, to_seconds
 
 
 def test_a_hole_cuts_the_log_into_segments(load):
@@ -228,3 +228,33 @@ def test_a_fraction_behind_a_third_colon_is_a_fraction_of_the_second(digits):
     stamps = np.array([f"14:02:07:{k * 10 ** (digits - 2):0{digits}d}" for k in (0, 1, 25)])
     seconds, _ = to_seconds(stamps, "s", "Time")
     np.testing.assert_allclose(seconds, [0.0, 0.01, 0.25], atol=1e-9)
+
+
+def jittered(count, jitter, seed, samples):
+    """Stamps, and the position of a fast sweep at them (`samples`) or at the even times that they should have had."""
+    rng = np.random.default_rng(seed)
+    times = np.arange(3000) / RATE
+    stamps = times + jitter / RATE * rng.uniform(-0.5, 0.5, times.size)
+    at = stamps if samples else times
+    position = 5 * np.sin(6 * at) + 2 * np.sin(15 * at + 1)
+    return stamps, times, np.round(position / count) * count
+
+
+@pytest.mark.parametrize("jitter", [0.03, 0.1, 0.3])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_stamps_that_jitter_more_than_the_samples_are_replaced_by_rows(jitter, seed):
+    stamps, times, position = jittered(1e-4, jitter, seed, samples=False)
+    done = even(stamps, {"position": position, "drive": np.cos(times)}, np.zeros(3000, dtype=np.int64))
+    assert np.array_equal(done.signals["position"], position)
+    assert np.ptp(done.time - times) < 5 * jitter / RATE / np.sqrt(3000)  # the error of a line's slope
+    assert "smoother by rows" in done.finding.explanation
+
+
+@pytest.mark.parametrize("jitter", [0.03, 0.1, 0.3])
+@pytest.mark.parametrize("count", [1e-4, 0.01, 0.3])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_samples_that_jitter_keep_their_stamps(jitter, count, seed):
+    """Also where the steps of the encoder drown the jitter."""
+    stamps, _, position = jittered(count, jitter, seed, samples=True)
+    done = even(stamps, {"position": position, "drive": np.cos(stamps)}, np.zeros(3000, dtype=np.int64))
+    assert "Onto an even grid" in done.finding.explanation
