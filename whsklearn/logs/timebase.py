@@ -401,8 +401,9 @@ def even(time: Array, signals: dict[str, Array], segment: NDArray[np.int64]) -> 
     """Signals with one sample per period in each segment; unchanged if the stamps are even.
 
     Stamps within one tick of an even line were rounded by the logger while the samples were not, and stamps on which
-    the motion is rougher than by rows jitter more than the samples; these stamps are replaced. Otherwise motions are interpolated by cubic splines and other signals linearly: linear interpolation of a
-    motion is off by h^2 a / 8, at 100 Hz more than an encoder's noise, and its acceleration is a train of pulses.
+    the motion is rougher than by rows jitter more than the samples; these stamps are replaced. Otherwise motions are
+    interpolated by cubic splines and other signals linearly: linear interpolation of a motion is off by h^2 a / 8, at
+    100 Hz more than an encoder's noise, and its acceleration is a train of pulses.
 
     ``time`` (n,): increasing stamps in s. ``signals``: by role. ``segment`` (n,): number of the segment of each
     row.
