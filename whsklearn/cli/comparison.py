@@ -178,7 +178,8 @@ def compile_once(candidates: Sequence[ComparedModel], train: ComparedRecord) -> 
         for candidate in bar:
             with contextlib.suppress(ValueError):
                 few = clone(candidate.model)
-                few.set_params(**{k: 2 for k in few.get_params(deep=False) if k == "n_starts"})  # the same kernels
+                if "n_starts" in few.get_params(deep=False):
+                    few.set_params(n_starts=2)  # they need the same kernels as 32
                 few.fit(train.X[:WARM_UP], train.y[:WARM_UP])
                 few.predict(train.X[:WARM_UP])
 
