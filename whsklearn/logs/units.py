@@ -47,12 +47,13 @@ _KNOWN: dict[str, tuple[float, str, tuple[str, ...]]] = {
     "V": (1.0, "V", ("volt", "volts")), "mV": (1e-3, "V", ()),
     "A": (1.0, "A", ("amp", "amps", "ampere", "amperes", "安", "а")), "mA": (1e-3, "A", ()),
     "rpm": (math.pi / 30, "rad/s", ("turns/min", "1/min", "u/min", "min1", "转/分", "об/мин")),
-    "%": (1.0, "%", ("percent",)),
+    "%": (1.0, "%", ("percent",)), "permille": (0.1, "%", ("‰", "promille", "permil")),
 }  # fmt: skip
 # Motion per second. A ratio of other units is another quantity: its unit is not known.
 _MOTIONS = ("rad", "m", "counts")
 _KNOWN |= {f"{u}/s": (by, f"{si}/s", ()) for u, (by, si, _) in list(_KNOWN.items()) if si in _MOTIONS}
-_KNOWN["turns/s"] = (*_KNOWN["turns/s"][:2], ("rps",))
+for _rate, _short in (("turns/s", "rps"), ("m/s", "mps"), ("deg/s", "dps")):
+    _KNOWN[_rate] = (*_KNOWN[_rate][:2], (_short,))
 _PER_TURN = re.compile(r"(?:counts|ticks)/(\d+\.?\d*(?:e\+?\d+)?)")
 _MULTIPLE = re.compile(r"(\d*\.?\d+(?:e[+-]?\d+)?)\s*[·*]?\s*([^\d\s./].*)", re.IGNORECASE)
 _NANOMETRE = (1e-9, "m")  # "nm" for a position; for a drive, "nm" in column names means Nm
