@@ -52,3 +52,10 @@ def test_twenty_samples_a_second_are_enough_whatever_the_last_digit_of_the_stamp
     t = 84211.3 + np.arange(2000) / rate
     found = check_servo(ServoRecord(t, np.sin(t) + 0.1 * np.sin(7 * t), np.sin(t)))
     assert ("data-time-unit" in [p.code for p in found]) == slow
+
+
+def test_a_slow_log_is_told_to_log_faster_and_not_asked_for_a_unit():
+    """Whether the unit of the time was read or assumed is known to the reader alone: `whsklearn.logs.slips` asks."""
+    t = np.arange(400) / 10.0
+    (found,) = check_servo(ServoRecord(t, np.sin(t) + 0.1 * np.sin(7 * t), np.sin(t)))
+    assert found.explanation.endswith("at least 20 a second. Log faster.")

@@ -53,6 +53,17 @@ def test_a_horizon_has_the_digits_of_a_reader_not_of_the_clock():
     assert "0.1000000" not in page
 
 
+def test_a_repair_that_is_no_better_than_no_model_has_closed_nothing_and_says_so():
+    row = {"horizon": 1.4, "before": 579.0, "after": 23.5, "floor": 23.5, "closure": 0.0}
+    assert "0 %, no better than no model<" in render(dataclasses.replace(FOUND, horizons=[row]))
+    assert "no better than no model" not in render(dataclasses.replace(FOUND, horizons=[row | {"closure": 0.9}]))
+
+
+def test_a_page_that_names_nothing_does_not_explain_a_name():
+    assert "is not proof of a mechanism" in render(FOUND)
+    assert "is not proof" not in render(Diagnosis("no_gap", "Nothing is missing."))
+
+
 def test_nothing_of_an_earlier_model_stays(tmp_path):
     write_report(FOUND, tmp_path, ServoAxis())
     write_report(FOUND, tmp_path, Xml())

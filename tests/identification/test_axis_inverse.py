@@ -32,8 +32,15 @@ def test_a_fit_that_has_lost_its_inertia_is_no_axis():
 
 
 def test_a_drive_that_works_the_other_way_is_no_axis():
-    with pytest.raises(ValueError, match="not a rigid axis"):
+    with pytest.raises(ValueError, match=r"not a rigid axis; with the sign of the drive inverted .*--invert-drive"):
         inverse_starts(view(-U, VELOCITY, 0.005, "velocity"), RIGID)
+
+
+def test_a_drive_that_explains_no_motion_either_way_is_not_called_inverted():
+    other = np.random.default_rng(0).permutation(U)
+    with pytest.raises(ValueError, match="not a rigid axis") as found:
+        inverse_starts(view(other, VELOCITY - VELOCITY.mean(), 0.005, "velocity"), RIGID)
+    assert "inverted" not in str(found.value)
 
 
 def test_the_direction_is_judged_with_gravity_in():

@@ -51,3 +51,13 @@ def test_a_velocity_that_was_summed_up_turns_for_as_long_as_it_likes():
     spun = {"y": 10.0 * np.sin(good.time) + 3.0 * good.y}
     assert "position=deg" in slips_in(log(**spun))[0].option
     assert slips_in(log(**spun, columns={"velocity": "omega", "drive": "u"})) == []
+
+
+def test_milliseconds_are_asked_about_from_a_twentieth_of_a_second_on_unless_the_column_states_its_unit():
+    """10 kHz in ms without a unit is a sample every 0.1 s; a column named time_ms was read by its name."""
+    good = log()
+    slow = {"time": 0.1 * np.arange(good.time.size)}
+    assert "time=ms" in slips_in(log(**slow, columns={"time": "t"}))[0].option
+    assert slips_in(log(**slow, columns={"time": "time_ms"})) == []
+    much = {"time": 0.25 * np.arange(good.time.size)}  # what is called s may still be ms
+    assert "time=ms" in slips_in(log(**much, columns={"time": "time_s"}))[0].option

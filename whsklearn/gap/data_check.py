@@ -107,10 +107,7 @@ def _shape_problems(r: ServoRecord) -> list[DataProblem]:
         text = f"More than 1 % of the steps differ by half from the typical {1e3 * typical:.3g} ms; resample evenly."
         return [DataProblem("data-uneven-time", "Uneven sampling", text)]
     if typical > SLOWEST:
-        text = (
-            f"One sample every {typical:.3g} s; an axis needs at least 20 a second. Log faster, or state the unit of "
-            "the time if it was misread."
-        )
+        text = f"One sample every {typical:.3g} s; an axis needs at least 20 a second. Log faster."
         return [DataProblem("data-time-unit", "Sampling too slow", text)]
     return []
 

@@ -33,7 +33,7 @@ SILENCE = {
     "the axis moves too little or too uniformly.",
     "ambiguous": "Two or more effects explain this record about equally well. The next experiment would distinguish "
     "them.",
-    "partial": "The effects that were added explain only a part of the gap. Something else is missing too.",
+    "partial": "The effects that were added do not explain all of the gap. Something else is missing too.",
 }
 LEAST_AGE = 1e-6  # samples; where the drive is not old, its fitted age ends at the bound of the fit, near 1e-9
 NO_PICTURES = (

@@ -23,6 +23,8 @@ SLOW = 0.02  # of the rms velocity: below it the direction is uncertain, and wit
 WORSE, ALIKE = 2.0, 0.05
 # Share of the rms drive that must go into acceleration; below it the sign of the inertia is arbitrary
 LEAST_INERTIA = 1e-3
+# Largest residual of an axis driven the other way, as a share of the drive's standard deviation: as `drive_lead.KNOWN`.
+TURNED = 0.35
 # A speed whose deviation is less than this share of its mean shows the sum of friction and offset, not the inertia.
 # Starts then have these times (s) in which friction would stop the axis.
 EVEN, STOPS_IN = 0.05, (0.03, 0.3, 3.0, 30.0)
@@ -164,4 +166,11 @@ def _backwards(log: View, form: AxisForm) -> str:
             columns, drive = balance(log, width, AxisForm(hangs=True))
             if drive.size >= FEWEST and _accelerates(solved(columns, drive), columns, drive):
                 return "Without gravity no inertia fits: see the axis with gravity."
-    return "The drive does not accelerate the output in its own direction, so this is not a rigid axis."
+    text = "The drive does not accelerate the output in its own direction, so this is not a rigid axis"
+    for width in WIDTHS:
+        columns, drive = balance(log, width, form)
+        if drive.size >= FEWEST:
+            theta = solved(columns, -drive)
+            if _accelerates(theta, columns, drive) and rms(drive + columns @ theta) < TURNED * np.std(drive):
+                return f"{text}; with the sign of the drive inverted it is (--invert-drive)."
+    return f"{text}."

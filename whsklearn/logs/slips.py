@@ -12,9 +12,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from whsklearn.logs.findings import Array
+from whsklearn.logs.timebase import SLOWEST
+from whsklearn.logs.units import unit_of
 
 MOST_ROWS = 50_000  # a mistake is in every row; more rows only take time
-SLOW = 0.2  # s; no axis is logged at five times a second, but ms taken as s look like that
+SLOW = 0.2  # s; no axis is logged at five times a second, but ms called s look like that
 FAST = 2e-6  # s; no logger is faster, but s taken as ms look like that
 SURE = 0.15  # correlation of drive and velocity; below minus this the axis would deliver power
 EXPLAINED = 0.3  # share of the drive's residual that the sign of the column explains if it is a velocity
@@ -61,7 +63,8 @@ def slips_in(log: Any) -> list[Slip]:
     >>> [s.option for s in slips_in(log)]
     ['--invert-drive']
     """
-    found = time_slips(log.time, log.units.get("time", "s"))
+    stated = bool(unit_of(log.get("columns", {}).get("time", ""), ""))
+    found = time_slips(log.time, log.units.get("time", "s"), SLOW if stated else SLOWEST)
     n = min(log.y.size, MOST_ROWS)
     unit = log.units.get("position", "")
     if "velocity" not in log.get("columns", ()):  # an integrated velocity grows for as long as the axis turns
@@ -71,12 +74,12 @@ def slips_in(log: Any) -> list[Slip]:
     return found
 
 
-def time_slips(time: Array, unit: str) -> list[Slip]:
-    """Milliseconds taken for seconds, or vice versa."""
+def time_slips(time: Array, unit: str, slow: float = SLOW) -> list[Slip]:
+    """Milliseconds taken for seconds, or vice versa; of samples at most ``slow`` (s) apart none are taken for ms."""
     period = float(np.median(np.diff(time[:MOST_ROWS])))
     if unit == "samples":
         return []
-    if period >= SLOW:
+    if period > slow:
         text = f"There is one sample every {period:.4g} s: time looks like ms or a count of samples, not s."
         return [Slip(text, "--unit time=ms, or --rate HZ in place of --time")]
     if period <= FAST and unit == "s":
