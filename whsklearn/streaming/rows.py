@@ -19,6 +19,7 @@ from typing import BinaryIO
 
 from whsklearn.logs.cells import is_word
 from whsklearn.logs.errors import ColumnError, LogError
+from whsklearn.logs.packed import is_packed
 from whsklearn.logs.text import legacy_encoding
 from whsklearn.logs.timebase import ZONE
 from whsklearn.logs.units import seconds_of, unit_of
@@ -157,7 +158,7 @@ class CsvParser:
     """
 
     def __init__(self, header: bytes, columns: Sequence[str], timed: bool = False):
-        if b"\0" in header:
+        if b"\0" in header or is_packed(header):
             raise LogError(
                 f"The first line, {_short(header)!r}, is not text in UTF-8, which a stream reads as it is written; "
                 "export the log as CSV in UTF-8. identify and gap read other encodings and formats."
@@ -166,6 +167,11 @@ class CsvParser:
         if text.startswith("{"):
             raise LogError("The file holds JSON lines, which a stream reads from stdin: whsklearn stream - < FILE.")
         self.delimiter = max(",;\t", key=text.count)
+        if text.count('"') % 2:
+            raise LogError(
+                f"The first line, {text[:80]!r}, ends within a quoted name, and a stream reads names from one line; put "
+                "them on one line. identify and gap read such a header."
+            )
         names = [name.strip().strip('"') for name in text.split(self.delimiter)]
         for name in columns:
             if names.count(name) != 1:
