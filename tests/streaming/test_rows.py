@@ -69,7 +69,9 @@ def test_a_time_may_be_dates_and_no_other_column(header, per_second):
         parse(b"1.5,2026-03-29")
 
 
-@pytest.mark.parametrize("header", ["t;u".encode("utf-16"), "t;u".encode("utf-16-le"), b"MATLAB 5.0\0\0", b"\x1f\x8b\x08t;u"])
+@pytest.mark.parametrize(
+    "header", ["t;u".encode("utf-16"), "t;u".encode("utf-16-le"), b"MATLAB 5.0\0\0", b"\x1f\x8b\x08t;u"]
+)
 def test_a_file_that_is_no_text_is_refused_with_what_to_do(header):
     with pytest.raises(LogError, match="export the log as CSV in UTF-8"):
         CsvParser(header, ["t", "u"])

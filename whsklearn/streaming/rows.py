@@ -169,8 +169,8 @@ class CsvParser:
         self.delimiter = max(",;\t", key=text.count)
         if text.count('"') % 2:
             raise LogError(
-                f"The first line, {text[:80]!r}, ends within a quoted name, and a stream reads names from one line; put "
-                "them on one line. identify and gap read such a header."
+                f"The first line, {text[:80]!r}, ends within a quoted name, and a stream reads names from one line; "
+                "put them on one line. identify and gap read such a header."
             )
         names = [name.strip().strip('"') for name in text.split(self.delimiter)]
         for name in columns:
