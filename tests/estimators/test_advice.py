@@ -53,7 +53,28 @@ def test_nothing_is_said_where_the_model_can_have_the_constant_or_the_input_stan
     assert _advice.of_a_constant(LAW, X, y + 2.0) is not None
     with warnings.catch_warnings():
         warnings.simplefilter("error")
+        PEMRegressor(WienerHammersteinLags(law="linear,offset"), criterion="simulation", n_starts=1).fit(X, y + 2.0)
+    with pytest.warns(UserWarning, match="subtract it"):  # its free run would lack the constant
         PEMRegressor(WienerHammersteinLags(law="linear"), criterion="simulation", n_starts=1).fit(X, y + 2.0)
+
+
+@pytest.mark.parametrize(
+    "model",
+    [
+        RMILSRegressor(WienerHammersteinLags(law="polynomial"), random_state=0),
+        PEMRegressor(WienerHammersteinLags(), n_starts=1, random_state=0),
+        PEMRegressor(criterion="simulation"),
+    ],
+)
+def test_a_free_run_that_leaves_more_than_it_explains_is_told(model):
+    rng = np.random.default_rng(0)
+    u, noise = rng.standard_normal((2, 1000))
+    y = 0.3 * lfilter([0.0, 0.0, 1.0], [1.0, -0.5], u) + lfilter([1.0], [1.0, -0.5], noise)
+    with pytest.warns(UserWarning, match=r"free run of this fit leaves [89]\d.* of the variance of its own record"):
+        model.fit(u[:, None], y)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        clone(model).fit(u[:, None], y - 0.95 * lfilter([1.0], [1.0, -0.5], noise))
 
 
 def test_what_is_advised_helps(record):

@@ -10,6 +10,7 @@ from sklearn.base import clone
 from whsklearn import MILSRegressor, RLSRegressor, RMILSRegressor, WienerHammersteinLags
 from whsklearn.checks import state_difference
 from whsklearn.datasets import make_wiener_hammerstein
+from whsklearn.metrics import nmse
 
 # a record of a dynamic system stands in for rows here
 pytestmark = pytest.mark.filterwarnings("ignore:X has one column")
@@ -151,3 +152,32 @@ def test_a_fit_does_not_end_with_the_resonance_of_l2_in_l1():
     model = RMILSRegressor(WienerHammersteinLags(2, 2, 2, 2, law="viscous,coulomb"), random_state=0)
     model.fit(u, clean + scale * noise)
     assert model.innovation_variance_ < 1.3 * scale**2
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_stream_of_a_law_in_x_reads_as_well_as_its_fit(seed):
+    """No sign is in doubt, so no posterior corrects what strays between two re-runs."""
+    rng = np.random.default_rng(seed)
+    first = np.real(np.poly([0.98, 0.6, 0.8 * np.exp(0.9j), 0.8 * np.exp(-0.9j)]))
+    u = rng.standard_normal((3000, 1))
+    x = lfilter(np.r_[0.0, 1.0, rng.uniform(-0.9, 0.9, 3)], first, u[:, 0])
+    z = x / x.std()
+    clean = lfilter([0.0, 1.0, 0.4], [1.0, -0.8], z - np.clip(z, -0.4, 0.5))
+    y = clean + 0.05 * clean.std() * rng.standard_normal(3000)
+    model = RMILSRegressor(WienerHammersteinLags(4, 4, 2, 1, law="cubic_spline"), random_state=0)
+    read, fitted = model.partial_fit(u[:1000] / x.std(), y[:1000]), clone(model).fit(u[:1000] / x.std(), y[:1000])
+    left = [nmse(clean[1000:], m.predict(u / x.std())[1000:]) for m in (read, fitted)]
+    assert left[0] < 2.0 * left[1]
+
+
+def test_the_start_pulls_no_poles_of_an_output_that_is_large_against_its_noise():
+    rng = np.random.default_rng(18)
+    second = np.real(np.poly([0.992 + 0.04j, 0.992 - 0.04j, 0.953, 0.727]))
+    u = rng.standard_normal(1000)
+    x = lfilter([0.0, 1.0], [1.0, -1.35, 0.92], u)
+    v = (x + 0.2 * x**2 / x.std()) / x.std()
+    noise = 0.05 * rng.standard_normal(1000)
+    y = lfilter([0.0, 1.0, 0.3, -0.5], second, v) + lfilter([1.0], second, noise)
+    model = RMILSRegressor(WienerHammersteinLags(1, 2, 3, 4, law="polynomial"), random_state=0)
+    model.fit(u[:, None] / x.std(), y)
+    assert model.innovation_variance_ < 1.2 * 0.05**2

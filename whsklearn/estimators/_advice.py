@@ -35,6 +35,7 @@ LEAST_OUTPUT, MOST_OUTPUT, LEAST_INPUT, MOST_INPUT = 0.05, 10.0, 5e-4, 2e3
 TOLD_BY_INPUT, BY_CHANCE = 0.03, 5.0
 LEAST_TOLD = 1e-4  # of the output's variance; without noise, all that is left of a right model follows the input
 FUNCTIONS = (np.positive, np.abs, np.square, np.sign, lambda v: np.clip(v, -4.0, 4.0) ** 3)  # of x and of dx
+MOST_LEFT = 0.5  # of the variance of the record: above it the free run leaves more than it explains
 LOOSE = 100.0  # of P0 times the squares of a column: its weight is then a hundredth off, by the start alone
 LATEST, UNSETTLED = 20_000, 300  # samples that are looked at; those at their start, where the state is not known
 FEWEST_ROWS = 10  # per parameter; below this a fit follows the noise
@@ -62,7 +63,7 @@ def of_a_signal_at_rest(X: Array, y: Array) -> str | None:
 def of_a_constant(law: FrictionLaw, X: Array, y: Array) -> str | None:
     """The warning for an output with a constant offset that no parameter describes, because all terms are odd."""
     n = len(y) - TAPS
-    if n < FEWEST_FOR_A_CONSTANT or not _is_odd(law):
+    if n < FEWEST_FOR_A_CONSTANT or not is_odd(law):
         return None
     scale = X.std(axis=0)
     if not scale.all() or np.abs(X.mean(axis=0) / scale).max() > CENTRED:
@@ -229,6 +230,17 @@ def _inseparable(names: list[str], covariance: Array, errors: Array) -> tuple[st
     return (names[pairs[0][0]], names[pairs[0][1]]) if len(pairs) else None
 
 
+def of_a_weak_run(share: float) -> str | None:
+    """The warning for a fit whose own free run leaves this share of the variance, more than it explains."""
+    if not share > MOST_LEFT:
+        return None
+    return (
+        f"The free run of this fit leaves {100 * min(share, 1e4):.3g} % of the variance of its own record: noise that "
+        "L2 carries on, orders or a law that are not those of the record, or a wrong minimum; compare another "
+        "random_state, PEMRegressor, or a longer record."
+    )
+
+
 def of_a_free_run(r2: float) -> str | None:
     """The warning for a free run that is worse than a constant."""
     if not r2 < 0.0:
@@ -252,7 +264,7 @@ def of_the_order(numbers: Integers | None) -> str | None:
     )
 
 
-def _is_odd(law: FrictionLaw) -> bool:
+def is_odd(law: FrictionLaw) -> bool:
     """Whether every term changes its sign with x and dx."""
     x = np.linspace(0.3, 3.0, 7)
     return bool(np.allclose(law.regressors(x, x[::-1]), -law.regressors(-x, -x[::-1])))

@@ -253,14 +253,18 @@ class FullStream:
     def _estimate(self, state: State) -> Gaussian:
         """The posterior if signs may be in doubt, otherwise the model that gives the answer and its P."""
         r = self.settings
-        if r.memory and multistart.is_silent(state) and state["fill"] > r.size:
-            state = multistart.settled(state, r)  # re-run now, so that the estimate equals that of `fit`
-        s = multistart.answer(state)
         # If samples have been forgotten, the recursion's own estimate is kept.  A turned page was linearised at the
         # parameters of that time.  After a long rest under forgetting these are far off: after 4,000 samples of motion
         # the error of the posterior mean was 0.47, that of this estimate 0.05 (benchmarks/endurance.py, rest).
         whole = bool(np.all(state["memory_kept"][: state["fill"]] == 1.0)) if r.memory else False
-        certain = whole and has_posterior(r) and not multistart.is_silent(state)
+        silent, certain = multistart.is_silent(state), whole and has_posterior(r)
+        # Between two re-runs the recursion may stray: after 1,000 rows of a spline its free run had 2,000 times the
+        # error of a re-run, which corrects it as the posterior does where there is one.
+        strays = whole and not certain and bool(state["motion"][multistart.answer(state), 1])
+        if r.memory and state["fill"] > r.size and (silent or strays):
+            state = multistart.settled(state, r)  # re-run now, so that the estimate equals that of `fit`
+        s = multistart.answer(state)
+        certain = certain and not multistart.is_silent(state)
         found = posterior(state, r, s) if certain else None
         if found is not None:
             return found

@@ -231,14 +231,19 @@ class AxisRegressor(RegressorMixin, CheckedModel):
         return _finite(wh.predictions(*self._running(), X, y, restart, horizon))
 
     def _warn_of_the_law(self, X: Array, y: Array, restart: Bools) -> None:
-        """Warn of a chain that misses something that follows the input, unless a constant is missing, which is told.
+        """Warn of a chain that misses something that follows the input, or whose free run leaves most of the record.
 
-        Not in a search, which tries bad settings.
+        Nothing is added if a constant is missing, which is told, and in a search, which tries bad settings.
         """
         s = self._structure()
-        if fold_of_a_search() is None and _advice.of_a_constant(s.law, X, y) is None:
-            law = s.dims, s.law.codes, s.law.shapes
-            warn(_advice.of_the_law(self._running()[0], law, X, y, restart))
+        if fold_of_a_search() is not None or _advice.of_a_constant(s.law, X, y) is not None:
+            return
+        natural = self._running()[0]
+        missed = _advice.of_the_law(natural, (s.dims, s.law.codes, s.law.shapes), X, y, restart)
+        settled = slice(min(_advice.UNSETTLED, len(y) // 10), None)
+        error = (y - _finite(wh.free_run(natural, s, X, restart)))[settled]
+        share = float(np.mean(error**2)) / max(float(np.var(y[settled])), 1e-300)
+        warn(missed or (_advice.of_a_weak_run(share) if len(y) > natural.size else None))
 
     def _running(self) -> tuple[Array, wh.Structure]:
         """The running estimate of the natural parameters, with signs in doubt left unresolved, and the structure."""

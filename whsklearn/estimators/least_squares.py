@@ -135,8 +135,8 @@ class RMILSRegressor(MILSRegressor):
     p : int, default=4
         Innovation length: the last p samples are re-run at each new sample.
     P0 : float, optional
-        P(0) = P0 I, in units of the noise variance, or of the output's power with the exact
-        gradient. The default is 1e6, or 1 without memory.
+        P(0) = P0 I, in units of the noise variance, or with the exact gradient of what the past of
+        the output does not explain of it. The default is 1e6, or 1 without memory.
     forgetting : float, default=1.0
         Forgetting factor, in (0, 1].
     theta0 : float or array-like of shape (n_parameters,), optional
@@ -174,8 +174,9 @@ class RMILSRegressor(MILSRegressor):
     -----
     If the law jumps with sign(dx), ``theta_`` and ``standard_errors_`` are the mean and standard
     deviation of the posterior over the samples whose sign is in doubt, and `predict` gives the
-    output expected over them.  They are computed when they are read, which takes 20 to 110 ms, and
-    kept until the next sample; `partial_fit` does not wait for them.
+    output expected over them; for other laws they are those of the memory re-run as far as it has
+    come.  They are computed when they are read, which takes 20 to 110 ms, or up to half a second for a
+    re-run, and kept until the next sample; `partial_fit` does not wait for them.
 
     References
     ----------

@@ -13,8 +13,10 @@ from whsklearn._inputs import check_whole
 from whsklearn.effects import FrictionLaw, Power, Viscous
 from whsklearn.effects.base import Array, Bools
 from whsklearn.effects.codes import CONSTANT, HINGE, NATURAL_SPLINE, POWER
+from whsklearn.estimators import _advice
 from whsklearn.estimators import _model as wh
-from whsklearn.estimators._records import joined
+from whsklearn.estimators._checked import warn
+from whsklearn.estimators._records import fold_of_a_search, joined
 from whsklearn.estimators._simulation_fit import from_record, law_of, scale_free
 from whsklearn.estimators.base import AxisRegressor
 from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
@@ -304,7 +306,7 @@ class PEMRegressor(ChainRegressor):
 
     @property
     def _finds_constant(self) -> bool:  # type: ignore[override]
-        return self.criterion == "simulation"
+        return self.criterion == "simulation" and not _advice.is_odd(law_of(self.lags))
 
     def _found_lags(self) -> dict[str, Any] | None:
         found: dict[str, Any] | None = self.state_.get("lags")
@@ -368,6 +370,9 @@ class PEMRegressor(ChainRegressor):
         self.state_ = {
             "theta": fit.natural, "covariance": fit.covariance, "seen": len(y), "lags": fit.lags, "noise": fit.noise
         }  # fmt: skip
+        told = not self._finds_constant and _advice.of_a_constant(law_of(self.lags), X, y) is not None
+        if weights is None and fold_of_a_search() is None and not told:
+            warn(_advice.of_a_weak_run(fit.noise / max(float(np.var(y)), 1e-300)))
         return self
 
     def _natural(self) -> Array:
