@@ -378,9 +378,11 @@ class Search:
             if best is None:  # beside the others it is no longer significant; it stays as it is
                 continue
             here, other = (self.plant.rms(self.plant.errors(m)) for m in (found.model, best.model))
-            if best.name != found.taken[i].name or other < (1.0 - SAME) * here:
+            if other < (1.0 - SAME) * here:
                 terms, changed = best.model.terms, True
                 found.model = best.model.with_terms((*terms[:index], terms[-1], *terms[index:-1]))
+            elif best.name != found.taken[i].name:  # polished beside the others, the present one was no longer sound
+                continue
             found.taken[i] = best
         if changed:
             found.model = self.plant.settled(found.model)
