@@ -409,6 +409,19 @@ def test_a_review_leaves_an_effect_that_a_better_one_is_not_told_from():
     assert found.taken[0].name == first, "a and its twin differ by a thousandth, whichever is better here"
 
 
+def test_a_review_replaces_nothing_by_what_leaves_more():
+    """Polished beside others, a Stribeck curve ran into its limit; a ripple of friction took its place, at twice as much."""
+    plant = Columns({"a": 0.6, "d": 0.4}, names="abd")
+    plant.columns["b"] = plant.columns["a"] + 2.0 * plant.columns["b"]  # a fifth of a's power
+    del plant.columns["twin"]
+    search = Search(plant, np.random.default_rng(0), alpha=0.01, max_effects=3)
+    found = search.run(Regression())
+    assert [t.name for t in found.taken] == ["a", "d"]
+    plant.forbidden = ("a",)
+    search._review(found)
+    assert [t.name for t in found.taken] == [t.name for t in found.model.terms] == ["a", "d"]
+
+
 def test_sizes_are_of_what_each_explains_beside_those_that_explain_more():
     plant = Columns({"a": 0.5, "b": 0.3, "c": 0.2}, names="abc")
     plant.columns["b"] = plant.columns["b"] + 2.0 * plant.columns["a"]  # most of what b explains is a's
