@@ -139,6 +139,9 @@ class Search:
         try:
             while self._one_more(found):
                 pass
+            if self._fewer(found):
+                while self._one_more(found):
+                    pass
             self._review(found)
             while self._sized(found) and self._lost(found):
                 pass
@@ -348,6 +351,27 @@ class Search:
         return [n for n in dict.fromkeys(names) if n != taken.name and n not in self.plant.aliases(taken.name)]
 
     # --- is that all, and is each of them needed? -------------------------------------------------
+    def _fewer(self, found: Found) -> bool:
+        """Put a rival in the place of an effect and of all that came after it, if alone it leaves as little.
+
+        The commoner of two that the first look cannot distinguish is taken, and may need a second beside it to do what
+        the other does alone: gravity and a hardening spring stood for a cable spring.
+        """
+        least = self.plant.tolerance * self.plant.scale
+        here = self.plant.errors(found.model)
+        for i, taken in enumerate(found.taken[:-1]):
+            fitted = next((s.fitted for s in found.steps if s.taken is not None and s.taken.look is taken.look), [])
+            for f in (f for f in fitted if f.name in taken.rivals and not f.reason):
+                model = self.plant.settled(f.model)
+                if self.plant.size(self.plant.errors(model), here) >= least:
+                    continue
+                bare = self.plant.settled(model.without(found.model.n_base + i))
+                alone, other = (self._named(bare, k.look, m) for k, m in ((f, model), (taken, taken.model)))
+                rivals = [] if self._told_apart(alone, other) else [taken.name]
+                found.model, found.taken = model, [*found.taken[:i], replace(alone, rivals=rivals)]
+                return True
+        return False
+
     def _review(self, found: Found) -> None:
         """Test every effect again beside all others, the last one first, because more was missing when each was added.
 
