@@ -422,6 +422,23 @@ def test_a_review_replaces_nothing_by_what_leaves_more():
     assert [t.name for t in found.taken] == [t.name for t in found.model.terms] == ["a", "d"]
 
 
+@pytest.mark.parametrize(("truth", "names"), [({"a": 0.5}, ["a"]), ({"b": 0.5, "c": 0.2}, ["b", "c"])])
+def test_a_rival_that_alone_leaves_as_little_stands_for_all_names_after_it(truth, names):
+    """Gravity and a hardening spring stood for a cable spring, which the first look could not tell from gravity."""
+    plant = Columns({}, names="abc")
+    plant.columns["b"] = plant.columns["a"] - 0.3 * plant.columns["c"]
+    plant.y = plant.y + sum(size * plant.columns[n] for n, size in truth.items())
+    look = plant.looks(Regression(), np.random.default_rng(0))[0]
+    b, a = (Named(k, plant.refine(Regression(), k), plant.y, plant.y) for k in (replace(look, name=n) for n in "ba"))
+    c = replace(look, name="c")
+    both = plant.refine(b.model, c)
+    taken = [replace(b, rivals=["a"]), Named(c, both, plant.errors(b.model), plant.errors(both))]
+    step = SimpleNamespace(taken=taken[0], fitted=[b, a])
+    found = Found(Regression(), both, taken, [step])
+    assert Search(plant, np.random.default_rng(0), alpha=0.01, max_effects=3)._fewer(found) is (names == ["a"])
+    assert [t.name for t in found.taken] == [t.name for t in found.model.terms] == names
+
+
 def test_sizes_are_of_what_each_explains_beside_those_that_explain_more():
     plant = Columns({"a": 0.5, "b": 0.3, "c": 0.2}, names="abc")
     plant.columns["b"] = plant.columns["b"] + 2.0 * plant.columns["a"]  # most of what b explains is a's
