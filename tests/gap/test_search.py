@@ -410,16 +410,22 @@ def test_a_review_leaves_an_effect_that_a_better_one_is_not_told_from():
 
 
 def test_a_review_replaces_nothing_by_what_leaves_more():
-    """Polished beside others, a Stribeck curve ran into its limit; a ripple of friction took its place, at twice as much."""
+    """A Stribeck curve, polished beside others, met its limit; a ripple of friction, with twice the rest, took over."""
     plant = Columns({"a": 0.6, "d": 0.4}, names="abd")
     plant.columns["b"] = plant.columns["a"] + 2.0 * plant.columns["b"]  # a fifth of a's power
     del plant.columns["twin"]
     search = Search(plant, np.random.default_rng(0), alpha=0.01, max_effects=3)
     found = search.run(Regression())
     assert [t.name for t in found.taken] == ["a", "d"]
-    plant.forbidden = ("a",)
+    as_it_is, left = found.model.terms[0], plant.rms(plant.errors(found.model))
+    plant.objection = lambda model, grown: "at its limit" if grown.terms[-1].name == "a" and not stands(grown) else ""
+    stands = lambda grown: grown.terms[-1] is as_it_is  # noqa: E731
     search._review(found)
     assert [t.name for t in found.taken] == [t.name for t in found.model.terms] == ["a", "d"]
+    stands = lambda grown: False  # noqa: E731
+    search._review(found)
+    assert [t.name for t in found.taken] == [t.name for t in found.model.terms] == ["b", "d"]
+    assert plant.rms(plant.errors(found.model)) > left, "what physics forbids goes, whatever takes its place"
 
 
 @pytest.mark.parametrize(("truth", "names"), [({"a": 0.5}, ["a"]), ({"b": 0.5, "c": 0.2}, ["b", "c"])])

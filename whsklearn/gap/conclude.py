@@ -243,8 +243,7 @@ def _unsound(plant: Any, found: Found, alpha: float) -> int | None:
     for i in reversed(range(len(found.taken))):
         terms = model.terms
         grown = model.with_terms((*terms[: n + i], *terms[n + i + 1 :], terms[n + i]))
-        alone = len(found.taken) == 1
-        if (not alone and plant.objection(model.without(n + i), grown)) or p_of_zero(fit, n + i) > alpha:
+        if plant.objection(model.without(n + i), grown) or p_of_zero(fit, n + i) > alpha:
             unsound.append(i)
     # An effect too many moves the numbers of the others: a spring's rest position was driven out of its range by
     # presliding friction that was not there.

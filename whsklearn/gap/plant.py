@@ -327,7 +327,7 @@ class Plant(Protocol):
         return False
 
     def snapshot(self) -> dict[str, Any]:
-        """What `restore` takes to go back to the present state: all attributes; what is changed in place is copied."""
+        """What `restore` takes, once, to go back to the present state; what is changed in place is copied."""
         return dict(vars(self))
 
     def restore(self, kept: dict[str, Any]) -> None:

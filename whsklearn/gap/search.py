@@ -357,16 +357,16 @@ class Search:
         The commoner of two that the first look cannot distinguish is taken, and may need a second beside it to do what
         the other does alone: gravity and a hardening spring stood for a cable spring.
         """
-        least = self.plant.tolerance * self.plant.scale
-        here = self.plant.errors(found.model)
+        least, here = self.plant.tolerance * self.plant.scale, self.plant.errors(found.model)
         for i, taken in enumerate(found.taken[:-1]):
             fitted = next((s.fitted for s in found.steps if s.taken is not None and s.taken.look is taken.look), [])
             for f in (f for f in fitted if f.name in taken.rivals and not f.reason):
-                model = self.plant.settled(f.model)
+                state, model = self.plant.snapshot(), self.plant.settled(f.model)
                 if self.plant.size(self.plant.errors(model), here) >= least:
+                    self.plant.restore(state)
                     continue
-                bare = self.plant.settled(model.without(found.model.n_base + i))
-                alone, other = (self._named(bare, k.look, m) for k, m in ((f, model), (taken, taken.model)))
+                bare = model.without(found.model.n_base + i)
+                alone, other = (self._named(bare, k.look, k.model) for k in (replace(f, model=model), taken))
                 rivals = [] if self._told_apart(alone, other) else [taken.name]
                 found.model, found.taken = model, [*found.taken[:i], replace(alone, rivals=rivals)]
                 return True
@@ -402,11 +402,12 @@ class Search:
             if best is None:  # beside the others it is no longer significant; it stays as it is
                 continue
             here, other = (self.plant.rms(self.plant.errors(m)) for m in (found.model, best.model))
-            if other < (1.0 - SAME) * here:
+            # polished anew beside the others, the present one may be no longer sound that is so as it stands
+            if other >= (1.0 - SAME) * here and best.name != found.taken[i].name and self._stands(found.model, index):
+                continue
+            if best.name != found.taken[i].name or other < (1.0 - SAME) * here:
                 terms, changed = best.model.terms, True
                 found.model = best.model.with_terms((*terms[:index], terms[-1], *terms[index:-1]))
-            elif best.name != found.taken[i].name:  # polished beside the others, the present one was no longer sound
-                continue
             found.taken[i] = best
         if changed:
             found.model = self.plant.settled(found.model)
@@ -433,9 +434,13 @@ class Search:
 
         A change of the friction with the time of the record's beginning took the place of a pendulum's gravity.
         """
-        terms, n = model.terms, model.n_base
-        last = ((i, (*terms[:i], *terms[i + 1 :], terms[i])) for i in range(n, len(terms)))
-        return not any(self.plant.objection(model.without(i), model.with_terms(moved)) for i, moved in last)
+        return all(self._stands(model, i) for i in range(model.n_base, len(model.terms)))
+
+    def _stands(self, model: Any, i: int) -> bool:
+        """Whether physics does not object to the term ``i`` of a model, beside all others."""
+        terms = model.terms
+        last = model.with_terms((*terms[:i], *terms[i + 1 :], terms[i]))
+        return not self.plant.objection(model.without(i), last)
 
     def _needed(self, without: Any, found: Found, i: int) -> bool:
         """Whether the effect ``i`` explains more than chance and the tolerance beside all others."""

@@ -44,8 +44,9 @@ FEWEST_JUDGED = 10
 # (`python -m benchmarks.real_axes --only so101`).
 STANDS_OUT = 10.0
 LINE, AROUND = 1.5, 12.0
-# Smallest gain after a change of gain, relative to before: with 0.4 %, inertia and missing torque also fall to 0.4 %,
-# which "explained" KR300 A with Coulomb friction hidden. Simulated changes keep 70 % and more.
+# Smallest gain after a change of gain, relative to before, and smallest share of the drive that a limit leaves: with
+# 0.4 %, inertia and missing torque also fall to 0.4 %, which "explained" KR300 A with Coulomb friction hidden.
+# Simulated changes keep 70 % and more.
 LEAST_GAIN_LEFT = 0.1
 # Damping ratio of bristles beyond which they are a damper: ten times that of the published model, because a fit knows
 # it to a factor of a few only (`tests/gap/plants/test_servo_inverse.py`).
@@ -401,20 +402,7 @@ class InverseView:
 
     def objection(self, model: ServoHypothesis, index: int) -> str:
         """What is wrong with the sign or the range of a term's numbers; empty if nothing."""
-        t = model.terms[index]
-        if t.kind.code == codes.SATURATION and t.q[0] > 0.0 and self.below_limit(t.q[0]) < model.vector().size:
-            return "the drive would be at it nearly all the time, and its sign alone says too little about the axis"
         return unphysical(self, model, index)
-
-    def below_limit(self, limit: float) -> float:
-        """Number of independent samples at which the drive is below a limit; elsewhere it is constant.
-
-        If the limit is so low that there are fewer of them than numbers of the model, the drive becomes a square wave,
-        which friction explains whatever is missing (a pendulum of XL330: at the limit for 98.7 % of the time; true
-        limits reach 60 %).
-        """
-        below = np.abs(self.record.drive[:: self.every][self.at]) < limit
-        return self.n_effective * float(np.mean(below))
 
     # --- candidates ---------------------------------------------------------------------------
     def linearised(self, model: ServoHypothesis) -> Linearised:
@@ -463,6 +451,7 @@ def unphysical(view: InverseView, model: ServoHypothesis, index: int) -> str:
         or negative_after(model, index)
         or overdamped(model, index)
         or too_large(model, index)
+        or always_limited(term, view.record.drive)
         or on_excitation_line(view.record, term)
     )
 
@@ -490,6 +479,23 @@ def too_large(model: ServoHypothesis, index: int) -> str:
     if not t.kind.driven or size.unit != "1" or share <= size.high:
         return ""
     return f"it would take {100 * share:.0f} % of the drive, which no motor or gear does"
+
+
+def always_limited(term: ServoTerm, drive: Array) -> str:
+    """The objection that a limit leaves little but the drive's mean and sign; empty if it leaves more.
+
+    Friction, or a constant speed, explains such a drive, whatever is missing: a pendulum of XL330 at its limit for
+    98.7 % of the time, or a wheel under a speed controller. True limits reach 60 %.
+    """
+    if term.kind.code != codes.SATURATION or term.q[0] <= 0.0:
+        return ""
+    plain = np.column_stack([np.ones_like(drive), np.sign(drive)])
+    both = np.column_stack([np.clip(drive, -term.q[0], term.q[0]), drive])
+    left, whole = np.linalg.norm(both - plain @ np.linalg.lstsq(plain, both, rcond=None)[0], axis=0)
+    share = float(left / max(whole, 1e-300))
+    if share >= LEAST_GAIN_LEFT:
+        return ""
+    return f"it would leave {100 * share:.1f} % of what the drive does beside its sign and hide whatever is missing"
 
 
 def negative_damping(model: ServoHypothesis, index: int, velocity: Array) -> str:
