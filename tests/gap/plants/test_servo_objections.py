@@ -1,4 +1,4 @@
-"""Tones that a record offers falsely."""
+"""Tones, stops and limits that a record offers falsely."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from whsklearn.effects import CableSpring, ContactStop, EndStop
-from whsklearn.gap.plants.servo_inverse import never_free, on_excitation_line
+from whsklearn.effects import CableSpring, ContactStop, EndStop, codes
+from whsklearn.gap.plants.servo_inverse import always_limited, never_free, on_excitation_line
 from whsklearn.gap.record import ServoRecord
 
 T = np.arange(4000) / 100
@@ -46,3 +46,21 @@ def test_with_a_measured_drive_a_tone_is_a_tone_wherever_it_is():
 )
 def test_a_stop_that_the_axis_touches_most_of_the_time_is_a_spring(effect, spring):
     assert bool(never_free(effect, np.sin(T))) == spring
+
+
+@pytest.mark.parametrize(
+    ("limit", "mean", "refused"),
+    [
+        (0.6, 0.0, False),  # at the limit for 59 % of the time
+        (0.2, 0.0, False),
+        (0.01, 0.0, True),  # a square wave
+        (0.9, 2.0, True),  # under a speed controller: constant, although hardly lower than the lowest reading
+        (1.5, 2.0, False),
+    ],
+)
+def test_a_limit_that_leaves_little_of_the_drive_is_none(limit, mean, refused):
+    term = SimpleNamespace(kind=SimpleNamespace(code=codes.SATURATION), q=(limit,))
+    drive = mean + np.sin(2 * np.pi * 0.7 * T)
+    assert bool(always_limited(term, drive)) == refused
+    smaller = SimpleNamespace(kind=term.kind, q=(limit / 3,))
+    assert always_limited(term, -3.0 * drive) == always_limited(smaller, drive), "units and signs do not matter"
