@@ -24,7 +24,7 @@ from whsklearn.gap.diagnosis import (
 from whsklearn.gap.pictures import pictures_in
 from whsklearn.gap.plant import LEARNED_SHARE, QUIET, quiet
 from whsklearn.gap.proof import closure, prove
-from whsklearn.gap.search import HALF, LEAST_SHARE, STILL, Found, Named, meet
+from whsklearn.gap.search import HALF, LEAST_SHARE, STILL, Found, Named, meet, stands
 from whsklearn.gap.sentences import next_experiment, summary
 from whsklearn.gap.standard_errors import errors_of, labelled_errors, p_of_zero
 from whsklearn.gap.tangent import Look
@@ -241,9 +241,7 @@ def _unsound(plant: Any, found: Found, alpha: float) -> int | None:
         return None
     fit, unsound = plant.linearised(model), []
     for i in reversed(range(len(found.taken))):
-        terms = model.terms
-        grown = model.with_terms((*terms[: n + i], *terms[n + i + 1 :], terms[n + i]))
-        if plant.objection(model.without(n + i), grown) or p_of_zero(fit, n + i) > alpha:
+        if not stands(plant, model, n + i) or p_of_zero(fit, n + i) > alpha:
             unsound.append(i)
     # An effect too many moves the numbers of the others: a spring's rest position was driven out of its range by
     # presliding friction that was not there.

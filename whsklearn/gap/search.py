@@ -38,6 +38,13 @@ def meet(a: Look, b: Look) -> bool:
     return not a.place or not b.place or bool(a.place & b.place)
 
 
+def stands(plant: Any, model: Any, index: int) -> bool:
+    """Whether physics does not object to one term of a model, beside all others and at its present numbers."""
+    terms = model.terms
+    last = model.with_terms((*terms[:index], *terms[index + 1 :], terms[index]))
+    return not plant.objection(model.without(index), last)
+
+
 def shares(look: Look, nameless: Look) -> bool:
     """Whether `LEAST_SHARE` of the power that nameless functions explain lies along what a look explains."""
     a, b = look.explained, nameless.explained
@@ -403,7 +410,7 @@ class Search:
                 continue
             here, other = (self.plant.rms(self.plant.errors(m)) for m in (found.model, best.model))
             # polished anew beside the others, the present one may be no longer sound that is so as it stands
-            if other >= (1.0 - SAME) * here and best.name != found.taken[i].name and self._stands(found.model, index):
+            if other >= (1.0 - SAME) * here and best.name != found.taken[i].name and stands(self.plant, found.model, index):
                 continue
             if best.name != found.taken[i].name or other < (1.0 - SAME) * here:
                 terms, changed = best.model.terms, True
@@ -434,13 +441,7 @@ class Search:
 
         A change of the friction with the time of the record's beginning took the place of a pendulum's gravity.
         """
-        return all(self._stands(model, i) for i in range(model.n_base, len(model.terms)))
-
-    def _stands(self, model: Any, i: int) -> bool:
-        """Whether physics does not object to the term ``i`` of a model, beside all others."""
-        terms = model.terms
-        last = model.with_terms((*terms[:i], *terms[i + 1 :], terms[i]))
-        return not self.plant.objection(model.without(i), last)
+        return all(stands(self.plant, model, i) for i in range(model.n_base, len(model.terms)))
 
     def _needed(self, without: Any, found: Found, i: int) -> bool:
         """Whether the effect ``i`` explains more than chance and the tolerance beside all others."""
