@@ -410,7 +410,11 @@ class Search:
                 continue
             here, other = (self.plant.rms(self.plant.errors(m)) for m in (found.model, best.model))
             # polished anew beside the others, the present one may be no longer sound that is so as it stands
-            if other >= (1.0 - SAME) * here and best.name != found.taken[i].name and stands(self.plant, found.model, index):
+            if (
+                other >= (1.0 - SAME) * here
+                and best.name != found.taken[i].name
+                and stands(self.plant, found.model, index)
+            ):
                 continue
             if best.name != found.taken[i].name or other < (1.0 - SAME) * here:
                 terms, changed = best.model.terms, True
