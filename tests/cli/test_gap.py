@@ -31,14 +31,18 @@ def run(*arguments):
 
 
 def test_names_the_hidden_effect_and_writes_both_files(log, tmp_path):
+    second = make_case("named", 13, effects=("gravity_imbalance",), size=0.08, seconds=8.0, rate=500.0)
+    second.frame.to_csv(tmp_path / "second.csv", index=False)
     result = run(
         log, "--model", "servo", "--time", "time_s", "--reference", "reference_rad", "--drive", "torque_nm",
-        "--position", "position_rad", "--report", tmp_path / "report", "--no-track",
+        "--position", "position_rad", "--report", tmp_path / "report", "--no-track", "--test", tmp_path / "second.csv",
     )  # fmt: skip
     assert result.exit_code == 0, result.output
     data = json.loads((tmp_path / "report" / "gap.json").read_text(encoding="utf-8"))
     assert (data["verdict"], data["effects"][0]["name"]) == ("named", "gravity_imbalance")
     assert "gravity imbalance" in result.output
+    assert result.output.index("named: ") < result.output.index("On second.csv, which was not used for the fit")
+    assert len(data["test"]) == 3
     assert (tmp_path / "report" / "gap.html").stat().st_size > 10_000
 
 

@@ -169,12 +169,13 @@ def diagnose(options: dict[str, Any], log: Bunch, second: Bunch | None, folder: 
         d.rows = log.get("rows", {})
         d.file, d.units = log.name, dict(log.units) | d.units
         d.origin, d.notes = origin(log), [*log.notes, *d.notes]
-        if second is not None and d.verdict != "data_problem":
-            test(options, finder, second)
+        tested = test(options, finder, second) if second is not None and d.verdict != "data_problem" else ""
         for problem in d.problems if options["robot"] else []:
             if not problem.fatal:
                 records.note(problem.explanation)
         click.echo(wrapped(f"{d.verdict}: {d.sentence}"))
+        if tested:
+            click.echo(wrapped(tested))
         with records.warnings_as_notes():
             page = finder.report(folder)
         if d.interrupted:
@@ -195,8 +196,8 @@ def another(options: dict[str, Any], first: Bunch, file: str) -> Any:
     return as_record(options, log)[0]
 
 
-def test(options: dict[str, Any], finder: GapFinder, second: Bunch) -> None:
-    """Simulate the repaired model on a second record; put the result into the diagnosis and print it."""
+def test(options: dict[str, Any], finder: GapFinder, second: Bunch) -> str:
+    """Simulate the repaired model on a second record; put the result into the diagnosis and return its sentence."""
     from whsklearn.gap.proof import on_second_record
 
     record, columns = as_record(options, second)
@@ -212,7 +213,7 @@ def test(options: dict[str, Any], finder: GapFinder, second: Bunch) -> None:
         if all(r["after"] > r["before"] for r in d.test):
             text += " The repaired model is worse there: the named effect is not in it, or has another size in it."
     d.notes.insert(0, text)
-    click.echo(wrapped(text))
+    return text
 
 
 def origin(log: Bunch) -> str:
