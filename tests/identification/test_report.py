@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 from scipy.signal import lfilter
 
+from whsklearn.effects import Coulomb, FrictionLaw, InputOffset, Viscous
 from whsklearn.identification import identify
-from whsklearn.identification.report import write
-from whsklearn.models import load_model
+from whsklearn.identification.report import on_intervals, write
+from whsklearn.models import AxisModel, load_model
+from whsklearn.recursion.batch.axis_free_run import behind_the_spring
 
 
 def test_files_hold_what_the_contract_says(tmp_path):
@@ -31,3 +34,16 @@ def test_files_hold_what_the_contract_says(tmp_path):
     assert found.recommended.name in page
     assert "data:image/png" in page
     assert '<td class="n"></td>' not in page
+
+
+def test_intervals_of_an_axis_on_a_spring_are_not_said_to_be_widened():
+    law = FrictionLaw([Viscous(0.1), Coulomb(0.1)])
+    spring = behind_the_spring(np.array([0.1, 0.1, 0.1, 0.0, 0.05, 0.05, 20.0, 0.5, 0.02]))
+    for effects, told in (((), True), (spring, False)):
+        model = AxisModel(0.1, law, (InputOffset(0.0), *effects), dt=0.001, logged="position")
+        train = SimpleNamespace(y=np.random.default_rng(0).normal(size=300))
+        found = SimpleNamespace(white=False, recommended=SimpleNamespace(kind="axis"), model=model, train=train)
+        text = on_intervals(found)
+        assert "something is missing" in text
+        assert ("widened" in text) == told
+        assert ("do not include" in text) != told

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from whsklearn.identification.axis_numbers import axis_theta
 from whsklearn.identification.compare import Compared, Identification
 from whsklearn.identification.windows import horizons, lead, residual, rms_of, window_errors
 from whsklearn.logs.check import lattice
@@ -67,16 +68,21 @@ def on_intervals(found: Identification) -> str:
     """Note on the intervals; empty if the residual is white."""
     if found.white:
         return ""
-    how = "to the difference between two estimators" if found.recommended.kind == "axis" else "by sums over blocks"
+    is_axis = isinstance(found.model, AxisModel)
+    how = " The intervals are widened by sums over blocks"
+    if isinstance(found.model, AxisModel):  # not on a spring or in front of one: see `axis_fit`
+        form = axis_theta(found.model)[1]
+        widened = not (form.powers or form.coupled)
+        how = " The intervals are widened to the difference between two estimators" if widened else ""
     grid = lattice(found.train.y)
-    if found.recommended.kind == "axis" and rms_of(residual(found.model, found.train)) < grid * found.train.si[1]:
+    if is_axis and grid and rms_of(residual(found.model, found.train)) < grid * found.train.si[1]:
         return (
             f"The residual of the model is below a step of the encoder ({number(grid)}), whose grid is not white; "
-            f"nothing else is seen to be missing. The intervals are widened {how}."
+            f"nothing else is seen to be missing.{how and how + '.'}"
         )
+    how = how or " The intervals do not include what that does to the numbers"
     return (
-        "The residual of the model is not white: something is missing. The intervals are widened "
-        f"{how}; whsklearn gap looks for what is missing."
+        f"The residual of the model is not white: something is missing.{how}; whsklearn gap looks for what is missing."
     )
 
 
