@@ -127,6 +127,8 @@ def identify(options: dict[str, Any]) -> None:
         run.log_tags({"recommended": "arm"})
         run.log_metrics({f"missing_{j}": v for j, v in found.missing.items() if not math.isnan(v)})
         run.log_text(tables, "table.txt")
+        for name in ("identify.json", "model.json"):
+            run.log_artifact(folder / name)
     say_where(tracker)
 
 

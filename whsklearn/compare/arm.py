@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from whsklearn.compare.rows import FEWEST_BLOCKS, MOST_BLOCKS, Array, Regression, drifting, slowest_of
+from whsklearn.identification.payload import MASS
 from whsklearn.lags.arm_rows import ArmRows, records_of
 from whsklearn.lags.rigid_body import RigidBodyLags
 from whsklearn.systems._arm_kernels import N_BODY
@@ -21,7 +22,6 @@ from whsklearn.systems.arm import NUMBERS, Arm
 LAW = ("viscous", "coulomb")  # of every joint, beside an offset and the motor's inertia
 TOLD = {"armature": "joint_inertia"}  # a column's name -> what it is called
 MOST_LEFT = 0.3  # of the rms drive: beyond it the numbers are not those of the axis or joint
-POINT = 4  # leading numbers of a link: its mass and moments
 OWN = 1e-6  # of a column's norm that those before it leave: below, it is made of them (rounding is 1e-13)
 
 
@@ -137,7 +137,7 @@ def directions(
         basis = np.zeros((p, N_BODY))
         basis[: len(lags.base_.names)] = lags.base_.mapping[:, N_BODY * k : N_BODY * (k + 1)]
         alone = independent(basis, rms, [*range(1, N_BODY), 0])
-        if basis[:, :POINT].any():  # the mass is asked last: what moments and inertias do not say is its own
+        if basis[:, :MASS].any():  # the mass is asked last: what moments and inertias do not say is its own
             out[f"{'mass' if 0 in alone else 'moment'} at {joint}"] = basis
     scale = np.maximum(rms, 1e-300)
     for j in np.unique(channel):

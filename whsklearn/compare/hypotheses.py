@@ -27,7 +27,7 @@ from scipy.stats import t as student
 from whsklearn.compare.comparison import Change
 from whsklearn.compare.estimate import Estimate, Summand, degrees_of, estimate, from_a_cold_start, pooled
 from whsklearn.compare.rows import Array, Regression, difference
-from whsklearn.identification.payload import slopes_at
+from whsklearn.identification.payload import MASS, slopes_at
 
 PRIOR = 0.3  # of the rms drive: a typical change, for the price of a free number (Occam)
 BESIDE = 4.0  # nats: what explains the difference e^4 times worse is no rival
@@ -141,7 +141,7 @@ def hypotheses(d: Difference) -> list[Hypothesis]:
     """One hypothesis per named number, and one for the gain of an axis: all scaled alike but the drive's age."""
     unit = np.eye(d.values.size)
     out = [
-        Hypothesis(name, basis[:, :4], basis) if name.startswith(LOADS) else Hypothesis(name, basis)
+        Hypothesis(name, basis[:, :MASS], basis) if name.startswith(LOADS) else Hypothesis(name, basis)
         for name, basis in d.changes.items()
     ]
     if out:  # of an arm, with a gain of every joint
@@ -273,7 +273,8 @@ def _occam(d: Difference, h: Hypothesis, information: Array) -> float:
 def changed(d: Difference, alpha: float) -> list[tuple[FittedHypothesis, list[FittedHypothesis]]]:
     """What changed, the most certain first, each with its rivals; empty if nothing did.
 
-    A second change must be as sure as the first beside it, and explain e^4 times more than the first alone.
+    A second change must be as sure as the first beside it, and explain e^4 times more than the first alone.  A load is
+    sought as a point; beside it, what the inertias of a body at its link would explain is no change of anything else.
     """
     out: list[tuple[FittedHypothesis, list[FittedHypothesis]]] = []
     given = np.zeros((d.values.size, 0))
@@ -289,6 +290,8 @@ def changed(d: Difference, alpha: float) -> list[tuple[FittedHypothesis, list[Fi
         out.append((best, rivals))
         d = best.after
         given = np.column_stack([given, best.hypothesis.basis])
+        if best.hypothesis.body is not None:
+            given = np.column_stack([given, best.hypothesis.body[:, MASS:]])
         open_to = [h for h in open_to if h.name != best.hypothesis.name]
     return out
 
