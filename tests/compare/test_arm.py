@@ -36,7 +36,7 @@ def test_a_load_is_told_by_its_moment_where_no_drive_shows_its_mass(before):
 
 
 def test_a_load_with_an_inertia_of_its_own_is_one_change(before):
-    loaded = ARM.with_body("pitch", 0.4, [0.1, 0.05, 0.0], 0.01 * np.eye(3))
+    loaded = ARM.with_body("pitch", 0.4, [0.1, 0.05, 0.0], 0.003 * np.eye(3))
     found = compare_arms([before, record(loaded, seed=1)], ARM)
     assert [c.name for c in found.changes] == ["moment at pitch"]
 
