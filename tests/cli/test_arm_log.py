@@ -5,7 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from whsklearn.cli.arm_log import columns_of, common_rows, gains_of, guessed_columns, joint_columns, to_si
+from whsklearn.cli.arm_log import (
+    columns_of,
+    common_rows,
+    gains_of,
+    guessed_columns,
+    joint_columns,
+    note_friction,
+    to_si,
+)
+from whsklearn.effects import Coulomb, Viscous
 from whsklearn.systems import Arm
 
 JOINTS = ["shoulder", "elbow", "wrist"]
@@ -79,3 +88,15 @@ def test_an_encoder_that_drops_out_alone_costs_its_own_instants_and_no_more():
     np.testing.assert_allclose(times[0][one], times[1][other], atol=1e-8)
     with pytest.raises(ValueError, match="different instants"):
         common_rows([times[0], times[1] + 0.001])
+
+
+@pytest.mark.parametrize(
+    ("law", "effects", "told"),
+    [(None, (Viscous(0.003),), True), ("viscous", (Viscous(0.003),), False),
+     (None, (Viscous(0.1), Coulomb(0.1)), False),
+     (None, (), False)],
+)  # fmt: skip
+def test_a_file_with_damping_alone_is_told_to_have_no_dry_friction(law, effects, told, capsys):
+    arm = Arm.from_dh([(0.3, 0, 0, 0)], joints=("hip",)).with_effects({"hip": effects} if effects else {})
+    note_friction({"law": law}, arm)
+    assert ("--law viscous,coulomb" in " ".join("".join(capsys.readouterr()).split())) is told

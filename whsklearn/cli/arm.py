@@ -11,7 +11,16 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import click
 import numpy as np
 
-from whsklearn.cli.arm_log import checked_gains, columns_of, gains_of, note_locked, read_arm, robot_of, to_si
+from whsklearn.cli.arm_log import (
+    checked_gains,
+    columns_of,
+    gains_of,
+    note_friction,
+    note_locked,
+    read_arm,
+    robot_of,
+    to_si,
+)
 from whsklearn.cli.job import say_where, table, tracker_for, wrapped, writable_file, writable_folder
 from whsklearn.cli.options import given
 from whsklearn.cli.records import long_segments, note, rows_of, warnings_as_notes
@@ -48,6 +57,7 @@ def gap_log(options: dict[str, Any]) -> Bunch:
     """
     arm = robot_of(options)
     note_locked(options, arm)
+    note_friction(options, arm)
     if options["load"] and not options["loaded"]:
         raise ColumnError("--load is the mass of a known load; give the log with it as --loaded.")
     if options["load"]:

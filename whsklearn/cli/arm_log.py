@@ -295,3 +295,16 @@ def note_locked(options: Mapping[str, Any], arm: Arm) -> None:
         if locked := [j for j in as_arm(options["robot"]).joints if j not in arm.joints]:
             verb = "is" if len(locked) == 1 else "are"
             note(f"--joints does not name {', '.join(locked)}, which {verb} taken to stand still at zero.")
+
+
+def note_friction(options: Mapping[str, Any], arm: Arm) -> None:
+    """Print a note where the robot's file has damping and no dry friction: a base law that every joint would lack.
+
+    Many files have a damping for the simulator's sake alone. Where all joints lack the same, none explains much.
+    """
+    names = {e.name for row in arm.effects for e in row}
+    if "viscous" in names and not names & {"coulomb", "load_friction"} and not options.get("law"):
+        note(
+            "The robot's file has damping at its joints and no dry friction, and that is the friction to begin with; "
+            "where joints rub, --law viscous,coulomb is the better start."
+        )
