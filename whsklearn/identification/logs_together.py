@@ -50,13 +50,16 @@ class OwnDrive(NamedTuple):
         --------
         >>> OwnDrive("", 8, 0.0).told(0.001, "Nm")
         'The drive was logged 8 ms after it acted; all models are of the log with its drive 8 samples earlier.'
+        >>> OwnDrive("", -1, 0.0).told(0.025, "Nm")
+        'The drive was logged 25 ms before it acted; all models are of the log with its drive 1 sample later.'
         >>> OwnDrive("b.csv", 0, 0.02).told(0.001, "Nm")
         'The drive of b.csv lies 0.02 Nm above the mean of all logs, which was subtracted.'
         """
         whose, out = f" of {self.label}" if self.label else "", []
         if self.lead:
             when = f"{1e3 * abs(self.lead) * dt:.3g} ms {'after' if self.lead > 0 else 'before'} it acted"
-            moved_to = f"{abs(self.lead)} samples {'earlier' if self.lead > 0 else 'later'}"
+            steps = "1 sample" if abs(self.lead) == 1 else f"{abs(self.lead)} samples"
+            moved_to = f"{steps} {'earlier' if self.lead > 0 else 'later'}"
             out.append(f"The drive{whose} was logged {when}; all models are of the log with its drive {moved_to}.")
         if self.offset:
             way = f"{abs(self.offset):.3g} {unit}".rstrip() + (" above" if self.offset > 0.0 else " below")
