@@ -444,6 +444,8 @@ def unphysical(view: InverseView, model: ServoHypothesis, index: int) -> str:
         return "with such a steep encoder error the reading would not change while the axis turns"
     if term.kind.positive and q[0] <= 0:
         return f"its size would be {q[0]:.3g}, but a physical one is positive"
+    if term.name == "backlash" and q[0] < view.quantum:
+        return "the play is narrower than a step of the encoder"
     return (
         model.at_the_end(index)
         or never_free(term.effect, view.record.position)
