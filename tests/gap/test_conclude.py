@@ -56,6 +56,12 @@ def test_a_name_for_sure_explains_most_of_the_gap_and_closes_most_of_the_run(aft
     assert verdict(after, run) == expected
 
 
+@pytest.mark.parametrize(("after", "expected"), [(1.2, "partial"), (1.5, "unknown")])
+def test_no_name_closes_in_simulation_what_it_opens_in_the_drive(after, expected):
+    """A coupling closed half of the run of a slide with nothing missing, and left 1.6 times as much of the drive."""
+    assert verdict(after, 0.5, by_run=True) == expected
+
+
 @pytest.mark.parametrize("name", ["", "actuator_lag"], ids=["nameless", "a refused candidate"])
 @pytest.mark.parametrize(("rest", "expected"), [(0.0, "partial"), (0.7, "partial"), (0.8, "unknown")])
 def test_a_name_explains_a_quarter_of_what_follows_the_motion_whatever_noise_is_beside_it(rest, expected, name):

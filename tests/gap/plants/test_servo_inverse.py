@@ -144,6 +144,16 @@ def test_a_limit_at_which_the_drive_always_stands_is_refused(plain, share, refus
     assert ("beside its sign" in view.objection(limited, 1)) == refused
 
 
+@pytest.mark.parametrize(("steps", "refused"), [(0.4, True), (3.0, False)])
+def test_a_play_narrower_than_a_step_of_the_encoder_is_refused(plain, steps, refused):
+    """The friction of MuJoCo creeps; a play of 0.4 steps was named for it, with certainty, beside a true delay."""
+    step = 0.002 * float(np.ptp(plain.position))
+    counted = ServoRecord(plain.time, plain.drive, step * np.round(plain.position / step))
+    view, model = start_of(counted, ("viscous",), 0.004)
+    loose = model.with_term(ServoTerm(candidate("backlash"), (steps * step, 0.3, 30.0, 0.5, 0.0)))
+    assert ("narrower" in view.objection(loose, 1)) == refused
+
+
 @pytest.mark.parametrize(
     ("seed", "names"),
     [
