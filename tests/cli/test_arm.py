@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner
 
+from whsklearn.cli.arm import arm_stream
 from whsklearn.cli.arm_log import gains_of, guessed_columns, joint_columns
 from whsklearn.cli.export import main as export
 from whsklearn.cli.gap import main as gap
@@ -19,7 +20,9 @@ from whsklearn.cli.stream import main as stream
 from whsklearn.datasets import default_arm, make_arm_log
 from whsklearn.effects import Cogging
 from whsklearn.export import export_model
-from whsklearn.models import load_model
+from whsklearn.models import load_model, save_model
+from whsklearn.models.arm import ArmModel
+from whsklearn.systems import Arm
 
 pytestmark = pytest.mark.usefixtures("library_effects")
 
@@ -386,3 +389,13 @@ def test_numbers_of_currents_without_gains_have_no_unit(folder, tmp_path):
     assert "share fit none of them" in " ".join(done.output.split())
     numbers = json.loads((tmp_path / "m" / "identify.json").read_text())["parameters"]
     assert all(p["unit"] == "" and p["nominal"] is None for p in numbers)
+
+
+def test_the_columns_of_a_stream_are_found_behind_semicolons_and_decimal_commas(tmp_path):
+    save_model(ArmModel(Arm.from_dh([(0, 0, 0, 0)], inertial=[[0.0] * 9 + [0.05]]), {}, dt=0.01), tmp_path / "m.json")
+    rows = "\n".join(f"{2 * k};0,{k % 10};1,5" for k in range(20))
+    (tmp_path / "a.csv").write_text(f"Zeit [ms];joint1 Lage [deg];joint1 Drehmoment [Nm]\n{rows}\n")
+    options = {"robot": str(tmp_path / "m.json"), "source": str(tmp_path / "a.csv"), "time_column": "Zeit [ms]"}
+    found = arm_stream({**options, "joints": None, "gains": None, "forgetting": 1.0})
+    assert found.columns == ["Zeit [ms]", "joint1 Lage [deg]", "joint1 Drehmoment [Nm]"]
+    assert found.dt == pytest.approx(0.002)

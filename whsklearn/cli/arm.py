@@ -187,10 +187,13 @@ def arm_stream(options: Mapping[str, Any]) -> ArmStream:
     if source != "-":
         import pandas as pd
 
-        head = pd.read_csv(source, nrows=AT_FIRST)
+        with open(source, encoding="utf-8", errors="replace") as file:
+            mark = max(",;\t", key=file.readline().count)
+        head = pd.read_csv(source, nrows=AT_FIRST, sep=mark, dtype=str, encoding_errors="replace")
         names = [str(c) for c in head.columns]
-        if time in names and len(head) > 2:
-            dt = float(np.median(np.diff(pd.to_numeric(head[time], errors="coerce").dropna()))) * clock
+        if time in names and len(head) > 2:  # a comma inside a field is a decimal sign, as in the rows of a stream
+            stamps = pd.to_numeric(head[time].str.replace(",", "."), errors="coerce").dropna()
+            dt = float(np.median(np.diff(stamps))) * clock
     given, gains = columns_of(options, arm, names), checked_gains(options, arm)
     pairs = [given[j] for j in arm.joints]
     factors = [
