@@ -62,6 +62,14 @@ def test_no_name_closes_in_simulation_what_it_opens_in_the_drive(after, expected
     assert verdict(after, 0.5, by_run=True) == expected
 
 
+@pytest.mark.parametrize(
+    ("run", "by_run", "expected"), [(0.6, False, "named"), (0.6, True, "partial"), (0.8, True, "named")]
+)
+def test_a_play_is_certain_only_if_the_run_leaves_little(run, by_run, expected):
+    """A play and a delay that was not there closed 0.57 of the run, with certainty."""
+    assert verdict(0.02, run, by_run=by_run) == expected
+
+
 @pytest.mark.parametrize("name", ["", "actuator_lag"], ids=["nameless", "a refused candidate"])
 @pytest.mark.parametrize(("rest", "expected"), [(0.0, "partial"), (0.7, "partial"), (0.8, "unknown")])
 def test_a_name_explains_a_quarter_of_what_follows_the_motion_whatever_noise_is_beside_it(rest, expected, name):

@@ -305,6 +305,9 @@ def verdict_of(plant: Any, found: Found, alpha: float, run: dict[str, float]) ->
     closed = (before - after) / max(before - floor, 1e-300)
     if (closed if plant.exact else min(closed, run["closure"])) < HALF:
         return "partial"
+    # Beside a play nothing counts as nameless, so that the run alone must say that little is left.
+    if figures.by_run and run["closure"] < 1.0 - LEAST_SHARE:
+        return "partial"
     # A remainder below the tolerance is not worth naming, unless the free run shows that it matters.
     if plant.exact and still > least:  # own records that lack nothing but an effect need no margin
         return "partial"
