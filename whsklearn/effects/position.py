@@ -116,7 +116,7 @@ class HardeningSpring(Effect):
     """
 
     stiffness: float = number(0.05, "Nm/rad3", 1e-6, 1e5, log=True)
-    centre: float = number(0.0, "rad", -10.0, 10.0, span=(-1.0, 1.0), starts=(0.0,))
+    centre: float = number(0.0, "rad", -10.0, 10.0, span=(-1.0, 1.0), starts=(0.0, -0.6, 0.6))
 
     name = "hardening_spring"
     place = "position"

@@ -179,10 +179,14 @@ def families(scene: Scene, waves: bool = False) -> Iterator[tuple[Family, bool]]
         if scene.torque is None and kind.driven and not kind.transforms:
             continue
         yield family(scene, kind), kind.of_place
+        # A first look holds what is freed later; a force of the position may be far from where that is held. An end
+        # stop had been named, with certainty, for a cubic about one end of the travel.
+        for shape in kind.cls.later_starts(scene.view.scene) if kind.of_place and kind.later else ():
+            yield family(scene, kind, shape), kind.of_place
 
 
-def family(scene: Scene, kind: Candidate) -> Family:
-    """One candidate."""
+def family(scene: Scene, kind: Candidate, shape: tuple[float, ...] | None = None) -> Family:
+    """One candidate; at one shape if that is given."""
     n_numbers = kind.n_slots - len(kind.held)
     zeros = (0.0,) * kind.linear
 
@@ -201,7 +205,7 @@ def family(scene: Scene, kind: Candidate) -> Family:
         return Family(kind.name, lambda _: orders(scene, kind), term, n_numbers, signal=kind.signal)
     if kind.scanned == "time":
         return Family(kind.name, lambda t: tones(scene, kind, t), term, n_numbers)
-    shapes = kind.grid(scene.view.scene, scene.view.cutoff)
+    shapes = kind.grid(scene.view.scene, scene.view.cutoff) if shape is None else [shape]
     return Family(
         kind.name, lambda _: (([s], scene.columns(ServoTerm(kind, (*zeros, *s))), 1.0) for s in shapes), term,
         n_numbers, positive=kind.positive, signal=kind.signal,
