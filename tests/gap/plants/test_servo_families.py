@@ -268,3 +268,12 @@ def test_a_hardening_spring_is_found_wherever_the_encoder_counts_from():
         found = GapFinder("servo").fit(log.assign(position_rad=log["position_rad"] + zero)).effects_[0]
         assert found.name == "hardening_spring"
         assert found.effect.centre == pytest.approx(zero + 0.6, abs=0.01)
+
+
+@pytest.mark.parametrize(("stiffness", "centre"), [(0.002, -3.0), (0.001, 4.0)])
+def test_a_hardening_spring_about_one_end_of_the_travel_is_no_end_stop(stiffness, centre):
+    log = make_servo_log([HardeningSpring(stiffness, centre)], duration=12.0, random_state=2)
+    effect = GapFinder("servo").fit(log).effects_[0].effect
+    assert effect.name == "hardening_spring"
+    assert effect.centre == pytest.approx(centre, abs=0.01)
+    assert effect.stiffness == pytest.approx(stiffness, rel=0.01)
