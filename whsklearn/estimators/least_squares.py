@@ -135,8 +135,8 @@ class RMILSRegressor(MILSRegressor):
     p : int, default=4
         Innovation length: the last p samples are re-run at each new sample.
     P0 : float, optional
-        P(0) = P0 I, in units of the noise variance, or with the exact gradient of what the past of
-        the output does not explain of it. The default is 1e6, or 1 without memory.
+        P(0) = P0 I, in units of the noise variance, or of the output's power with the exact
+        gradient. The default is 1e6, or 1 without memory.
     forgetting : float, default=1.0
         Forgetting factor, in (0, 1].
     theta0 : float or array-like of shape (n_parameters,), optional

@@ -14,7 +14,6 @@ from whsklearn.effects.base import Array, Bools
 from whsklearn.recursion.memory.blocks import increment_rms
 from whsklearn.recursion.memory.gauss_newton import HUGE, Memory
 from whsklearn.recursion.memory.settings import Settings, State
-from whsklearn.recursion.memory.starts import lagged, solved
 from whsklearn.recursion.rows.covariance import factors_of_inverse
 
 LADDER = (1.0, 2.0, 4.0, 8.0, 20.0, 50.0, 100.0, 200.0, 400.0)
@@ -35,7 +34,6 @@ FRESH_IN_STREAM = 2  # initial starts per fresh start, at each re-run in the bac
 # 1 of these, and 1 of another 200 (6600 to 6799); with four it was none of the 200, but 54091 had 60 times PEM's NMSE,
 # where four of 32 starts reach a wrong minimum before the first reaches the right one.
 CONFIRMED = 8
-EXPLAINED = 1e-12  # of the output's power: what its own past seems to leave of a constant is rounding
 
 
 class Refined(NamedTuple):
@@ -168,16 +166,10 @@ def survivors(state: State, r: Settings, size: int) -> int:
     return max(1, int(KEPT_SHARE * r.n_starts * (r.first_rerun / size) ** 0.8))
 
 
-def prior_of(scales: Array, r: Settings, y: Array, restart: Bools) -> State:
-    """P0 as information, relative to what each parameter can contribute to what the past of ``y`` does not explain.
-
-    Relative to ``y`` itself it is no weak prior behind slow poles: with four of 0.73 to 0.99, noise of 5 % of v is
-    4e-11 of the output's power, and the default P0 left 160 times the one-step error of the noise.
-    """
+def prior_of(scales: Array, r: Settings, y: Array) -> State:
+    """P0 as information, relative to what each parameter can contribute to the output ``y``."""
     n1 = r.dims[0] - 1 + r.dims[1]
-    own = lagged(np.empty((0, y.size)), y, restart, 0, int(r.dims[3]))
-    left = y - own @ solved(own, y) if own.size else y
-    power = max(np.mean(left**2), EXPLAINED * np.mean(y**2))  # not the variance, which is zero for a constant output
+    power = np.mean(y**2)  # not the variance, which is zero for a constant output
     information = np.full(r.size, power / r.p0)
     information[n1 : n1 + r.dims[4]] = power / scales**2 / r.p0
     return {"prior_information": np.diag(information)[None], "prior_theta": np.zeros((1, r.size))}

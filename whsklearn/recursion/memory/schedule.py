@@ -213,9 +213,8 @@ class MultistartSearch:
         found: list[refit.Refined | None] = []
         if begins:
             assert scales is not None  # there are always starts at the beginning of a stream
-            yield from self._row()
-            self.given.update(refit.prior_of(scales, r, self._y, self.state["memory_restart"][: self.size]))
-            yield from self._row()
+            self.given.update(refit.prior_of(scales, r, self._y))
+            yield
             # LAPACK is no longer cached: the first least-squares solution would take 100 us, and this halves it
             np.linalg.solve(np.eye(1), np.ones(1))
             yield from self._row()
