@@ -445,6 +445,30 @@ def test_a_rival_that_alone_leaves_as_little_stands_for_all_names_after_it(truth
     assert [t.name for t in found.taken] == [t.name for t in found.model.terms] == names
 
 
+def test_a_trial_of_a_rival_leaves_the_plant_as_it_was():
+    class Minding(Columns):
+        """A plant whose state is a view, which fitting a model moves."""
+
+        def settled(self, model):
+            self.view.append(model)
+            return model
+
+        def snapshot(self):
+            return {"view": list(self.view)}
+
+    plant = Minding({"b": 0.5, "c": 0.2}, names="abcd")
+    plant.view = ["of the search"]
+    look = plant.looks(Regression(), np.random.default_rng(0))[0]
+    b, *others = (
+        Named(k, plant.refine(Regression(), k), plant.y, plant.y) for k in (replace(look, name=n) for n in "bad")
+    )
+    both = plant.refine(b.model, replace(look, name="c"))
+    taken = [replace(b, rivals=["a", "d"]), Named(replace(look, name="c"), both, plant.y, plant.errors(both))]
+    found = Found(Regression(), both, taken, [SimpleNamespace(taken=taken[0], fitted=[b, *others])])
+    assert not Search(plant, np.random.default_rng(0), alpha=0.01, max_effects=3)._fewer(found)
+    assert plant.view == ["of the search"], "after each of two trials"
+
+
 def test_sizes_are_of_what_each_explains_beside_those_that_explain_more():
     plant = Columns({"a": 0.5, "b": 0.3, "c": 0.2}, names="abc")
     plant.columns["b"] = plant.columns["b"] + 2.0 * plant.columns["a"]  # most of what b explains is a's

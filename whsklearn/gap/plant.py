@@ -57,7 +57,15 @@ def quiet(left: Any, floor: Any, least: Any) -> Any:
 
 @dataclass(frozen=True)
 class FittedTerm:
-    """A candidate with its numbers."""
+    """A candidate with its numbers.
+
+    Examples
+    --------
+    >>> from whsklearn.gap.plants.servo_candidates import candidate
+    >>> t = FittedTerm(candidate("cable_spring"), (2.0, 0.1))
+    >>> t.name, t.effect, t.with_vector([3.0, 0.2]).q
+    ('cable_spring', CableSpring(stiffness=2.0, centre=0.1), (3.0, 0.2))
+    """
 
     kind: Any  # an object with ``name``, ``effect(q)``, ``ratios(i)`` and ``free``, the numbers that a fit moves
     q: tuple[float, ...]
@@ -96,7 +104,15 @@ def with_vectors(terms: tuple[Any, ...], x: Array) -> tuple[Any, ...]:
 
 
 class Linearised(NamedTuple):
-    """A fitted vector with its residual and derivatives."""
+    """A fitted vector with its residual and derivatives.
+
+    Examples
+    --------
+    >>> one = np.ones(1)
+    >>> fit = Linearised(one, 0.0 * one, 2.0 * one, np.zeros(3), np.ones((3, 1)), rebuild=lambda x: {"gain": x[0]})
+    >>> float(fit.rebuild(fit.x)["gain"])
+    1.0
+    """
 
     x: Array  # x, low, high (p,)
     low: Array

@@ -23,8 +23,9 @@ SLOW = 0.02  # of the rms velocity: below it the direction is uncertain, and wit
 WORSE, ALIKE = 2.0, 0.05
 # Share of the rms drive that must go into acceleration; below it the sign of the inertia is arbitrary
 LEAST_INERTIA = 1e-3
-# Largest residual of an axis driven the other way, as a share of the drive's standard deviation: as `drive_lead.KNOWN`.
-TURNED = 0.35
+# Largest residual, as a share of the drive's standard deviation, of what is called an axis once its drive is shifted in
+# time or turned round; above it the system is not an axis, and further poles look like a delay.
+KNOWN = 0.35
 # A speed whose deviation is less than this share of its mean shows the sum of friction and offset, not the inertia.
 # Starts then have these times (s) in which friction would stop the axis.
 EVEN, STOPS_IN = 0.05, (0.03, 0.3, 3.0, 30.0)
@@ -171,6 +172,6 @@ def _backwards(log: View, form: AxisForm) -> str:
         columns, drive = balance(log, width, form)
         if drive.size >= FEWEST:
             theta = solved(columns, -drive)
-            if _accelerates(theta, columns, drive) and rms(drive + columns @ theta) < TURNED * np.std(drive):
+            if _accelerates(theta, columns, drive) and rms(drive + columns @ theta) < KNOWN * np.std(drive):
                 return f"{text}; with the sign of the drive inverted it is (--invert-drive)."
     return f"{text}."

@@ -11,7 +11,7 @@ import numpy as np
 
 from whsklearn.effects.base import Array, rms
 from whsklearn.filtering.records import HOLDS
-from whsklearn.identification.axis_inverse import FEWEST, balance, inverse_starts, solved
+from whsklearn.identification.axis_inverse import FEWEST, KNOWN, balance, inverse_starts, solved
 from whsklearn.identification.axis_numbers import shooting_log
 from whsklearn.identification.view import View
 from whsklearn.identification.windows import axis_score
@@ -26,9 +26,6 @@ MOST_MOVES = 6
 LATEST = 1.5
 # Of the squared residual with the drive as logged: a shift must remove at least this share.
 EXPLAINED = 0.5
-# Largest residual after a shift, as a share of the rms drive; above it the system is not an axis, and further poles
-# look like a delay.
-KNOWN = 0.35
 OVER_TURNS = 11  # powers of a position without an angle that follow a weight over two turns, in units nobody stated
 # Standard deviation (s) of the Gaussian in `skew`, and its minimum in samples: narrow enough for the motion of a servo,
 # wide enough for its encoder.

@@ -29,7 +29,8 @@ from whsklearn.gap.plants.servo_candidates import TWO_MASS, ColumnSignals
 from whsklearn.gap.plants.servo_model import ServoHypothesis, ServoTerm
 from whsklearn.gap.record import Array, ServoRecord
 from whsklearn.gap.search import HALF, LEAST_SHARE
-from whsklearn.identification.drive_lead import KNOWN, LATEST, OLDEST
+from whsklearn.identification.axis_inverse import KNOWN
+from whsklearn.identification.drive_lead import LATEST, OLDEST
 from whsklearn.logs.check import lattice
 
 KEPT = 40  # columns cached, because a polish moves one shape and not the others
