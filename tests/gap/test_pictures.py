@@ -74,7 +74,7 @@ def test_the_band_of_noise_is_the_floor_that_the_page_states():
 
     d = diagnosis(figures=(0.05, 0.005, 0.002))
     figure, axes = plt.subplots()
-    assert pictures._over_time(axes, d)
+    pictures._over_time(axes, d)
     (band,) = axes.patches
     rms = float(np.sqrt(np.mean(np.sin(T[T > 0.1]) ** 2)))
     assert band.get_height() == pytest.approx(4 * rms * 0.002 / 0.05)
@@ -100,7 +100,7 @@ def test_the_bins_of_a_wave_over_position_follow_its_order(unit, turn, order):
     }
     effect = NamedEffect(Cogging(1.0, order), {}, 0.0, 1.0)
     axes = Figure().subplots()
-    assert _where(axes, diagnosis(effects=[effect], where=[place], pictures=series))
+    _where(axes, diagnosis(effects=[effect], where=[place], pictures=series))
     line = next(x for x in axes.lines if x.get_label() == "what the repair takes")
     x, y = line.get_data()
     assert x.max() <= turn / order, "one period of it"

@@ -7,7 +7,7 @@ import json
 import numpy as np
 
 from whsklearn.logs import Finding, LogReport
-from whsklearn.logs.findings import TITLES, finding
+from whsklearn.logs.findings import TITLES
 
 
 def test_every_code_has_a_title():
@@ -17,7 +17,7 @@ def test_every_code_has_a_title():
 
 def test_at_most_ten_rows_are_kept_as_plain_numbers():
     code = next(iter(TITLES))
-    kept = finding(code, "error", np.arange(50), "Fifty rows.", 0.5)
+    kept = Finding(code, "error", "Fifty rows.", np.arange(50), 0.5)
     assert kept.rows == tuple(range(10))
     json.dumps(LogReport((kept,)).to_dict())
 

@@ -23,11 +23,6 @@ def titled(name: str, unit: str) -> str:
     return f"{name} ({unit})" if unit else name
 
 
-def _legend(axes: Any) -> None:
-    """The legend above the axes, where it covers no line."""
-    axes.legend(frameon=False, fontsize=8, ncols=3, loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
-
-
 def draw(d: Diagnosis) -> list[tuple[str, str, str]]:
     """(title, caption, SVG in base 64) of every picture that the diagnosis has data for."""
     out = []
@@ -85,8 +80,11 @@ def width_of(d: Diagnosis) -> float:
     return min(WINDOW, 10.0 * d.horizon) if d.horizon else WINDOW
 
 
-def _paint(painter: Callable[[Any, Diagnosis], bool], d: Diagnosis) -> str:
-    """A picture of lines, so that it stays sharp at any size; the same data give the same bytes."""
+def _paint(painter: Callable[[Any, Diagnosis], Any], d: Diagnosis) -> str:
+    """A picture of lines, so that it stays sharp at any size; the same data give the same bytes.
+
+    Empty if the diagnosis has not the series of this picture, or if the painter returns False.
+    """
     import matplotlib
     from matplotlib.backends.backend_svg import FigureCanvasSVG
     from matplotlib.figure import Figure
@@ -98,11 +96,13 @@ def _paint(painter: Callable[[Any, Diagnosis], bool], d: Diagnosis) -> str:
         axes = figure.subplots()
         axes.spines[["top", "right"]].set_visible(False)
         try:
-            drawn = painter(axes, d)
-        except KeyError:  # a line without these series
+            if painter(axes, d) is False:
+                return ""
+        except KeyError:
             return ""
-        if not drawn:
-            return ""
+        if axes.get_legend_handles_labels()[0]:  # above the axes, where it covers no line
+            where: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.2}
+            axes.legend(frameon=False, fontsize=8, ncols=3, **where)
         buffer = io.BytesIO()
         canvas.print_svg(buffer, metadata={"Date": None, "Creator": None})  # `savefig` draws twice, for the same bytes
     return base64.b64encode(buffer.getvalue()).decode("ascii")
@@ -130,7 +130,13 @@ def thinned(*series: Any) -> list[Any]:
     return [np.asarray(s)[at] for s in (x, lead, *series[2:])]
 
 
-def _overlay(axes: Any, d: Diagnosis) -> bool:
+def _before_and_after(axes: Any, d: Diagnosis, x: Any, series: tuple[Any, Any], lw: float, what: str = "") -> None:
+    """A series of the base model over ``x`` and, if there is one, of the repaired model."""
+    for y, colour, label in zip(series[: 1 + d.repaired], (BEFORE, AFTER), ("before", "after"), strict=False):
+        axes.plot(*thinned(x, y), color=colour, lw=lw, label=what + label)
+
+
+def _overlay(axes: Any, d: Diagnosis) -> None:
     p = d.pictures
     t, y, held = p["time"], p["measured"], p["held"]
     error = np.where(held, np.abs(y - p["runs"]["before"]), 0.0)
@@ -144,42 +150,32 @@ def _overlay(axes: Any, d: Diagnosis) -> bool:
         axes.plot(t[part], p["runs"]["after"][part], color=AFTER, lw=1.2, ls="--", label="model after")
     axes.fill_between(t[part], y[part], p["runs"]["before"][part], color=BEFORE, alpha=0.2, lw=0)
     axes.set(xlabel=titled("time", p.get("clock", "s")), ylabel=titled(p.get("output", "position"), p["units"][1]))
-    _legend(axes)
-    return True
 
 
-def _of_joint(joint: str) -> Callable[[Any, Diagnosis], bool]:
+def _of_joint(joint: str) -> Callable[[Any, Diagnosis], None]:
     """The function that draws one joint of an arm."""
 
-    def painter(axes: Any, d: Diagnosis) -> bool:
+    def painter(axes: Any, d: Diagnosis) -> None:
         time, drive, before, after, unit = d.pictures["joints"][joint]
         axes.plot(*thinned(time, drive), color=MEASURED, lw=0.8, label="drive")
-        axes.plot(time, before, color=BEFORE, lw=0.8, label="missing before")
-        if d.repaired:
-            axes.plot(time, after, color=AFTER, lw=0.8, label="missing after")
+        _before_and_after(axes, d, time, (before, after), 0.8, "missing ")
         axes.set(xlabel="time (s)", ylabel=titled(f"drive of {joint}", unit))
-        _legend(axes)
-        return True
 
     painter.__name__ = f"joint {joint}"
     return painter
 
 
-def _over_time(axes: Any, d: Diagnosis) -> bool:
+def _over_time(axes: Any, d: Diagnosis) -> None:
     p = d.pictures
     keep = p["usable"]
-    axes.plot(*thinned(p["gap_time"][keep], p["gap_before"][keep]), color=BEFORE, lw=0.6, label="before")
-    if d.repaired:
-        axes.plot(*thinned(p["gap_time"][keep], p["gap_after"][keep]), color=AFTER, lw=0.6, label="after")
+    _before_and_after(axes, d, p["gap_time"][keep], (p["gap_before"][keep], p["gap_after"][keep]), 0.6)
     before, _, noise = d.figures  # the floor that the page states
     floor = noise / before * float(np.sqrt(np.mean(p["gap_before"][keep] ** 2))) if before > 0.0 else p["floor"]
     axes.axhspan(-2 * floor, 2 * floor, color=FLOOR, alpha=0.3, lw=0, label="twice the noise floor")
     axes.set(xlabel=titled("time", p.get("clock", "s")), ylabel=titled(p["what"], p.get("gap_unit", p["units"][0])))
-    _legend(axes)
-    return True
 
 
-def _where(axes: Any, d: Diagnosis) -> bool:
+def _where(axes: Any, d: Diagnosis) -> Any:
     if not d.where:
         return False
     p, best = d.pictures, _shown_axis(d)
@@ -205,8 +201,6 @@ def _where(axes: Any, d: Diagnosis) -> bool:
         axes.plot(centres, mean(after), color=FLOOR, lw=1, label="left after")
     axes.axhline(0, color=FLOOR, lw=0.6)
     axes.set(xlabel=titled(name, best.unit), ylabel=titled(p["what"], p.get("gap_unit", p["units"][0])))
-    _legend(axes)
-    return True
 
 
 def waves_of(d: Diagnosis, place: Any) -> list[float]:
@@ -263,7 +257,7 @@ def _shown_axis(d: Diagnosis) -> Any:
     return d.where[0]
 
 
-def _learned(axes: Any, d: Diagnosis) -> bool:
+def _learned(axes: Any, d: Diagnosis) -> Any:
     if d.learned is None or not d.learned.curves:
         return False
     curve, p = d.learned.curves[0], d.pictures
@@ -275,10 +269,9 @@ def _learned(axes: Any, d: Diagnosis) -> bool:
     by = {"direction": " x sign(velocity)", "velocity": " x velocity"}.get(second[0], "") if second else ""
     brake = " against the motion" if first == "speed" else ""
     axes.set(xlabel=titled(first, unit.get(first, p["units"][1])), ylabel=titled(f"learned{brake}{by}", p["units"][0]))
-    return True
 
 
-def _candidates(axes: Any, d: Diagnosis) -> bool:
+def _candidates(axes: Any, d: Diagnosis) -> Any:
     shown = sorted((c for c in d.candidates if c.closure > 0.0), key=lambda c: -c.closure)[:10][::-1]
     if not shown:
         return False
@@ -290,23 +283,19 @@ def _candidates(axes: Any, d: Diagnosis) -> bool:
     axes.set(xlabel="share of the gap that it explains (%)", xlim=(0, 100))
     axes.tick_params(axis="y", labelsize=8)
     axes.figure.set_layout_engine("tight")  # names may be long: they hold an arm's joint
-    return True
 
 
-def _spectrum(axes: Any, d: Diagnosis) -> bool:
+def _spectrum(axes: Any, d: Diagnosis) -> None:
     p = d.pictures
-    axes.semilogy(*thinned(p["frequency"], p["spectrum"][0]), color=BEFORE, lw=0.9, label="before")
-    if d.repaired:
-        axes.semilogy(*thinned(p["frequency"], p["spectrum"][1]), color=AFTER, lw=0.9, label="after")
+    _before_and_after(axes, d, p["frequency"], p["spectrum"], 0.9)
+    axes.set_yscale("log")
     axes.set(
         xlabel=titled("frequency", "Hz" if p.get("clock", "s") == "s" else "cycles a sample"),
         ylabel=titled("amplitude", p.get("gap_unit", p["units"][0])),
     )
-    _legend(axes)
-    return True
 
 
-def _map(axes: Any, d: Diagnosis) -> bool:
+def _map(axes: Any, d: Diagnosis) -> Any:
     families = [e for e in d.effects if e.of_orders]
     if not families:
         return False
@@ -316,20 +305,14 @@ def _map(axes: Any, d: Diagnosis) -> bool:
     axes.axhline(0, color=FLOOR, lw=0.6)
     axes.set(xlabel="angle in the turn (deg)", ylabel=titled("size", families[0].amplitude_unit), xlim=(0, 360))
     axes.set_xticks(range(0, 361, 60))
-    _legend(axes)
-    return True
 
 
-def _orders(axes: Any, d: Diagnosis) -> bool:
+def _orders(axes: Any, d: Diagnosis) -> Any:
     p = d.pictures
     if p["orders"].size < 5:
         return False
-    axes.plot(p["orders"], p["order_spectrum"][0], color=BEFORE, lw=0.9, label="before")
-    if d.repaired:
-        axes.plot(p["orders"], p["order_spectrum"][1], color=AFTER, lw=0.9, label="after")
+    _before_and_after(axes, d, p["orders"], p["order_spectrum"], 0.9)
     axes.set(
         xlabel="order (periods in 2 pi of x)" if "window" in p else "order (periods a turn)",
         ylabel=titled("amplitude", p.get("gap_unit", p["units"][0])),
     )
-    _legend(axes)
-    return True

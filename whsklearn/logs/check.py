@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from whsklearn.logs.findings import SEVERITIES, Array, Finding, LogReport, finding
+from whsklearn.logs.findings import SEVERITIES, Array, Finding, LogReport
 
 ALLOWED_JITTER = 0.01  # as a share of the period; derivatives of the position are wrong by the same share
 GAP = 1.5  # periods; a longer step has lost a sample, a shorter one is jitter
@@ -61,6 +61,16 @@ def check_log(time: Array, signals: dict[str, Array], rows: NDArray[np.intp] | N
     return LogReport(tuple(found), skipped, jitter(time), quantum)
 
 
+def runs(flags: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """The first row of every run of flags that are set, and the row behind it.
+
+    >>> runs(np.array([True, True, False, True]))
+    (array([0, 3]), array([2, 4]))
+    """
+    edges = np.flatnonzero(np.diff(np.r_[0, flags.astype(np.int8), 0]))
+    return edges[::2], edges[1::2]
+
+
 def jitter(time: Array) -> float:
     """Largest deviation of a time step from the median step, relative to it; missing samples left out."""
     step = np.diff(time)
@@ -76,7 +86,7 @@ def _stamps(time: Array, rows: NDArray[np.intp]) -> list[Finding]:
     out = []
 
     def found(code: str, steps: NDArray[np.intp], text: str, value: float | None = None) -> None:
-        out.append(finding(code, "error", rows[steps + 1], text, value))
+        out.append(Finding(code, "error", text, rows[steps + 1], value))
 
     back = np.flatnonzero(step < 0)
     same = np.flatnonzero(step == 0)
@@ -114,8 +124,7 @@ def _clipping(name: str, x: Array) -> list[Finding]:
     usual = float(np.median(moves[moves > 0]))
     flat, jumps, first = 0, [], []
     for extreme in (x.max(), x.min()):
-        edges = np.flatnonzero(np.diff(np.r_[0, (x == extreme).astype(int), 0]))
-        for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        for start, stop in zip(*runs(x == extreme), strict=True):
             if stop - start >= 3 * max(hold, 1.0):
                 flat += stop - start
                 first.append(int(start))
@@ -125,7 +134,7 @@ def _clipping(name: str, x: Array) -> list[Finding]:
         return []
     text = f"{name} stays at its extreme values in {flat} samples, first at row {min(first)}; "
     text += "cut those rows, or give the model a saturation."
-    return [Finding("LOG005", "warning", text, tuple(sorted(first)[:10]), flat / x.size)]
+    return [Finding("LOG005", "warning", text, sorted(first), flat / x.size)]
 
 
 def _repeats(signals: dict[str, Array]) -> list[Finding]:
@@ -133,16 +142,15 @@ def _repeats(signals: dict[str, Array]) -> list[Finding]:
     table = np.column_stack(list(signals.values()))
     same = np.r_[False, (table[1:] == table[:-1]).all(axis=1)]
     same &= ~((table == table.max(axis=0)) | (table == table.min(axis=0))).any(axis=1)  # a limit, a turning point
-    edges = np.flatnonzero(np.diff(np.r_[0, same.astype(int), 0]))
-    starts, lengths = edges[::2], edges[1::2] - edges[::2]
+    starts, ends = runs(same)
+    lengths = ends - starts
     short = lengths <= 20  # longer runs are an axis at rest
     if table.shape[1] < 2 or lengths[short].sum() < max(3, 1e-3 * len(table)):
         return []
     count = int(lengths[short].sum())
     text = f"{count} rows equal the row before in every signal, the first is row {starts[short][0]}; the logger polls "
     text += "faster than the controller writes, so log at the controller's rate."
-    rate = count / len(table)
-    return [Finding("LOG006", "warning", text, tuple(int(s) for s in starts[short][:10]), rate)]
+    return [Finding("LOG006", "warning", text, starts[short], count / len(table))]
 
 
 def lattice(readings: ArrayLike, distinct: float = DISTINCT) -> float:

@@ -76,20 +76,16 @@ class Finding:
     code: str
     severity: str
     explanation: str
-    rows: tuple[int, ...] = ()
+    rows: Sequence[int] | NDArray[Any] = ()
     value: float | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "rows", tuple(int(r) for r in self.rows[:10]))
 
     @property
     def title(self) -> str:
         """The meaning of the code."""
         return TITLES[self.code]
-
-
-def finding(
-    code: str, severity: str, rows: NDArray[Any] | Sequence[int], text: str, value: float | None = None
-) -> Finding:
-    """A finding with its first ten rows."""
-    return Finding(code, severity, text, tuple(int(r) for r in rows[:10]), value)
 
 
 @dataclass(frozen=True)

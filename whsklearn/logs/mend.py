@@ -7,9 +7,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.logs.check import lattice
+from whsklearn.logs.check import lattice, runs
 from whsklearn.logs.errors import LogError
-from whsklearn.logs.findings import Array, Finding, finding
+from whsklearn.logs.findings import Array, Finding
 from whsklearn.logs.units import turn_of
 
 HUGE = 1e100  # no sensor gives larger values, and their squares overflow
@@ -54,7 +54,7 @@ def missing_rows(signals: dict[str, Array], columns: dict[str, str]) -> tuple[ND
         f"Column {columns[role]!r} has no value at row {rows[0]} ({held}; {rows.size} such rows in all); these "
         "rows were left out and count as lost samples."
     )
-    return bad, finding("LOG010", "warning", rows, text, rows.size / bad.size)
+    return bad, Finding("LOG010", "warning", text, rows, rows.size / bad.size)
 
 
 def no_value(values: Array) -> NDArray[np.bool_]:
@@ -130,7 +130,7 @@ def unwrap(role: str, values: Array, turn: float) -> tuple[Array, Finding]:
     text = (
         f"The {role} jumps by a turn of {turn:.6g} at {leaps.size} rows, the first is row {leaps[0]}; it was unwrapped."
     )
-    return out, finding("LOG012", "info", leaps, text, turn)
+    return out, Finding("LOG012", "info", text, leaps, turn)
 
 
 def axes_in(time: Array, motion: Array) -> int:
@@ -182,7 +182,7 @@ def again(signals: dict[str, Array], segment: NDArray[np.int64]) -> tuple[NDArra
         f"From row {begins[0]} on, {out.sum()} rows repeat the log from its first row in every digit: it has the same "
         "run more than once. It counts once."
     )
-    return out, finding("LOG006", "warning", np.array(begins), text, float(out.sum()))
+    return out, Finding("LOG006", "warning", text, begins, float(out.sum()))
 
 
 def jumps_in(time: Array, position: Array, segment: NDArray[np.int64]) -> Array | None:
@@ -240,8 +240,7 @@ def frozen(position: Array, segment: NDArray[np.int64]) -> tuple[NDArray[np.bool
     array([21, 22, 23, 24, 25])
     """
     step = np.diff(position)
-    still = np.diff(np.r_[0, ((step == 0) & (np.diff(segment) == 0)).astype(np.int8), 0])
-    first, last = np.flatnonzero(still == 1), np.flatnonzero(still == -1)  # steps first..last - 1 are zero
+    first, last = runs((step == 0) & (np.diff(segment) == 0))  # steps first..last - 1 are zero
     k = FROZEN_STEPS
     inside = (last - first >= k) & (first > k) & (last + k < step.size)
     out = np.zeros(position.size, dtype=bool)
@@ -262,7 +261,7 @@ def frozen(position: Array, segment: NDArray[np.int64]) -> tuple[NDArray[np.bool
         f"At row {begins[0]} a moving axis is logged at one place for several rows and then catches up ({len(begins)} "
         f"time(s)): the log repeats an old reading. These {out.sum()} rows were left out and count as lost samples."
     )
-    return out, finding("LOG024", "warning", np.array(begins), text, float(out.sum()))
+    return out, Finding("LOG024", "warning", text, begins, float(out.sum()))
 
 
 def _moving(step: Array) -> bool:
@@ -277,7 +276,7 @@ def without_jumps(position: Array, jump: Array) -> tuple[Array, Finding]:
         f"The position jumps by {jump[rows[0]]:.4g} at row {rows[0]} ({rows.size} such row(s) in all), which the "
         "motion cannot have made: the encoder was reset or misread. The position was continued without the jump."
     )
-    return position - np.cumsum(jump), finding("LOG023", "warning", rows, text, float(jump[rows[0]]))
+    return position - np.cumsum(jump), Finding("LOG023", "warning", text, rows, float(jump[rows[0]]))
 
 
 def signed(role: str, values: Array) -> tuple[Array, Finding | None]:
@@ -298,9 +297,8 @@ def signed(role: str, values: Array) -> tuple[Array, Finding | None]:
             if middle.any() or negative.all():
                 return values, None
             text = f"The {role} has {bits}-bit numbers above {whole / 2:.0f}; {whole:.0f} was subtracted from them."
-            return np.where(negative, values - whole, values), finding(
-                "LOG021", "info", np.flatnonzero(negative), text, whole
-            )
+            found = Finding("LOG021", "info", text, np.flatnonzero(negative), whole)
+            return np.where(negative, values - whole, values), found
     return values, None
 
 
@@ -338,11 +336,10 @@ def held(time: Array, drive: Array, position: Array) -> tuple[NDArray[np.bool_],
     limit = (drive != 0) & ((drive == drive.max()) | (drive == drive.min()))
     changes = np.diff(drive) != 0
     constant = np.r_[False, ~changes & (np.diff(position) == 0)]
-    edges = np.flatnonzero(np.diff(np.r_[0, constant.astype(np.int8), 0]))
     period = (time[-1] - time[0]) / max(1, n - 1)
     long = [
         (int(a), int(b))
-        for a, b in zip(edges[::2], edges[1::2], strict=True)
+        for a, b in zip(*runs(constant), strict=True)
         if b - a >= HELD_ROWS and (b - a) * period >= HELD_SECONDS and not limit[a]
     ]
     out = np.zeros(n, dtype=bool)
@@ -362,4 +359,4 @@ def held(time: Array, drive: Array, position: Array) -> tuple[NDArray[np.bool_],
         f"Drive and position do not change at all for {seconds:.3g} s, from row {long[0][0]} on ({len(long)} "
         "phase(s)): an emergency stop, a brake or a disabled drive. Those rows were removed."
     )
-    return out, finding("LOG014", "warning", np.flatnonzero(out), text, float(seconds))
+    return out, Finding("LOG014", "warning", text, np.flatnonzero(out), float(seconds))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from whsklearn.logs.check import ALLOWED_JITTER, GAP
 from whsklearn.logs.errors import LogError
-from whsklearn.logs.findings import Array, Finding, finding
+from whsklearn.logs.findings import Array, Finding
 from whsklearn.logs.units import UNKNOWN, seconds_of
 
 LONG_GAP = 5.0  # periods; four lost samples can be interpolated, within more an axis may have reversed
@@ -129,7 +129,7 @@ def _unwound(values: Array, column: str) -> tuple[Array, tuple[Finding, ...]]:
             )
             text = f"Column {column!r} {what} at row {falls[0] + 1}."
             out = values + size * np.r_[0.0, np.cumsum(step < 0)]
-            return out, (finding("LOG015", "info", falls + 1, text),)
+            return out, (Finding("LOG015", "info", text, falls + 1),)
     return values, ()
 
 
@@ -204,7 +204,7 @@ def in_order(time: Array, same_rows: NDArray[np.bool_], rows: NDArray[np.intp]) 
         text = (
             f"{int(np.sum(step < 0))} rows have an earlier stamp than the row before; sorted, all are of one even run."
         )
-        found.append(finding("LOG004", "warning", rows[np.flatnonzero(step < 0) + 1], text, float(np.sum(step < 0))))
+        found.append(Finding("LOG004", "warning", text, rows[np.flatnonzero(step < 0) + 1], float(np.sum(step < 0))))
         time, rows, same_rows = time[order], rows[order], np.zeros_like(same_rows)
         period = _period(time)
     time = _spread(time, same_rows, period, found)
@@ -215,7 +215,7 @@ def in_order(time: Array, same_rows: NDArray[np.bool_], rows: NDArray[np.intp]) 
         first = rows[np.flatnonzero(starts)]
         text = f"At row {first[0]}" + (f" and {first.size - 1} more" if first.size > 1 else "")
         found.append(
-            finding("LOG013", "warning", first, f"{text} time jumps back; each restart begins a new experiment.")
+            Finding("LOG013", "warning", f"{text} time jumps back; each restart begins a new experiment.", first)
         )
         fall = np.where(starts, time - np.r_[0.0, time[:-1]] - period, 0.0)
         time = time - np.cumsum(fall)
@@ -225,7 +225,7 @@ def in_order(time: Array, same_rows: NDArray[np.bool_], rows: NDArray[np.intp]) 
         text = (
             f"{lost.size} rows whose stamp is not later than the one before were dropped, the first is row {lost[0]}."
         )
-        found.append(finding("LOG003", "warning", lost, text, float(lost.size)))
+        found.append(Finding("LOG003", "warning", text, lost, float(lost.size)))
     time, rows, starts = time[later], rows[later], starts[later]
     if time.size < 3:
         raise LogError(
@@ -269,7 +269,7 @@ def _spread(time: Array, same_rows: NDArray[np.bool_], period: float, found: lis
         last = time[first[-1]] + period
         out, how = np.interp(place, np.r_[first, time.size], np.r_[time[first], last]), "evenly"
     text = f"Up to {counts.max()} rows share a time stamp with a resolution of {period:.3g} s; they were spread {how}."
-    found.append(finding("LOG003", "warning", np.flatnonzero(double), text, float(double.sum())))
+    found.append(Finding("LOG003", "warning", text, np.flatnonzero(double), float(double.sum())))
     return out
 
 
@@ -293,7 +293,7 @@ def _without_strays(
         f"Row {lost[0]} has the stamp {time[stray][0]:.6g} s among rows at {time[max(0, lost[0] - 1)]:.6g} s; "
         f"{lost.size} such row(s) were left out."
     )
-    found.append(finding("LOG004", "warning", lost, text, float(lost.size)))
+    found.append(Finding("LOG004", "warning", text, lost, float(lost.size)))
     return time[~stray], rows[~stray]
 
 
@@ -308,7 +308,7 @@ def _sorted(time: Array, rows: NDArray[np.intp], period: float, found: list[Find
     text = (
         f"{at.size} rows have an earlier stamp than the row before, the first is row {rows[at[0]]}; they were sorted."
     )
-    found.append(finding("LOG004", "warning", rows[at], text, float(at.size)))
+    found.append(Finding("LOG004", "warning", text, rows[at], float(at.size)))
     return time[order], rows[order]
 
 
@@ -354,7 +354,7 @@ def bridged(
         f"interpolation changes less than {100 * BRIDGED:g} % of the signals of the whole log."
     )
     joined = segment - np.r_[0, np.cumsum(filled)]
-    return joined, [finding("LOG011", "info", np.flatnonzero(filled) + 1, text, float(filled.sum()))]
+    return joined, [Finding("LOG011", "info", text, np.flatnonzero(filled) + 1, float(filled.sum()))]
 
 
 def _off(values: Array, lengths: NDArray[np.int64], length: int, role: str) -> float:
