@@ -141,3 +141,22 @@ def test_json_lines_in_a_file_are_sent_to_stdin(tmp_path):
     done = CliRunner().invoke(stream_command, [str(log), "--no-track"])
     assert done.exit_code == 3
     assert "whsklearn stream - <" in done.output
+
+
+def test_a_stream_of_several_inputs_names_the_numbers_of_each(tmp_path):
+    X = np.random.default_rng(0).normal(size=(300, 2))
+    y = np.r_[0.0, 0.0, X[:-2] @ [1.0, 0.5]]
+    log = tmp_path / "log.csv"
+    log.write_text("u1,u2,y\n" + "".join(f"{a},{b},{c}\n" for (a, b), c in zip(X, y, strict=True)))
+    several = ["--input", "u1", "--input", "u2", "--orders", "1,0,1,0", "--law", "linear"]
+    done = stream(log, "--no-track", *several, "--every", "300", "--out", tmp_path / "out.jsonl")
+    assert done.exit_code == 0, done.output
+    (estimate,) = records(tmp_path / "out.jsonl", "estimate")
+    assert estimate["parameters"]["a1_2"] == pytest.approx(0.5, abs=0.01)
+
+
+def test_a_rate_is_given_instead_of_a_time(tmp_path):
+    log = write(tmp_path / "log.csv", ["0,1,2\n"])
+    done = stream(log, "--no-track", "--time", "t", "--rate", "100")
+    assert done.exit_code == 2
+    assert "--time or --rate" in done.output

@@ -269,6 +269,13 @@ def test_columns_of_no_axis_are_not_compared(columns):
     assert at_an_alarm(columns) is None
 
 
+def test_rows_without_a_time_are_compared_by_their_rate(position):
+    untimed = at_an_alarm(["torque_nm", "position_rad"], dt=1.0 / RATE)
+    before, after = side(), side(0.3, seed=1)
+    told = untimed(*((experiments, rows[:, 1:]) for experiments, rows in (before, after)))["changes"][0]
+    assert told["interval"] == pytest.approx(position(before, after)["changes"][0]["interval"], rel=1e-6)
+
+
 def test_rows_without_motion_say_why():
     still = np.column_stack([np.arange(3000) / RATE, np.ones(3000), np.ones(3000)])
     told = at_an_alarm(["time_s", "torque_nm", "position_rad"])((np.zeros(3000), still), (np.zeros(3000), still))
@@ -280,7 +287,7 @@ def test_friction_of_one_joint_of_an_arm():
     logs = [make_arm_log(arm, extra, duration=16.0, sample_rate=RATE, random_state=k, return_arrays=True)
             for k, extra in enumerate(({}, {"pitch": [Coulomb(0.3)]}))]  # fmt: skip
     sides = [(np.zeros(len(q)), np.hstack([q, u])) for q, u in logs]
-    told = at_an_alarm_of(arm, 1.0 / RATE, timed=False)(*sides)
+    told = at_an_alarm_of(arm, 1.0 / RATE)(*sides)
     assert told["changes"][0]["name"] == "coulomb at pitch"
 
 
@@ -298,7 +305,7 @@ def streamed(extra, drift=0.0, alarm_at=None):
     monitor = StreamMonitor(
         RLSRegressor(lags, P0=1.0), ChangeAlarm(interval=1e5, n_reference=400, n_settle=100),
         Options(every=1000, timed=True, max_step=0.01, outputs=arm.joints), told.append,
-        at_an_alarm_of(arm, 1.0 / RATE, timed=True),
+        at_an_alarm_of(arm),
     )  # fmt: skip
     monitor.take(rows[:alarm_at])
     if alarm_at is not None:

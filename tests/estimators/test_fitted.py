@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -47,10 +49,10 @@ def test_the_table_is_parameters_and_errors(short_record, model):
     table = summary.table
     assert list(table) == ["value", "standard_error", "low", "high"]
     for letter in "bd":
-        np.testing.assert_array_equal(table.loc[[i for i in table.index if i.startswith(f"{letter}_")], "value"],
+        np.testing.assert_array_equal(table.loc[[i for i in table.index if re.fullmatch(rf"{letter}\d+", i)], "value"],
                                       named[letter])  # fmt: skip
-    assert "a_1" not in table.index  # one by definition
-    assert table.loc["a_2", "value"] == named["a"][1]
+    assert "a1" not in table.index  # one by definition
+    assert table.loc["a2", "value"] == named["a"][1]
     known = table.dropna()
     np.testing.assert_allclose((known.high - known.low) / known.standard_error, 2 * 1.959964, rtol=1e-5)
     text = str(summary)
@@ -69,8 +71,8 @@ def test_rows_and_several_inputs_have_one_too():
     assert float(rows.facts["noise"].split()[0]) == pytest.approx(0.1, rel=0.15)
     y = np.r_[0.0, 0.0, (X[:-2] @ [1.0, 0.5])] + 0.01 * rng.standard_normal(200)
     chain = PEMRegressor(WienerHammersteinLags(1, 0, 1, 0, law="linear"), n_starts=2, random_state=0).fit(X, y)
-    assert chain.summary().table.index[0] == "a_1,2"
-    assert chain.summary().table.loc["a_1,2", "value"] == pytest.approx(0.5, abs=0.02)
+    assert chain.summary().table.index[0] == "a1_2"
+    assert chain.summary().table.loc["a1_2", "value"] == pytest.approx(0.5, abs=0.02)
 
 
 @pytest.mark.parametrize("delays", [(1, 1), (0, 0), (0, 2)])

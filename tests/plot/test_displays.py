@@ -26,6 +26,11 @@ def test_parameters_are_named_in_the_order_of_the_chain():
     assert list(flat_parameters(given)) == ["a2", "b1", "b2", "viscous", "coulomb", "c2", "d1", "d2"]
 
 
+def test_parameters_of_several_inputs_are_numbered_by_input():
+    named = flat_parameters({"a": [[1.0, 0.5], [0.3, 0.2]], "b": [0.1]})
+    assert named == {"a1_2": 0.5, "a2_1": 0.3, "a2_2": 0.2, "b1": 0.1}
+
+
 def test_paths_end_at_the_fit_of_the_whole_record(record):
     steps, paths = parameter_paths(FirstOrder(), *record, every=64)
     assert steps[-1] == 600

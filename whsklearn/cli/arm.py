@@ -179,7 +179,7 @@ def arm_stream(options: Mapping[str, Any]) -> ArmStream:
     known = load_model(path)
     if known.kind != "arm":
         raise ValueError(f"{path} is a model of kind {known.kind}, expected one of an arm, as `identify` writes it.")
-    arm, dt = known.arm, known.dt
+    arm, dt = known.arm, 1.0 / options["rate"] if options.get("rate") else known.dt
     if source == "-" and not options["joints"]:
         raise ColumnError('Lines on stdin have no column names; give them with --joints "NAME:POSITION,DRIVE;...".')
     clock = factor_between(unit_of(time), "s") if time else 1.0

@@ -55,13 +55,14 @@ logged_option = click.option(
     "--logged", type=LOGGED, default="auto", help="Kind of output; a position is fitted through its velocity."
 )
 effects_option = click.option("--effects", type=FILE, help="A Python file with effects of your own.")
+rate_option = click.option("--rate", type=POSITIVE, help="Sample rate in Hz, in place of --time.")
 # How a log is to be taken.
 reading_options = _together(
     click.option("--columns", help="Columns by name or number from 0: time,drive,position or drive,position."),
     click.option(
         "--unit", "units", multiple=True, metavar="ROLE=UNIT", help="Unit, such as position=deg; may be repeated."
     ),
-    click.option("--rate", type=POSITIVE, help="Sample rate in Hz, in place of --time."),
+    rate_option,
     click.option("--torque-constant", metavar="K+-S", help="Nm/A with its standard deviation, for a drive in amperes."),
     click.option("--invert-drive", is_flag=True, help="Change the sign of the drive."),
 )

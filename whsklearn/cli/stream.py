@@ -19,7 +19,15 @@ import click
 from click.core import ParameterSource
 
 from whsklearn.cli.job import job, root
-from whsklearn.cli.options import FILE, NEW_FILE, build_model, joint_options, model_options, refuse_without_robot
+from whsklearn.cli.options import (
+    FILE,
+    NEW_FILE,
+    build_model,
+    joint_options,
+    model_options,
+    rate_option,
+    refuse_without_robot,
+)
 
 OF_A_CHAIN = ("inputs", "output", "estimator", "orders", "law", "p")  # options that do not apply to an arm
 
@@ -31,6 +39,7 @@ OF_A_CHAIN = ("inputs", "output", "estimator", "orders", "law", "p")  # options 
 @click.option("--robot", type=FILE, help="model.json of an arm, in place of --orders.")
 @joint_options
 @click.option("--time", "time_column", help="Time column, numbers or ISO 8601; must increase.")
+@rate_option
 @click.option("--max-step", type=float, default=math.inf, help="A longer pause in time begins a new experiment.")
 @click.option("--follow", is_flag=True, help="Wait for rows that are appended to the file.")
 @model_options
@@ -59,7 +68,10 @@ def main(**options: Any) -> None:
     from whsklearn.compare import at_an_alarm, at_an_alarm_of
     from whsklearn.streaming import Files, Options, run_stream
 
-    source, robot, timed = options["source"], options["robot"], options["time_column"] is not None
+    source, robot, timed, rate = (options[k] for k in ("source", "robot", "time_column", "rate"))
+    if timed and rate:
+        raise click.UsageError("--rate is for rows without a time; leave out --time or --rate.")
+    dt = 1.0 / rate if rate else None  # of rows without a time
     kept = options["checkpoint"] or Path("stdin.whs" if source == "-" else f"{source}.whs")
     max_step, hole = options["max_step"], options["hole"]
     outputs: tuple[str, ...] = ("",)
@@ -74,15 +86,15 @@ def main(**options: Any) -> None:
         arm = arm_stream(options)
         model, columns, factors, outputs = arm.model, arm.columns, arm.factors, arm.joints
         max_step, hole = min(max_step, arm.max_step), "restart"
-        compare: Any = at_an_alarm_of(arm.arm, arm.dt, timed)
+        compare: Any = at_an_alarm_of(arm.arm, None if timed else arm.dt)
     else:
         refuse_without_robot(options)
         model = build_model(options)
-        columns = [*([options["time_column"]] if timed else []), *options["inputs"], options["output"]]
-        compare = at_an_alarm(columns) if timed else None
+        columns = [*([timed] if timed else []), *options["inputs"], options["output"]]
+        compare = at_an_alarm(columns, dt) if timed or dt else None
     rows = Options(
         options["every"], options["predictions"], options["bad_rows"] == "refuse", hole == "restart", max_step,
-        options["smallest_change"], options["most_held"], timed, outputs, factors,
+        options["smallest_change"], options["most_held"], bool(timed), outputs, factors,
     )  # fmt: skip
     files = Files(
         source, options["out"], kept, options["follow"], options["fresh"], options["checkpoint_every"],

@@ -519,19 +519,19 @@ LABELS = ("before the alarm", "after it")
 SHORTEST = 50  # samples of an experiment that is used
 
 
-def at_an_alarm(columns: Sequence[str]) -> Callable[[Side, Side], dict[str, Any]] | None:
+def at_an_alarm(columns: Sequence[str], dt: float | None = None) -> Callable[[Side, Side], dict[str, Any]] | None:
     """What compares the rows of an axis's stream; None unless they are time, a drive and a motion by their units.
 
-    ``columns``: of the rows: time, input, output.
+    ``columns``: of the rows: time, input, output. ``dt``: sampling time (s) of rows without a time.
 
     Examples
     --------
     >>> at_an_alarm(["time_s", "torque_nm", "velocity_rad_s"]) is None, at_an_alarm(["t", "u", "y"]) is None
     (False, True)
     """
-    if len(columns) != 3:
+    if len(columns) != 3 - (dt is not None):
         return None
-    clock, drive, motion = (unit_of(c) for c in columns)
+    clock, drive, motion = (unit_of(c) for c in ("s", *columns)[-3:])
     (per, position), rate = integral_of(motion), factor_of(motion)[1].endswith("/s")
     kind = factor_of(position)[1]
     if UNKNOWN in (drive, motion) or factor_of(drive)[1] not in KINDS["drive"] or kind not in MOTIONS:
@@ -540,7 +540,7 @@ def at_an_alarm(columns: Sequence[str]) -> Callable[[Side, Side], dict[str, Any]
 
     def record(side: Side) -> ServoRecord:
         parts, starts, n = [], [], 0
-        for t, u, y in evenly(side, by):
+        for t, u, y in evenly(side, by, dt):
             if rate:
                 y = per * np.concatenate([[0.0], np.cumsum(0.5 * (y[1:] + y[:-1]) * np.diff(t))])
             parts.append((t, u, y))
@@ -552,10 +552,10 @@ def at_an_alarm(columns: Sequence[str]) -> Callable[[Side, Side], dict[str, Any]
     return lambda before, after: stream_record(compare_records([record(before), record(after)], LABELS))
 
 
-def at_an_alarm_of(arm: Arm, dt: float, timed: bool) -> Callable[[Side, Side], dict[str, Any]]:
+def at_an_alarm_of(arm: Arm, dt: float | None = None) -> Callable[[Side, Side], dict[str, Any]]:
     """What compares the rows of an arm's stream: time, the positions of all joints, their drives.
 
-    ``arm``: its robot. ``dt``: sampling time (s) of rows without a time. ``timed``: whether a row begins with its time.
+    ``arm``: its robot. ``dt``: sampling time (s) of rows without a time.
 
     Examples
     --------
@@ -564,14 +564,12 @@ def at_an_alarm_of(arm: Arm, dt: float, timed: bool) -> Callable[[Side, Side], d
     >>> arm = default_arm()
     >>> logs = (make_arm_log(arm, random_state=k, return_arrays=True) for k in range(2))
     >>> sides = [(np.zeros(len(q)), np.hstack([q, u])) for q, u in logs]
-    >>> at_an_alarm_of(arm, 0.002, timed=False)(*sides)["verdict"]
+    >>> at_an_alarm_of(arm, dt=0.002)(*sides)["verdict"]
     'nothing'
     """
 
     def record(side: Side) -> ArmLog:
-        experiments, rows = side
-        rows = rows if timed else np.column_stack([np.arange(len(rows)) * dt, rows])
-        longest = max(evenly((experiments, rows), 1.0), key=lambda part: part[0].size)
+        longest = max(evenly(side, 1.0, dt), key=lambda part: part[0].size)
         q_and_u = np.column_stack(longest[1:])
         n = arm.n_joints
         return ArmLog(1.0 / float(longest[0][1] - longest[0][0]), q_and_u[:, :n], q_and_u[:, n:])
@@ -579,14 +577,17 @@ def at_an_alarm_of(arm: Arm, dt: float, timed: bool) -> Callable[[Side, Side], d
     return lambda before, after: stream_record(compare_arms([record(before), record(after)], arm, LABELS))
 
 
-def evenly(side: Side, by: float) -> list[list[Array]]:
+def evenly(side: Side, by: float, dt: float | None = None) -> list[list[Array]]:
     """Time (s, ``by`` times as logged) and other columns of every experiment, each on an even grid.
 
-    Where the clock restarted, the time goes on behind that of the experiment before.
+    ``dt``: sampling time (s) of rows without a time. Where the clock restarted, the time goes on behind that of the
+    experiment before.
 
     Raises ValueError if no experiment has enough samples.
     """
     experiments, rows = side
+    if dt is not None:
+        rows = np.column_stack([np.arange(len(rows)) * dt, rows])
     step = float(np.median(np.diff(rows[:, 0])))
     out: list[list[Array]] = []
     for k in np.unique(experiments):

@@ -10,7 +10,8 @@ a fit that knows x places them again with `placed`.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -189,6 +190,28 @@ class FrictionLaw:
         ``weights``: one per term, in the unit of y.
         """
         return FrictionLaw([t.resized(float(w)) for t, w in zip(self.terms, weights, strict=True)])
+
+
+def flat_parameters(parameters: Mapping[str, Any]) -> dict[str, float]:
+    """One number a name, in the order of the chain: L1, friction, L2; a[0] = c[0] = 1 are left out.
+
+    ``parameters``: such as ``parameters_`` of an estimator. With several inputs ``a2_1`` is a_2 of the first.
+
+    Examples
+    --------
+    >>> flat_parameters({"a": [1.0, 2.2], "b": [1.0], "c": [1.0], "d": [0.4], "coulomb": 0.7})
+    {'a2': 2.2, 'b1': 1.0, 'coulomb': 0.7, 'd1': 0.4}
+    """
+    blocks: dict[str, dict[str, float]] = {
+        k: {
+            k + "_".join(str(i + 1) for i in at): float(w)
+            for at, w in np.ndenumerate(np.atleast_1d(parameters.get(k, ())))
+            if not (k in "ac" and not any(at))
+        }
+        for k in "abcd"
+    }
+    law = {k: float(v) for k, v in parameters.items() if k not in blocks and np.ndim(v) == 0}
+    return blocks["a"] | blocks["b"] | law | blocks["c"] | blocks["d"]
 
 
 def reduced_law(viscous: float = 0.05, coulomb: float = 0.7, stribeck: float = 0.2) -> FrictionLaw:

@@ -13,6 +13,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from whsklearn.effects import as_law
 from whsklearn.effects.base import Array
+from whsklearn.effects.law import flat_parameters
 from whsklearn.estimators import _model as wh
 from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
 
@@ -58,7 +59,7 @@ def described(model: Any, noise_variance: float) -> Summary:
     facts = {"samples": f"{int(model.state_['seen']):,}"}
     if is_chain:
         facts = _chain_facts(model) | facts
-        values, errors = (_flat(p) for p in (model.parameters_, model.parameter_standard_errors_))
+        values, errors = map(flat_parameters, (model.parameters_, model.parameter_standard_errors_))
     else:
         if model.lags is not None:
             facts = {"rows": type(model.lags).__name__} | facts
@@ -99,21 +100,6 @@ def _poles(denominator: Any) -> str:
         elif r.imag > 0:
             shown.append(f"{r.real:.4g} +- {r.imag:.4g}j")
     return f"pole{'s' if roots.size > 1 else ''} {', '.join(shown)}"
-
-
-def _flat(parameters: dict[str, Any]) -> dict[str, float]:
-    """a, b, c, d entry by entry, numbered as in (1) and (2); a_1 and c_1 are one by definition and are omitted."""
-    out: dict[str, float] = {}
-    for name, value in parameters.items():
-        if np.ndim(value) == 0:
-            out[name] = float(value)
-            continue
-        for i, row in enumerate(np.atleast_1d(value), start=1):
-            for k, v in enumerate(np.atleast_1d(row), start=1):
-                column = f",{k}" if np.ndim(value) == 2 else ""
-                if not (name in "ac" and i == 1 and k == 1):
-                    out[f"{name}_{i}{column}"] = float(v)
-    return out
 
 
 def _number(value: float) -> str:

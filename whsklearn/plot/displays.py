@@ -11,33 +11,10 @@ from sklearn.base import clone
 from sklearn.utils import Bunch
 
 from whsklearn.effects.base import Effect, signals_of
+from whsklearn.effects.law import flat_parameters
 from whsklearn.metrics.indices import nmse, parameter_error
 from whsklearn.plot.look import COLOURS, STYLES, TRUTH, Display
 from whsklearn.validation import cross_correlation_test, error_against_horizon, whiteness_test
-
-BLOCKS = {"a": "L1", "b": "L1", "c": "L2", "d": "L2"}
-
-
-def flat_parameters(parameters: Mapping[str, Any]) -> dict[str, float]:
-    """One number a name, in the order of the chain: L1, friction, L2; a[0] = c[0] = 1 are left out.
-
-    ``parameters``: such as ``parameters_`` of an estimator.
-
-    Examples
-    --------
-    >>> flat_parameters({"a": [1.0, 2.2], "b": [1.0], "c": [1.0], "d": [0.4], "coulomb": 0.7})
-    {'a2': 2.2, 'b1': 1.0, 'coulomb': 0.7, 'd1': 0.4}
-    """
-    blocks = {
-        k: {
-            f"{k}{i}": float(w)
-            for i, w in enumerate(np.atleast_1d(parameters.get(k, ())), 1)
-            if not (k in "ac" and i == 1)
-        }
-        for k in BLOCKS
-    }
-    law = {k: float(v) for k, v in parameters.items() if k not in BLOCKS and np.ndim(v) == 0}
-    return {**blocks["a"], **blocks["b"], **law, **blocks["c"], **blocks["d"]}
 
 
 def parameter_paths(
@@ -85,7 +62,9 @@ def parameter_paths(
 
 def block_of(name: str) -> str:
     """The block of the chain that a name of `flat_parameters` belongs to: L1, L2 or friction."""
-    return BLOCKS.get(name[0], "friction") if name[1:].isdigit() else "friction"
+    if not name[1:].replace("_", "").isdigit():
+        return "friction"
+    return {"a": "L1", "b": "L1", "c": "L2", "d": "L2"}.get(name[0], "friction")
 
 
 class TrackingDisplay(Display):
