@@ -11,10 +11,10 @@ from tests.lags.test_rigid_body import RATE, smooth_log
 from tests.systems.drawn_arms import drawn_arm
 from whsklearn.cli.arm import document, numbers_table
 from whsklearn.datasets import default_arm, make_arm_log
-from whsklearn.effects import CableSpring, Cogging, Coulomb, InputOffset, LoadFriction, Viscous
+from whsklearn.effects import CableSpring, Cogging, Coulomb, InputOffset, LoadFriction, PreslidingHysteresis, Viscous
 from whsklearn.filtering import motion
 from whsklearn.identification import identify_arm
-from whsklearn.identification.arm_fit import block_covariance, suspicions, swapped, unsure
+from whsklearn.identification.arm_fit import block_covariance, reversals_of, suspicions, swapped, unsure
 from whsklearn.lags import RigidBodyLags
 from whsklearn.lags.arm_rows import records_of
 
@@ -81,6 +81,23 @@ def test_how_dry_friction_reverses_is_found_where_it_does_not_jump():
     assert found.missing["j1"] < 0.3 * at_once.missing["j1"]
     assert at_once.model.reversals == {}
     assert found.model.parameters["j1.coulomb"] == pytest.approx(5.0, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("law", "hidden"),
+    [
+        ("coulomb", {"yaw": [Viscous(0.3)]}),  # a wide reversal looks like it
+        ("viscous,coulomb", {"pitch": [PreslidingHysteresis(0.1, 0.05)]}),
+        ("viscous,coulomb", {"pitch": [LoadFriction(0.05)]}),
+    ],
+)
+def test_what_the_law_lacks_is_no_slow_reversal(law, hidden):
+    q, torque = make_arm_log(ARM, hidden, return_arrays=True)
+    found = reversals_of(
+        records_of(RigidBodyLags(ARM, 1.0 / DT, law=law), q, torque, None), (Viscous(), LoadFriction())
+    )
+    joint = next(iter(hidden))
+    assert found.get(joint, (0.0, 0.0)) == (pytest.approx(0.0, abs=0.03), pytest.approx(0.0, abs=0.003))
 
 
 def test_intervals_hold_the_spread_of_numbers_whose_errors_last():

@@ -17,7 +17,7 @@ from scipy.optimize import minimize
 from sklearn.base import clone
 from threadpoolctl import threadpool_limits
 
-from whsklearn.effects import Coulomb, Effect, InputOffset, LoadFriction, Viscous
+from whsklearn.effects import Coulomb, Effect, InputOffset, LoadFriction, PreslidingHysteresis, Viscous
 from whsklearn.effects.base import Array
 from whsklearn.filtering.records import Motion, motion, zero_phase
 from whsklearn.lags.arm_rows import ArmRows, records_of
@@ -40,6 +40,7 @@ ROUNDING = 1e-12  # of the largest eigenvalue of a correlation matrix
 # MuJoCo's leads by 10 ms, and the memory of lubricated contacts reaches as far.
 REVERSES, LEADS = (np.log(0.003), np.log(0.5)), 0.03
 WIDTHS, N_LEADS, EVALUATIONS = (0.01, 0.05, 0.2), 11, 40  # where the search begins, and its steps
+DISTANCES = PreslidingHysteresis.quantities["distance"].starts  # over which dry friction may reverse instead
 PRIOR = 1e6  # variance of a number that no row tells, in units of the residual's: as that of `RLSRegressor`
 BLOCKS = 10  # blocks of a record; every second one is held out, and then the others
 
@@ -159,15 +160,30 @@ def identify_arm(
     )  # fmt: skip
 
 
-def reversals_of(rows: ArmRows) -> dict[str, tuple[float, float]]:
+def reversals_of(rows: ArmRows, beside: Sequence[Effect] = ()) -> dict[str, tuple[float, float]]:
     """How dry friction reverses at each joint where that predicts held-out blocks better: see `RigidBodyLags`.
 
     The two numbers of a joint minimise its error on blocks that were not fitted.  They are kept if that lowers
-    Schwarz's criterion, n ln(error squared) + 2 ln n.  In MuJoCo, friction that reverses at once leaves two to ten
-    times the error at a wrist, and a delay is then not told from a lag, which the records do tell
+    Schwarz's criterion, n ln(error squared) + 2 ln n, and if presliding friction, which reverses over a distance and is
+    an effect by itself, does not lower it further by as much.  In MuJoCo, friction that reverses at once leaves two to
+    ten times the error at a wrist, and a delay is then not told from a lag, which the records do tell
     (`python -m benchmarks.blind_arms --evidence`).
+
+    ``beside``: effects that joints may lack, which are fitted with the others; without viscous friction, a reversal
+    over a wide range of speeds looks like it. So is the second derivative of the drives: that of a delay of ten
+    samples looked like a reversal 8 ms behind the velocity.
     """
-    lags, keep, names, phi = rows.lags, rows.keep, rows.lags.base_.names, with_ages(rows)[0].phi
+    lags, keep, names = rows.lags, rows.keep, rows.lags.base_.names
+    first = _first(rows)
+    asked = rows.predicted(first)
+    more = [
+        rows.axis_columns(j, [e], drive=asked)[:, None, :] * lags.axes_[j][0][:, None]
+        for j in lags.arm_.joints
+        for e in beside
+        if type(e) not in map(type, lags.axes_[j][1])
+    ]
+    late = _aged(rows, rows.per_age(first, 2)).phi[:, :, len(names) :]
+    phi = with_ages(rows)[0].with_columns(late, *more).phi
     out, others = {}, Others(phi, rows.target, keep, rows.weights)
     speeds = np.sqrt(np.mean(rows.moved.velocity**2, axis=0))
     for k, joint in enumerate(lags.arm_.joints):
@@ -178,6 +194,7 @@ def reversals_of(rows: ArmRows) -> dict[str, tuple[float, float]]:
         at = [names.index(f"{joint}.{t.name}") for t in dry]
         columns = partial(rows.axis_columns, joint, dry)
         error, speed = others.at(k, at), float(speeds[k])
+        over = [rows.axis_columns(joint, [PreslidingHysteresis(1.0, d)]) for d in DISTANCES]
 
         def left(x: Array, error: Any = error, columns: Any = columns, speed: float = speed) -> float:
             inside = REVERSES[0] <= x[0] <= REVERSES[1] and abs(x[1]) <= LEADS
@@ -187,7 +204,8 @@ def reversals_of(rows: ArmRows) -> dict[str, tuple[float, float]]:
         best = min((np.array([np.log(w), lead]) for w in WIDTHS for lead in leads), key=left)
         simplex = best + np.array([[0.0, 0.0], [0.5, 0.0], [0.0, 0.1 * LEADS]])
         found = minimize(left, best, method="Nelder-Mead", options={"maxfev": EVALUATIONS, "initial_simplex": simplex})
-        if n * np.log(error(phi[:, k, at]) / found.fun) > 2.0 * np.log(n):
+        abrupt, memory = error(phi[:, k, at]), min(error(np.hstack([phi[:, k, at], x])) for x in over)
+        if n * np.log(abrupt / found.fun) > 2.0 * np.log(n) >= n * np.log(found.fun / memory):
             out[joint] = float(np.exp(found.x[0]) * speed), float(found.x[1])
     return out
 

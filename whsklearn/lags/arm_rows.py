@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -42,7 +42,11 @@ class ArmRows:
     @cached_property
     def smooth(self) -> Array:
         """The drives behind the finer filter, (n, n_joints)."""
-        return self.of_each(lambda u: zero_phase(u, self.lags.sample_rate, self.lags._fine), self.drive)
+        return self.fine(self.drive)
+
+    def fine(self, drive: Array) -> Array:
+        """Any drives behind the finer filter, (n, n_joints)."""
+        return self.of_each(lambda u: zero_phase(u, self.lags.sample_rate, self.lags._fine), drive)
 
     def of_each(self, function: Callable[..., Array], *signals: Array) -> Array:
         """Results of a function for every record, one after the other."""
@@ -53,9 +57,10 @@ class ArmRows:
         """Signals of all samples, shape (n, ...), filtered and taken at the rows."""
         return self.of_each(self.lags._filtered, x)[self.kept]
 
-    def with_columns(self, *more: Array) -> Self:
+    def with_columns(self, *more: Array) -> ArmRows:
         """The same rows with more columns, (m, n_joints, k) each."""
-        return dataclasses.replace(self, phi=np.concatenate([self.phi, *more], axis=2))
+        own = {f.name: getattr(self, f.name) for f in dataclasses.fields(ArmRows)}
+        return ArmRows(**own | {"phi": np.concatenate([self.phi, *more], axis=2)})
 
     def axis_columns(
         self, axis: str, terms: Sequence[Any], reversal: tuple[float, float] | None = None, drive: Array | None = None
@@ -72,7 +77,7 @@ class ArmRows:
             moved = Motion(*signals)
             return stack_columns(tuple(terms), moved, u, np.arange(len(u)) / rate, turning(turns, [axis], moved))[:, 1:]
 
-        smooth = self.smooth if drive is None else dataclasses.replace(self, drive=drive).smooth
+        smooth = self.smooth if drive is None else self.fine(drive)
         return self.blur(self.of_each(made, smooth @ d, *(x @ d for x in self.moved)))
 
     def predicted(self, theta: Array) -> Array:
@@ -80,14 +85,17 @@ class ArmRows:
         parts = self.of_each(lambda u, *moved: self.lags.drives(Motion(*moved), u, theta), self.smooth, *self.moved)
         return np.asarray(parts)
 
-    def per_age(self, theta: Array) -> Array:
-        """Change of each joint's drive per second of its age, (m, n_joints).
+    def per_age(self, theta: Array, order: int = 1) -> Array:
+        """Change of each joint's drive per second of its age, (m, n_joints), or its derivative of a higher order.
 
         It is that of the drive that these weights predict, because a measured one would explain its own noise.
         """
 
         def change(u: Array) -> Array:
-            return central_difference(self.lags._filtered(u), self.lags.sample_rate)
+            u = self.lags._filtered(u)
+            for _ in range(order):
+                u = central_difference(u, self.lags.sample_rate)
+            return u
 
         return self.of_each(change, self.predicted(theta))[self.kept]
 

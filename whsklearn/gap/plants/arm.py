@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.effects import ContactStop
+from whsklearn.effects import ContactStop, LoadFriction, Viscous
 from whsklearn.effects.base import rms
 from whsklearn.gap.calibration import p_value, rival_leads
 from whsklearn.gap.data_check import DataProblem
@@ -53,6 +53,7 @@ from whsklearn.identification.arm_fit import (
     enough_rows,
     fitted,
     in_degrees,
+    reversals_of,
     suspicions,
     swapped,
     updated,
@@ -70,6 +71,7 @@ from whsklearn.systems.servo import FEWEST_STEPS
 # columns of a real arm are no better than that (4 to 10 % on held-out blocks, `python -m benchmarks.arms`).
 CANCELS = 20.0
 UNTOLD = 1e6  # m: the standard error of a centre that no drive tells, in place of infinity
+FRICTIONS = Viscous(), LoadFriction()  # which may be missing, and look like dry friction that reverses slowly
 SOME = 200  # positions at which the mass matrix is checked for being positive definite
 
 
@@ -129,6 +131,9 @@ class ArmPlant(Plant):
     def base(self, rng: np.random.Generator) -> ArmState:
         """The rigid arm with its law, fitted; or the given arm, within what is known of it."""
         n = self.view.n_joints
+        if self.known is None and (reversals := reversals_of(self.view, FRICTIONS)):
+            self.lags.set_params(reversals=reversals)
+            self.view = ArmView(self.lags, self.record)
         model = self.settled(ArmState(np.zeros(len(self.lags.base_.names)), np.zeros(n)))
         self.view.hear_stops(model)
         return self.settled(model)
