@@ -299,6 +299,17 @@ def own_units(si: tuple[str, str], logged: tuple[str, str]) -> dict[str, str]:
     return {s: told for s, unit in bases if s and (told := readable(unit, s)) != s}
 
 
+def assumed(drive: str, motion: str) -> tuple[str, str]:
+    """Units of drive and motion; one that is not stated is taken to be SI: N and m along a line, else Nm and rad.
+
+    >>> assumed(UNKNOWN, "deg"), assumed(UNKNOWN, "mm"), assumed("N", UNKNOWN)
+    (('Nm', 'deg'), ('N', 'mm'), ('N', 'm'))
+    """
+    along_a_line = factor_of(drive)[1] == "N" if motion in UNSTATED else factor_of(motion)[1] == "m"
+    force, place = ("N", "m") if along_a_line else ("Nm", "rad")
+    return force if drive in UNSTATED else drive, place if motion in UNSTATED else motion
+
+
 def turn_of(symbol: str) -> float | None:
     """A full turn in this unit; None if the unit is not an angle or the counts per turn are unknown."""
     factor, si = factor_of(symbol)

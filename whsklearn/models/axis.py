@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from whsklearn.effects import Effect, FlexibleCoupling, FrictionLaw, LearnedTorque
 from whsklearn.filtering.records import HOLDS, fine_drive
-from whsklearn.logs.units import UNKNOWN, inertia_unit, respelled
+from whsklearn.logs.units import assumed, inertia_unit, respelled
 from whsklearn.models.base import IdentifiedModel, as_input
 from whsklearn.systems import ServoAxis
 from whsklearn.systems.servo import fine_steps
@@ -106,9 +106,9 @@ class AxisModel(IdentifiedModel):
 
     @property
     def si(self) -> tuple[str, str]:
-        """SI symbols of drive and motion; Nm and rad if the units are unknown."""
+        """SI symbols of drive and motion; Nm and rad, or N and m, if the units are unknown."""
         drive, output = super().si
-        return "Nm" if drive == UNKNOWN else drive, "rad" if output == UNKNOWN else output.removesuffix("/s")
+        return assumed(drive, output.removesuffix("/s"))
 
     @property
     def parameter_units(self) -> dict[str, str]:

@@ -8,13 +8,15 @@ import numpy as np
 import pytest
 
 from whsklearn.datasets import make_servo_log
-from whsklearn.effects import GravityImbalance
+from whsklearn.effects import GravityImbalance, as_law
 from whsklearn.gap import GapFinder
 from whsklearn.gap.plants import Base, make_plant
 from whsklearn.gap.plants.from_log import taken_from
 from whsklearn.gap.plants.servo_start import start_of
 from whsklearn.logs import LogWarning, load_log
 from whsklearn.logs.check import lattice
+from whsklearn.logs.load import Log
+from whsklearn.models import AxisModel
 
 
 @pytest.fixture(scope="module")
@@ -39,6 +41,16 @@ def test_a_log_in_other_units_gives_the_same_names_and_its_own_numbers(tmp_path,
     (si,), (other,) = (f.effects_ for f in found.values())
     assert si.name == other.name == "gravity_imbalance"
     assert other.parameters["amplitude_mnm"] == pytest.approx(1e3 * si.parameters["amplitude_nm"], rel=1e-3)
+
+
+@pytest.mark.parametrize(("motion", "si"), [("as logged", ("Nm", "rad")), ("mm", ("N", "m"))])
+def test_a_unit_that_is_not_stated_is_si_as_in_identify(motion, si):
+    t = np.arange(400) / 100
+    log = Log(time=t, X=np.cos(t)[:, None], y=np.sin(t), reference=None, command=None)
+    log |= Log(groups=np.zeros(400, dtype=int), units={"drive": "as logged", "position": motion})
+    assert taken_from(log, "servo")[0].units == si
+    units = {"input": "as logged", "output": motion}
+    assert AxisModel(0.1, as_law("viscous"), dt=0.01, units=units, logged="position").si == si
 
 
 def test_several_logs_of_other_units_are_joined(tmp_path, frame):

@@ -12,7 +12,7 @@ from whsklearn.gap.following_error import following_error
 from whsklearn.gap.plants.arm_view import ArmRecord
 from whsklearn.gap.record import ServoRecord
 from whsklearn.logs.load import Log
-from whsklearn.logs.units import UNKNOWN, factor_between
+from whsklearn.logs.units import UNKNOWN, assumed, factor_between
 
 
 def taken_from(log: Log, kind: str) -> tuple[Any, dict[str, Any]]:
@@ -43,10 +43,10 @@ def taken_from(log: Log, kind: str) -> tuple[Any, dict[str, Any]]:
     if log.command is not None:
         reference = log.command * factor_between(log.units.get("command", unit), unit)
         drive, drive_unit = reference - log.y, unit
-    units = "drive" if drive_unit == UNKNOWN else drive_unit, "rad" if unit == UNKNOWN else unit
     report = log.get("report")
     record = ServoRecord(
-        log.time, drive, log.y, reference, units, resolution=1.0 if unit.startswith("counts") else 0.0,
+        log.time, drive, log.y, reference, assumed(drive_unit, unit),
+        resolution=1.0 if unit.startswith("counts") else 0.0,
         quantum=(report.quantum or 0.0) if report is not None else 0.0,
         in_place_of_drive="" if log.command is None else "command minus position", logged=(drive_unit, unit),
         starts=starts,
