@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 
 import pandas as pd
 import pytest
@@ -54,3 +55,16 @@ def test_what_is_no_diagnosis_or_no_effect(diagnosis, tmp_path):
     other.write_text("{}", encoding="utf-8")
     assert "is not a gap.json" in run(other, "--limits", LIMITS, "--out", tmp_path).output
     assert "is not an effect" in run(diagnosis, "--limits", LIMITS, "--rivals", "magic", "--out", tmp_path).output
+
+
+def test_an_effect_of_ones_own_comes_from_its_file(diagnosis, tmp_path):
+    data = json.loads(diagnosis.read_text(encoding="utf-8"))
+    data["candidates"].insert(0, {"name": "magnet", "status": "rejected"})
+    (tmp_path / "gap.json").write_text(json.dumps(data), encoding="utf-8")
+    shutil.copy(diagnosis.with_name("repaired.json"), tmp_path)
+    without = run(tmp_path / "gap.json", "--limits", LIMITS, "--out", tmp_path)
+    assert "magnet is not an effect" in without.output
+    assert "--effects" in without.output
+    (tmp_path / "my_effects.py").write_text("x = 1\n", encoding="utf-8")
+    empty = run(diagnosis, "--limits", LIMITS, "--effects", tmp_path / "my_effects.py", "--out", tmp_path)
+    assert "my_effects.py defines no effect" in empty.output

@@ -34,6 +34,7 @@ LEFT_OUT = {
     "python -m pipelines.reproduce": "a benchmark",
     "python -m pipelines.turntable": "tests/test_pipelines runs it",
     "--scheduler": "asks for a cluster",
+    "docker run": "an option for your own container",
     "mlflow models serve": "serves until it is stopped",
     "export MLFLOW_TRACKING_URI": "belongs to the line below it",
     "whsklearn ui": "serves until it is stopped; tests/test_ui opens it",

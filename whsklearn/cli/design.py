@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from whsklearn.cli.job import command, seed_option, table, wrapped, writable_folder
-from whsklearn.cli.options import FILE, FOLDER
+from whsklearn.cli.options import FILE, FOLDER, effects_option
 
 LIMITS = ("position", "speed", "drive", "seconds")
 MOST_RIVALS = 3  # in addition to the named effects; each takes three simulated runs of some seconds
@@ -36,6 +36,7 @@ def limits_of(_context: Any, _option: Any, text: str) -> dict[str, float]:
     "--limits", required=True, callback=limits_of, help="position=..,speed=..,drive=..,seconds=.. of the rig."
 )
 @click.option("--rivals", help="Names of effects, joined by commas; those of the diagnosis if omitted.")
+@effects_option
 @click.option("--out", type=FOLDER, default="design", help="Folder for reference and answer.")
 @seed_option
 def main(**options: Any) -> None:
@@ -51,6 +52,10 @@ def main(**options: Any) -> None:
     from whsklearn.logs.units import factor_of
 
     folder = writable_folder(options["out"])
+    if options["effects"]:
+        from whsklearn.cli.own_effects import load_effects
+
+        load_effects(options["effects"])
     data, axis, rivals, law = diagnosis_of(Path(options["gap_file"]), options["rivals"])
     drive, position = (data.get("units", {}).get(role, "") for role in ("drive", "position"))
     by, far = (factor_of(unit)[0] if unit else 1.0 for unit in (drive, position))
@@ -85,12 +90,13 @@ def diagnosis_of(file: Path, rivals: str | None) -> tuple[dict[str, Any], Any, l
     axis = dataclasses.replace(model, effects=tuple(e for e in model.effects if e.name not in named)).system()
     if rivals is not None:
         wanted: list[Any] = [n.strip() for n in rivals.split(",") if n.strip()]
-        if unknown := set(wanted) - set(effect_names()):
-            raise ValueError(
-                f"{', '.join(sorted(unknown))} is not an effect; expected some of {', '.join(effect_names())}."
-            )
     else:
         others = [c["name"] for c in data["candidates"] if c["name"] not in named and c["status"] != "not_testable"]
         wanted = [*named, *dict.fromkeys(others)][: len(named) + MOST_RIVALS]
+    if unknown := set(wanted) - set(effect_names()):
+        raise ValueError(
+            f"{', '.join(sorted(unknown))} is not an effect; expected some of {', '.join(effect_names())}. "
+            "Give the file of an effect of your own with --effects."
+        )
     fitted = {e.name: e for e in model.effects if e.name in named}
     return data, axis, [fitted.get(n, n) for n in wanted], law
