@@ -76,12 +76,11 @@ LATE = 5.0  # s, each piece of a slow server's answer
 DEADLINE = 60.0
 
 
-def material(folder: Path, duration: float = 40.0, axes: int = 12) -> None:
+def material(folder: Path, duration: float = 40.0, axes: int = 12, rate: float = 1000.0) -> None:
     """Two servo logs as files, a fleet of the first, and a model."""
-    later = make_servo_log(["cogging"], duration=duration, random_state=1)
+    frame, later = (make_servo_log(["cogging"], duration=duration, sample_rate=rate, random_state=k) for k in range(2))
     later.to_csv(folder / "later.csv", index=False)
-    frame = make_servo_log(["cogging"], duration=duration, random_state=0)
-    save_model(as_model(ServoAxis(0.05), ("Nm", "rad")), folder / "model.json")
+    save_model(as_model(ServoAxis(0.05, sample_rate=rate), ("Nm", "rad")), folder / "model.json")
     frame["velocity_rad_s"] = np.gradient(frame["position_rad"], frame["time_s"])
     frame.to_csv(folder / "axis.csv", index=False)
     for k in range(axes):

@@ -117,7 +117,7 @@ def test_a_real_process_that_gets_sigterm_leaves_its_workers_and_resumes(fleet, 
     assert not out.exists()
     pipe.unlink()
     pipe.write_text("no log")
-    done = CliRunner().invoke(main, arguments)
+    done = CliRunner().invoke(main, [*arguments[:-1], "1", "--in-process"])  # other workers, the same settings
     assert done.exit_code == 3, done.output
     assert f"Resuming: {len(kept)} of 10 axes" in done.output
     assert list(pd.read_parquet(out)["axis"]) == axes_of(folder, "axis")

@@ -36,7 +36,7 @@ def endings(server, cases, folder):
         name, how = case
         own = folder / f"{name} {how}"
         own.mkdir()
-        material(own, duration=5.0, axes=1)
+        material(own, duration=5.0, axes=1, rate=250.0)
         door = Door(server, how, AT.get(name, AT_RUN))
         try:
             return death(name, door, own)

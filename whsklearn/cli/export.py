@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from whsklearn.cli.job import command, table, wrapped
+from whsklearn.cli.job import command, entry, table
 from whsklearn.cli.options import FILE, POSITIVE, effects_option
 
 FORMAT_NAMES = "mjcf urdf isaac c st table fmu".split()  # as in `whsklearn.export.FORMATS`, which takes a second
@@ -46,7 +46,7 @@ def main(model: str, to: str, out: str, effects: str | None, spread: str | None,
     fits = "The format can represent the whole model."
     click.echo(f"Not everything fits into {FORMATS[to]}:" if done.losses else fits)
     for loss in done.losses:
-        click.echo(wrapped(f"  {loss}"))
+        click.echo(entry(str(loss)))
     if done.left:
         left = [f"{100 * round(r.after / r.before, 6):.3g} %" for r in done.left]
         rows = [(r.name, r.before, round(r.after, 12), share) for r, share in zip(done.left, left, strict=True)]

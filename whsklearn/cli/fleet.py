@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import io
-import textwrap
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -13,8 +12,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import click
 
-from whsklearn.cli import WIDTH
-from whsklearn.cli.job import UNUSABLE, cell, job, progress_bar, say_where, tracker_for, wrapped, writable_file
+from whsklearn.cli.job import UNUSABLE, cell, entry, job, progress_bar, say_where, tracker_for, wrapped, writable_file
 from whsklearn.cli.options import NEW_FILE, build_model, model_options
 
 if TYPE_CHECKING:
@@ -157,7 +155,7 @@ def summary(found: Any, apart: Any, failed: Any, out: Path, seconds: float) -> s
         )
     if len(apart):
         lines += ["", "Outliers, worst first: distance from the median in robust standard deviations"]
-        lines += [_entry(f"{r['axis']}: NMSE {cell(r['nmse'])};", r["why"]) for _, r in apart.head(SHOWN).iterrows()]
+        lines += [entry(f"{r['axis']}: NMSE {cell(r['nmse'])}; {r['why']}") for _, r in apart.head(SHOWN).iterrows()]
         lines += _and_more(len(apart))
     if len(failed):
         reasons = failed.groupby("failure", sort=False)["axis"].apply(list)
@@ -165,14 +163,9 @@ def summary(found: Any, apart: Any, failed: Any, out: Path, seconds: float) -> s
         lines += ["", "Failed"]
         for reason, axes in ordered[:SHOWN]:
             who = ", ".join(axes[:SHOWN]) + (f" and {len(axes) - SHOWN} more" if len(axes) > SHOWN else "")
-            lines.append(_entry(f"{who}:", reason))
+            lines.append(entry(f"{who}: {reason}"))
         lines += _and_more(len(ordered))
     return "\n".join(lines)
-
-
-def _entry(who: str, what: str) -> str:
-    """An entry of a list, wrapped to 100 columns and not truncated."""
-    return textwrap.fill(f"{who} {what}", WIDTH, initial_indent="  ", subsequent_indent="    ")
 
 
 def _and_more(count: int) -> list[str]:

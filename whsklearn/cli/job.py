@@ -235,6 +235,11 @@ def wrapped(text: str) -> str:
     return textwrap.fill(text, WIDTH)
 
 
+def entry(text: str) -> str:
+    """An entry of a list, wrapped to 100 columns behind its indent."""
+    return textwrap.fill(text, WIDTH, initial_indent="  ", subsequent_indent="    ")
+
+
 def table(header: Sequence[str], rows: Iterable[Sequence[Any]], *, title: str = "") -> str:
     """A plain table of at most 100 columns; the first column is left-aligned and wrapped, the others right-aligned.
 

@@ -116,6 +116,8 @@ class FittedModel(BaseEstimator):
 
     lags: Any
     _states_errors: ClassVar[bool] = True  # False if the method has no covariance, as its docstring says
+    # whether the blocks may respond without the paper's delay of one sample each
+    _takes_direct_paths: ClassVar[bool] = False
     _fits_free_run = False  # whether the error minimised is that of the free run, not the one-step error
 
     # -- what the model is ---------------------------------------------------------------
@@ -129,11 +131,6 @@ class FittedModel(BaseEstimator):
     def _answers_several(self) -> bool:
         """Whether y has one column per joint, as for the lags of an arm."""
         return bool(getattr(self.lags, "multi_output", False))
-
-    @property
-    def _takes_direct_paths(self) -> bool:
-        """Whether the blocks may respond without the paper's delay of one sample each."""
-        return False
 
     @property
     def _given_lags(self) -> WienerHammersteinLags:

@@ -70,9 +70,6 @@ class DifferentialEvolutionRegressor(PEMRegressor):
     _fits_free_run: ClassVar[bool] = True  # type: ignore[misc]
     _finds_constant: ClassVar[bool] = False  # type: ignore[misc]
 
-    def _found_lags(self) -> None:
-        return None
-
     def fit(
         self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None, sample_weight: ArrayLike | None = None
     ) -> Self:

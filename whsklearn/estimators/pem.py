@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -142,12 +142,10 @@ class ChainRegressor(AxisRegressor):
     (True, True)
     """
 
-    @property
-    def _is_wiener_hammerstein(self) -> bool:
-        return True
+    _takes_direct_paths: ClassVar[bool] = True
 
     @property
-    def _takes_direct_paths(self) -> bool:
+    def _is_wiener_hammerstein(self) -> bool:
         return True
 
     @property
@@ -179,7 +177,8 @@ class ChainRegressor(AxisRegressor):
 
     def _found_lags(self) -> dict[str, Any] | None:
         """The lag settings that the fit found; None if it did not search for any."""
-        raise NotImplementedError
+        found: dict[str, Any] | None = self.state_.get("lags")
+        return found
 
     @property
     def _lags(self) -> WienerHammersteinLags:
@@ -307,10 +306,6 @@ class PEMRegressor(ChainRegressor):
     @property
     def _finds_constant(self) -> bool:  # type: ignore[override]
         return self.criterion == "simulation" and not _advice.is_odd(law_of(self.lags))
-
-    def _found_lags(self) -> dict[str, Any] | None:
-        found: dict[str, Any] | None = self.state_.get("lags")
-        return found
 
     def fit(
         self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None, sample_weight: ArrayLike | None = None

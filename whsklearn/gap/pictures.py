@@ -11,16 +11,12 @@ import numpy as np
 
 from whsklearn.gap.diagnosis import Diagnosis, spoken
 from whsklearn.logs.units import respelled
+from whsklearn.plot.look import titled
 
 BEFORE, AFTER, MEASURED, FLOOR = "#c2552d", "#1b7f4d", "#1c2530", "#8a97a5"
 WINDOW = 2.0  # s shown of the overlay
 A_PERIOD = 24  # bins over one period of the fastest wave: its crest is accurate to a hundredth of its size
 DRAWN = 3000  # pieces of a series whose extremes are drawn: two per pixel of a wide screen
-
-
-def titled(name: str, unit: str) -> str:
-    """Name and unit of an axis; the name alone if the log has no unit."""
-    return f"{name} ({unit})" if unit else name
 
 
 def draw(d: Diagnosis) -> list[tuple[str, str, str]]:

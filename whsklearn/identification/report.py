@@ -19,7 +19,7 @@ from whsklearn.logs.check import lattice
 from whsklearn.logs.files import atomic_write
 from whsklearn.logs.units import UNKNOWN, own_units, respelled
 from whsklearn.models import AxisModel, ChainModel, LinearModel, save_model
-from whsklearn.plot.look import html_of
+from whsklearn.plot.look import html_of, titled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -214,18 +214,13 @@ def _overlay(ax: Axes, found: Identification) -> None:
     ax.plot(seconds, measured - error, color="C1", ls="--", label="replayed from the drive alone")
     ax.plot(seconds, error, color="C3", lw=0.8, label="difference")
     since = f"{model_time(found)} since the state was fitted"
-    ax.set(xlabel=since, ylabel=_axis_label("output", found), title="Test, last window")
+    ax.set(xlabel=since, ylabel=titled("output", found.model.units.get("output", "")), title="Test, last window")
     ax.legend(fontsize=8)
 
 
 def model_time(found: Identification) -> str:
     """Unit of the time axis."""
     return "s" if found.model.units.get("time", "s") == "s" else "samples"
-
-
-def _axis_label(name: str, found: Identification) -> str:
-    unit = found.model.units.get(name, "")
-    return f"{name} ({unit})" if unit else name
 
 
 def blocks(model: Any) -> list[tuple[str, np.ndarray, np.ndarray]]:
@@ -278,7 +273,9 @@ def _characteristic(ax: Axes, found: Identification) -> None:
         out = model.units.get("output", "")
         unit = out if model.logged == "velocity" or not out else f"{out}/s"
         ax.set(
-            xlabel=f"velocity ({unit})" if unit else "velocity", ylabel=_axis_label("input", found), title="Friction"
+            xlabel=titled("velocity", unit),
+            ylabel=titled("input", found.model.units.get("input", "")),
+            title="Friction",
         )
     elif isinstance(model, ChainModel):
         x = model.signals(found.train.u)[0]

@@ -18,6 +18,11 @@ TRUTH = (0, (6, 4))  # the dashes of what is known, not estimated
 STYLE = Path(__file__).with_name("page.css")
 
 
+def titled(name: str, unit: str) -> str:
+    """Name and unit of an axis; the name alone if the log has no unit."""
+    return f"{name} ({unit})" if unit else name
+
+
 class Display:
     """Shared by all displays: figure and axes in one style."""
 
