@@ -7,8 +7,9 @@ that sees a quantised encoder; MuJoCo adds one effect by its own means (see ``EF
 public `GapFinder`, which knows the drive, the encoder, the reference and the base law. Printed: verdict and names
 of every log, right with aliases, confident wrong, closure, seconds. ``--save DIR`` keeps the logs as CSV.
 
-Dry friction and limits use constraints stiffer than MuJoCo's default (``solreffriction``): the default creeps over
-0.06 rad/s around standstill, which is a choice of the solver and not what an axis does.
+Dry friction uses a constraint stiffer than MuJoCo's default (``solreffriction``), by which it would reverse 9.5 ms
+ahead of the velocity, and creep at rest: a choice of the solver and not what an axis does.  ``--soft`` keeps the
+default, as the logs of others have it (`whsklearn.effects.EarlyReversal`).
 """
 
 from __future__ import annotations
@@ -86,6 +87,7 @@ class Rig:
     parts: list[str] = field(default_factory=list)
     tone: tuple[float, float, float] = (0.0, 1.0, 0.0)
     on_load: bool = False  # whether the log's encoder is behind the second joint
+    soft: bool = False  # whether dry friction keeps MuJoCo's default solver
 
 
 @dataclass
@@ -210,7 +212,8 @@ def build(rig: Rig) -> str:
     motor = (1.0 - rig.share) * rig.inertia - own
     load = rig.share * rig.inertia
     weight = rig.gravity / (mass * arm) if hinge and rig.gravity else rig.gravity / mass
-    friction = f'frictionloss="{rig.friction:.8g}" solreffriction=".002 1"' if rig.friction else ""
+    friction = f'frictionloss="{rig.friction:.8g}"' if rig.friction else ""
+    friction += "" if rig.soft or not friction else ' solreffriction=".002 1"'
     second = ""
     if rig.share:
         inside = (
@@ -270,11 +273,11 @@ def run(xml: str, rig: Rig) -> pd.DataFrame:
     })  # fmt: skip
 
 
-def make_case(effect: str, seed: int, seconds: float = 30.0) -> Case:
-    """One log; ``effect`` is a key of ``EFFECTS`` or ``none``."""
+def make_case(effect: str, seed: int, seconds: float = 30.0, *, soft: bool = False) -> Case:
+    """One log; ``effect`` is a key of ``EFFECTS`` or ``none``, ``soft`` keeps MuJoCo's default of dry friction."""
     rng = np.random.default_rng([seed, list(EFFECTS).index(effect) if effect in EFFECTS else 99, 20])
     rig = draw_rig(rng, seconds)
-    rig.on_load = effect in ON_LOAD
+    rig.on_load, rig.soft = effect in ON_LOAD, soft
     size = float(np.exp(rng.uniform(np.log(0.06), np.log(0.3))))
     truth, law = EFFECTS.get(effect, ("", "viscous,coulomb"))
     if effect != "none":
@@ -355,13 +358,14 @@ def summary(rows: list[dict[str, Any]]) -> str:
 @click.option("--seeds", default=0, help="First seed.")
 @click.option("--only", default="", help=f"Only these, joined by commas: none,{','.join(EFFECTS)}.")
 @click.option("--seconds", default=30.0, help="Length of a log.")
+@click.option("--soft", is_flag=True, help="Dry friction by MuJoCo's default solver.")
 @click.option("--save", type=click.Path(file_okay=False), help="Write the logs there as CSV, with their MJCF.")
 @click.option("--diagnose/--no-diagnose", "diagnosed", default=True, help="Without: only draw (and save) the logs.")
 @click.option("--out", type=click.Path(dir_okay=False), help="Write the table there, row by row.")
 @click.option("--resume/--no-resume", default=False, help="Keep the rows that the file has and go on.")
 def main(
-    cases: int, empties: int, seeds: int, only: str, seconds: float, save: str | None, diagnosed: bool, out: str | None,
-    resume: bool,
+    cases: int, empties: int, seeds: int, only: str, seconds: float, soft: bool, save: str | None, diagnosed: bool,
+    out: str | None, resume: bool,
 ) -> None:  # fmt: skip
     wanted = {n for n in only.split(",") if n}
     names = [n for n in EFFECTS if n not in ON_LOAD or n in wanted]
@@ -372,7 +376,7 @@ def main(
     rows: list[dict[str, Any]] = read_rows(out) if resume and out and Path(out).exists() else []
     done = {(r["effect"], r["seed"]) for r in rows}
     for effect, seed in tqdm([p for p in plan if p not in done and (not wanted or p[0] in wanted)]):
-        case = make_case(effect, seed, seconds)
+        case = make_case(effect, seed, seconds, soft=soft)
         if save:
             folder = Path(save)
             folder.mkdir(parents=True, exist_ok=True)

@@ -36,6 +36,7 @@ CATALOGUE = {
         "load_friction",
         "position_friction",
         "presliding_hysteresis",
+        "early_reversal",
         "friction_drift",
     ],
     "drive": ["input_offset", "dead_zone", "saturation", "input_delay", "actuator_lag", "torque_ripple"],

@@ -23,7 +23,7 @@ SIZES = {"saturation": 0.8, "input_delay": 3e-3, "actuator_lag": 3e-3, "asymmetr
 GROUPS = {
     "drive": "dead_zone saturation input_delay actuator_lag torque_ripple input_offset load_friction",
     "friction": "viscous coulomb asymmetric_coulomb asymmetric_viscous stribeck quadratic_drag position_friction "
-    "friction_drift presliding_hysteresis",
+    "friction_drift presliding_hysteresis early_reversal",
     "position": "cogging gravity_imbalance cable_spring hardening_spring end_stop disturbance_tone parameter_change",
     "sensor": "output_offset output_drift sensor_rectification encoder_eccentricity quantization",
     "backlash": "backlash cogging",

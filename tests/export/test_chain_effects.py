@@ -31,7 +31,7 @@ EFFECTS = [
     for name in fx.effect_names()
     for cls in [CHAIN_FORMS.get(name, fx.get_effect(name))]
     for options in cls.variants()
-    if cls.evaluate is None
+    if cls.evaluate is None and name != "early_reversal"  # which takes an inertia
 ]
 
 

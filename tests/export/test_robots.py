@@ -14,6 +14,7 @@ from whsklearn.effects import (
     AsymmetricCoulomb,
     CableSpring,
     Cogging,
+    EarlyReversal,
     EndStop,
     FlexibleCoupling,
     GravityImbalance,
@@ -49,9 +50,9 @@ def test_isaac_is_python_with_friction_and_delay(tmp_path):
 
 
 HELD = [
-    ActuatorLag(3e-3), Cogging(0.1, 12.0, 0.3), EndStop(10.0, 0.5), FlexibleCoupling(1e-2), GravityImbalance(0.3, 0.2),
-    HardeningSpring(0.1, 0.1), InputDelay(3e-3), InputOffset(0.05), LuGre(0.1, 0.01), QuadraticDrag(0.02),
-    Saturation(0.8),
+    ActuatorLag(3e-3), Cogging(0.1, 12.0, 0.3), EarlyReversal(9.5e-3), EndStop(10.0, 0.5), FlexibleCoupling(1e-2),
+    GravityImbalance(0.3, 0.2), HardeningSpring(0.1, 0.1), InputDelay(3e-3), InputOffset(0.05), LuGre(0.1, 0.01),
+    QuadraticDrag(0.02), Saturation(0.8),
 ]  # fmt: skip
 
 

@@ -107,7 +107,7 @@ def test_a_cable_spring_is_linear_in_x():
     np.testing.assert_allclose(chain(fx.CableSpring(0.4)).simulate(U), chain(law=law).simulate(U), atol=1e-12)
 
 
-@pytest.mark.parametrize("stranger", [fx.FlexibleCoupling(), "cogging"])
+@pytest.mark.parametrize("stranger", [fx.FlexibleCoupling(), fx.EarlyReversal(), "cogging"])
 def test_what_has_no_place_is_refused(stranger):
     with pytest.raises(ValueError, match=r"no place|ChainResonance"):
         chain(stranger)

@@ -57,6 +57,17 @@ def delayed(age):
     return int(whole), age - whole
 
 
+# --- dry friction of a solver of contacts ----------------------------------------------------------------------------
+@_equation
+def early_friction(lead, impedance, inertia, pull, v, backwards, forwards, h):
+    """Mean torque over a step h: the share d of what makes v decay with T, within the two that friction can take."""
+    after = v * math.exp(-h / lead)
+    wanted = impedance * (pull + inertia * (v - after) / h)
+    if wanted > forwards:
+        return forwards
+    return backwards if wanted < backwards else wanted
+
+
 # --- friction as a function of velocity: value, slope by x, slope by dx ----------------------------------------------
 UNDERFLOW = 700.0  # beyond this exp(-x) is below 1e-304 and takes ten times as long to compute
 

@@ -292,6 +292,42 @@ class PositionFriction(StaticEffect):
     code = codes.POSITION_FRICTION
 
 
+class EarlyReversal(Effect):
+    """Dry friction of a solver of contacts: it brings the axis to rest within about the time T (s), not at once.
+
+    Of the torque tau + J v / T that would do so against the torque tau of drive and load, it takes the share d as long
+    as this is within its range.  It therefore reverses ahead of the velocity, by T, and creeps at rest; T = 0 and d = 1
+    is dry friction as a set-valued law.  It has no torque of its own.  MuJoCo's ``frictionloss`` has T = d_max t / 2
+    with the time constant t of ``solreffriction``, 9.5 ms by default, and d = d_min of ``solimpfriction``.
+
+    See Also
+    --------
+    Coulomb : the friction that reverses.
+    PreslidingHysteresis : friction of real contacts lags behind instead.
+
+    Examples
+    --------
+    >>> from whsklearn.effects import Coulomb, EarlyReversal
+    >>> from whsklearn.models import AxisModel
+    >>> axis = AxisModel(1.0, [Coulomb(100.0)], [EarlyReversal(0.01, impedance=1.0)], dt=1e-3, logged="velocity")
+    >>> round(float(axis.simulate([0.0] * 11, speed=0.1)[-1]), 3)  # after T, 0.1 / e
+    0.037
+    """
+
+    lead: float = number(9.5e-3, "s", 1e-4, 0.1, log=True)
+    impedance: float = number(0.9, "1", 0.5, 1.0)
+
+    name = "early_reversal"
+    place = "friction"
+    equation = "friction = clip(d (tau + J v / T), -Fc, Fc)"
+    signature = "the step of dry friction comes before the velocity is zero"
+    needs = "reversals"
+    parent = "coulomb"
+    column_kind = "none"
+    reference = "Todorov 2014, Proc. IEEE ICRA, 6054-6061, on MuJoCo's constraints"
+    code = codes.EARLY_REVERSAL
+
+
 class FrictionDrift(Effect):
     """Dry friction that settles while the axis warms up, c (1 - exp(-t/T)) sign(v) (Nm); a negative c means that it
     falls.

@@ -87,6 +87,7 @@ GRAVITY = 9.81
 # any motion that a drive logs at 1 kHz (benchmarks/export.py, --steps)
 FINEST = 2.5e-4
 CREEP = 2e-3  # time constant of friction at rest (s), eight steps; MuJoCo's default of 20 ms creeps visibly
+STIFFEST = 0.9999  # impedance of a constraint: MuJoCo takes no more
 BRISTLE = 1e-4  # rad: presliding distance of LuGre where it replaces a Stribeck curve, which has none
 
 FAR = 1e3  # position of a stop that does not exist
@@ -116,6 +117,7 @@ class Mjcf:
     lugre: list[tuple[float, ...]] = field(default_factory=list)
     stops: list[tuple[float, float, float]] = field(default_factory=list)  # stiffness, lower and upper end
     twist: dict[str, float] = field(default_factory=dict)
+    creep: tuple[float, ...] = (CREEP,)  # time constant of friction at rest (s), and its impedance if not MuJoCo's
     losses: list[Loss] = field(default_factory=list)
 
 
@@ -140,7 +142,7 @@ def mjcf(model: Exported) -> tuple[str, list[Loss]]:
     text = render(
         "model.mjcf.j2", m=m, kind="slide" if model.linear else "hinge", step=step, dt=dt,
         inertia=axis.inertia - load, load=load, mass=mass, place=(arm * math.cos(phase), arm * math.sin(phase)),
-        own=(load or axis.inertia) - mass * arm**2 if arm else (load or axis.inertia), creep=CREEP,
+        own=(load or axis.inertia) - mass * arm**2 if arm else (load or axis.inertia),
         g=GRAVITY if arm else 0.0, samples=round(m.delay / step), inf=math.inf, drive=drive, motion=motion,
     )  # fmt: skip
     return text, m.losses
@@ -172,7 +174,8 @@ def mapped(axis: ServoAxis, linear: bool = False) -> Mjcf:
     return m
 
 
-PARTS = {"saturation", "input_delay", "actuator_lag", "flexible_coupling", "backlash"}  # held by a part of the axis
+# held by a part of the axis
+PARTS = {"saturation", "input_delay", "actuator_lag", "flexible_coupling", "backlash", "early_reversal"}
 ELEMENTS = {
     "viscous", "quadratic_drag", "coulomb", "stribeck", "presliding_hysteresis", "cogging", "gravity_imbalance",
     "input_offset", "asymmetric_coulomb", "cable_spring", "hardening_spring", "end_stop",
@@ -193,6 +196,9 @@ def hold_in(m: Mjcf, e: Any, others: list[Effect]) -> None:
         case "coulomb":
             if not any(o.name == "stribeck" and o.magnitude > 0.0 for o in others):  # whose LuGre element holds it
                 m.joint["frictionloss"] = m.joint.get("frictionloss", 0.0) + e.magnitude
+        case "early_reversal":
+            grip = min(e.impedance, STIFFEST)
+            m.creep = (2.0 * e.lead / grip, grip)
         case "stribeck":
             dry = sum(o.magnitude for o in others if o.name == "coulomb")
             if e.magnitude <= 0.0 or dry <= 0.0:

@@ -29,6 +29,7 @@ from whsklearn.effects.equations import (
     N_STATES,
     advance_hysteresis,
     dead_zone,
+    early_friction,
     hysteresis_torque,
     lagged,
     parameter_change,
@@ -288,8 +289,8 @@ def plant_of(effects: Iterable[Effect], parts: NDArray[np.float64]) -> AxisNumbe
 # velocity is needed, standstill is exactly zero velocity, and the step cannot chatter.  It evaluates the torques once
 # per step, where an explicit midpoint rule takes two.
 class Body(NamedTuple):
-    """Inertia (kg m2), the load's share of it (0: rigid), stiffness, damping and play of the coupling, kappa, and the
-    dry friction of the load (Nm).
+    """Inertia (kg m2), the load's share of it (0: rigid), stiffness, damping and play of the coupling, kappa, the dry
+    friction of the load (Nm), and the time by which dry friction reverses early (s), with its impedance.
     """
 
     inertia: Any
@@ -299,6 +300,8 @@ class Body(NamedTuple):
     gap: Any
     kappa: Any
     dry: Any
+    lead: Any
+    grip: Any
 
 
 @part
@@ -307,9 +310,11 @@ def body_of(plant):
     parts = plant.parts
     inertia, share, ratio, gap, dry = parts[INERTIA], parts[SHARE], parts[RATIO], parts[GAP], 0.0
     compliance = 1.0 / parts[STIFFNESS] if parts[STIFFNESS] > 0.0 else 0.0
-    contact_ratio, frequency = 0.0, 0.0
+    contact_ratio, frequency, lead, grip = 0.0, 0.0, 0.0, 1.0
     for i in range(plant.codes.size):
         code = plant.codes[i]
+        if code == codes.EARLY_REVERSAL:
+            lead, grip = plant.p[i, 0], plant.p[i, 1]
         if code == codes.BACKLASH or code == codes.FLEXIBLE_COUPLING:
             if share == 0.0:
                 share = plant.p[i, 1]
@@ -323,13 +328,15 @@ def body_of(plant):
                 ratio = plant.p[i, 2]
                 dry += plant.p[i, 3]
     if share == 0.0:
-        return Body(inertia, 0.0, 0.0, 0.0, 0.0, parts[KAPPA], 0.0)
+        return Body(inertia, 0.0, 0.0, 0.0, 0.0, parts[KAPPA], 0.0, lead, grip)
     reduced = inertia * share * (1.0 - share)
     if compliance > 0.0:
         stiffness = 1.0 / compliance
     else:
         stiffness, ratio = contact_stiffness(frequency, reduced), contact_ratio
-    return Body(inertia, share, stiffness, contact_damping(ratio, stiffness, reduced), gap, parts[KAPPA], dry)
+    return Body(
+        inertia, share, stiffness, contact_damping(ratio, stiffness, reduced), gap, parts[KAPPA], dry, lead, grip
+    )
 
 
 @njit(cache=False, forceinline=True, error_model="numpy")
@@ -359,10 +366,10 @@ def from_rest(up, down, slope, inertia, h):
 
 
 @njit(cache=False, error_model="numpy")
-def off_rest(effects, p, own, ends, z, t, q, u):
-    """Torque on the motor's side just off rest, forwards and backwards, and its slope."""
-    forwards, slope = motor_sum(effects, p, own, ends, z, t, q, 0.0, 1.0, 0.0, u)
-    backwards, _ = motor_sum(effects, p, own, ends, z, t, q, 0.0, -1.0, 0.0, u)
+def both_ways(effects, p, own, ends, z, t, q, v, u):
+    """Torque on the motor's side with dry friction against motion forwards and backwards, and its slope."""
+    forwards, slope = motor_sum(effects, p, own, ends, z, t, q, v, 1.0, 0.0, u)
+    backwards, _ = motor_sum(effects, p, own, ends, z, t, q, v, -1.0, 0.0, u)
     return forwards, backwards, slope
 
 
@@ -373,7 +380,7 @@ def fine_step(effects, p, own, ends, z, body, state, u, t, h):
     half = 0.5 * h
     middle = t + half
     two = body.share > 0.0
-    sharp = body.kappa == math.inf
+    sharp = body.kappa == math.inf and body.lead == 0.0
     x_mid = x + half * v
     q_mid = q + half * w if two else x_mid
     if ends.memory > ends.own:
@@ -401,10 +408,13 @@ def fine_step(effects, p, own, ends, z, body, state, u, t, h):
     else:
         pull -= load
         inertia += added
+    if body.lead > 0.0:
+        forwards, backwards, slope = both_ways(effects, p, own, ends, z, middle, x_mid, v, u)
+        f = early_friction(body.lead, body.grip, inertia, pull, v, backwards, forwards, h)
     v_new = 0.0 if at_rest else v + h * (pull - f) / inertia / implicit_gain(slope, inertia, h)
     path = half * (v + v_new)
     if at_rest or (sharp and v_new * s <= 0.0):
-        forwards, backwards, slope = off_rest(effects, p, own, ends, z, middle, x_mid, u)
+        forwards, backwards, slope = both_ways(effects, p, own, ends, z, middle, x_mid, 0.0, u)
         if at_rest or forwards != backwards:
             before = 0.0 if at_rest else h * v / (v - v_new)
             v_new, path = from_rest(pull - forwards, pull - backwards, slope, inertia, h - before)

@@ -328,7 +328,7 @@ def packed(effects: Sequence[Effect]) -> Ports | None:
     Raises ValueError if an effect has no place in a Wiener-Hammerstein chain.
     """
     for e in effects:
-        if not isinstance(e, Effect) or e.code < 0:
+        if not isinstance(e, Effect) or e.code < 0 or e.code == k.EARLY_REVERSAL:  # which takes an inertia
             raise ValueError(f"{e!r} has no place in a Wiener-Hammerstein chain; take one of the catalogue.")
         if isinstance(e, FlexibleCoupling):
             raise ValueError("A FlexibleCoupling joins two inertias; in a chain give it as a ChainResonance.")

@@ -9,7 +9,8 @@ import pytest
 
 from tests.gap.plants.example_servo import INERTIA, RATE, TIME, opened, record_of, shaken
 from whsklearn.datasets import make_servo_log
-from whsklearn.effects import Coulomb, InputDelay, Viscous
+from whsklearn.effects import Coulomb, EarlyReversal, GravityImbalance, InputDelay, Viscous
+from whsklearn.gap import GapFinder
 from whsklearn.gap.plants.servo_start import (
     base_model,
     best_view,
@@ -111,3 +112,24 @@ def test_friction_that_the_law_lacks_is_no_drive_that_was_logged_late(viscous):
 def test_a_drive_that_acts_later_than_it_was_logged_is_a_question():
     record = ServoRecord.from_frame(make_servo_log([InputDelay(0.02)], duration=12.0, random_state=0))
     assert logged_late(*start_of(record, ("viscous", "coulomb"), 0.004)) == 0
+
+
+def early_log(*effects):
+    """A log of the example axis whose dry friction reverses as early as MuJoCo's."""
+    return make_servo_log([EarlyReversal(9.5e-3), *effects], duration=20.0, random_state=3)
+
+
+def test_friction_that_reverses_early_belongs_to_the_base_model():
+    empty, swinging = (GapFinder("servo").fit(early_log(*e)) for e in ([], [GravityImbalance(0.1)]))
+    assert empty.verdict_ == "no_gap"
+    assert (swinging.verdict_, [e.name for e in swinging.effects_]) == ("named", ["gravity_imbalance"])
+    for model in (empty.model_, swinging.model_):
+        early = next(e for e in model.effects if e.name == "early_reversal")
+        assert early.lead == pytest.approx(9.5e-3, rel=0.05)
+    assert "reverses about 9.6 ms before the velocity" in " ".join(swinging.diagnosis_.notes)
+
+
+def test_friction_that_reverses_with_the_velocity_is_not_called_early():
+    finder = GapFinder("servo").fit(make_servo_log(duration=20.0, random_state=3))
+    assert finder.verdict_ == "no_gap"
+    assert [e.name for e in finder.model_.effects] == []

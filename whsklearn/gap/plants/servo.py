@@ -41,6 +41,7 @@ from whsklearn.gap.plants.servo_start import (
     best_view,
     logged_late,
     observer_view,
+    reversing_early,
     start_of,
     with_earlier_drive,
 )
@@ -299,7 +300,7 @@ class ServoPlant(Plant):
         other = best_view(self.inverse, model, self.tolerance, sharp=self.sharp)
         if not 1.0 / WIDER < other.cutoff / self.inverse.cutoff < WIDER:
             self.inverse = other
-        model = self.inverse.fit(model)
+        model = self.inverse.fit(reversing_early(self.inverse, model))
         if model.added:  # with the artefacts of the previous model, the fit of a Stribeck curve is too wide
             self.inverse.own = servo_own.own(self.inverse, model, np.random.default_rng(0))[0]
             model = looking_settled(self.inverse, self.inverse.fit(model))
@@ -432,15 +433,20 @@ class ServoPlant(Plant):
         tests = [whiteness(view.whitened(view.gap(m), on="all"), name) for name, m in both]
         runs = {name: servo_run.restarted_run(view, m, self.headline) for name, m in both}
         drawn = pictures(self.inverse, base, model, self.units, self.gap_word) | {"floor": self.own.floor}
-        return Told(tests, self._notes(), drawn | {"runs": runs, "held": servo_run.held_out(view)})
+        return Told(tests, self._notes(model), drawn | {"runs": runs, "held": servo_run.held_out(view)})
 
-    def _notes(self) -> list[str]:
+    def _notes(self, model: ServoHypothesis) -> list[str]:
         """Remarks on how the record was used."""
         view, notes = self.observer, [self.record.in_place_of_drive] if self.record.in_place_of_drive else []
         if self.lead:
             notes.append(
                 f"The drive was logged about {1e3 * self.lead:.0f} ms after it had acted, and is used that much "
                 "earlier: the clocks of drive and position differ."
+            )
+        if model.early:
+            notes.append(
+                f"Dry friction reverses about {1e3 * model.early.lead:.1f} ms before the velocity does, as in a solver "
+                "of contacts (MuJoCo: solreffriction); the model includes this (early_reversal)."
             )
         return [
             *notes,
@@ -457,7 +463,7 @@ class ServoPlant(Plant):
         from whsklearn.systems.servo import ServoAxis
         from whsklearn.systems.servo_parts import Drive
 
-        effects, dt = tuple(t.effect for t in model.added), model.scene.dt
+        effects, dt = model.effects, model.scene.dt
         axis = ServoAxis(
             inertia=model.inertia,
             law=[t.effect for t in model.terms[: model.n_base]],  # type: ignore[arg-type]

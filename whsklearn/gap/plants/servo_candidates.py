@@ -18,9 +18,9 @@ from whsklearn.effects.base import shapes_of
 from whsklearn.gap.plants.variant import EffectVariant
 from whsklearn.gap.record import Array
 
-# Read directly from the record (a grid, a folded sign), or equivalent to another zero or slope of the reference: no
-# torque is missing because of these.
-UNSEEN = ("quantization", "sensor_rectification", "output_offset", "output_drift")
+# Read directly from the record (a grid, a folded sign), equivalent to another zero or slope of the reference, or part
+# of the base model like the age of the drive: no torque is missing because of these.
+UNSEEN = ("quantization", "sensor_rectification", "output_offset", "output_drift", "early_reversal")
 SEEN = 0.01  # of an effect's largest value over its starts: a start at which it shows less is outside the travel
 N_POINTS = 2001  # of the motion on which an effect's largest value is found: a thousandth of the travel apart
 

@@ -212,7 +212,7 @@ class InverseView:
             return np.empty((self.acceleration.size, 0))
         if self._depends(t):
             return self._new_columns(model, t, torque)
-        key = (t.kind.label, t.q[t.kind.linear :])
+        key = (t.kind.label, t.q[t.kind.linear :], model.early, model.creep)
         columns = self._columns.get(key)
         if columns is None:
             if len(self._columns) > KEPT:  # all at once, because two threads may compute derivatives in parallel
@@ -226,7 +226,7 @@ class InverseView:
             _, _, g2 = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * self.cutoff), self.scene.dt)
             return -model.inertia * filtered(waves, g2, self.every)
         s = self.motion if torque is None else self.motion._replace(drive=torque)
-        return self.blur(t.kind.unit_columns(t.q[t.kind.linear :], s))
+        return self.blur(t.kind.unit_columns(t.q[t.kind.linear :], model.reversing(t, s)))
 
     # --- the protocol ------------------------------------------------------------------------
     def solved(self, model: ServoHypothesis) -> tuple[ServoHypothesis, Array, Array, Array, NDArray[np.bool_]]:

@@ -7,11 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from whsklearn.effects import Scales
+from whsklearn.effects import EarlyReversal, Effect, Scales
 from whsklearn.effects import codes as k
 from whsklearn.effects.own import WHICH, address_of
 from whsklearn.gap.plant import FittedTerm, with_vectors
+from whsklearn.gap.plants.servo_candidates import ColumnSignals
 from whsklearn.gap.record import Array
+from whsklearn.lags.axis_rows import DRY
 from whsklearn.systems._servo_kernel import (
     LOAD,
     LOAD_VELOCITY,
@@ -55,6 +57,9 @@ class ServoHypothesis:
     scene: Scales
     n_base: int = 0  # leading terms that are the base model's
     step: float = LONGEST_STEP  # s, the largest fine step; a view may have found that a longer one is as good
+    # how dry friction reverses, if not at once (`EarlyReversal`), and the speed (rad/s) over which it does
+    early: EarlyReversal | None = None
+    creep: float = 0.0
 
     def with_term(self, term: ServoTerm) -> ServoHypothesis:
         """The model with one more effect."""
@@ -67,6 +72,19 @@ class ServoHypothesis:
     def with_terms(self, terms: tuple[ServoTerm, ...]) -> ServoHypothesis:
         """The model with other terms."""
         return replace(self, terms=terms)
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """The effects that a simulation needs beside the law."""
+        return (*([self.early] if self.early else []), *(t.effect for t in self.added))
+
+    def reversing(self, term: ServoTerm, motion: ColumnSignals) -> ColumnSignals:
+        """The signals whose velocity has the sign of a term's torque, as `RigidBodyLags` has it for arms."""
+        if self.early is None or not issubclass(term.kind.cls, DRY):
+            return motion
+        return motion._replace(
+            velocity=(motion.velocity + self.early.lead * motion.acceleration) / self.creep, kappa=1.0
+        )
 
     @property
     def added(self) -> tuple[ServoTerm, ...]:
@@ -170,6 +188,9 @@ class ServoHypothesis:
                 row[WHICH] = own.index(t.kind.cls)
         parts = bare_parts(self.inertia, self.timing * self.scene.dt, on_load=self.load_side)
         codes = np.array([t.kind.code for t in self.terms], dtype=np.int64)
+        if self.early is not None:
+            row = np.pad(self.early.row, (0, k.N_NUMBERS - len(self.early.row)))
+            codes, p = np.append(codes, k.EARLY_REVERSAL), np.vstack([p, row])
         return AxisNumbers(codes, p, parts, address_of(tuple(own)))
 
     @property

@@ -50,7 +50,8 @@ def needed(view: Any, model: ServoHypothesis) -> Array:
     """Drive that the model takes along the measured path, shape (n,)."""
     record, path, speed = view.record, view.motion.position, view.motion.velocity
     motion = Motion(record.clock, path, speed, np.gradient(speed, record.dt), record.drive)
-    asked = (t.effect.contribution(motion) for t in model.terms if t.effect.port in ("torque", "input"))
+    torques = (t for t in model.terms if t.effect.port in ("torque", "input"))
+    asked = (t.effect.contribution(model.reversing(t, motion)) for t in torques)
     return np.asarray(model.inertia * motion.acceleration + sum(asked))
 
 
