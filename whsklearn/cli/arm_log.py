@@ -298,10 +298,7 @@ def note_locked(options: Mapping[str, Any], arm: Arm) -> None:
 
 
 def note_friction(options: Mapping[str, Any], arm: Arm) -> None:
-    """Print a note where the robot's file has damping and no dry friction: a base law that every joint would lack.
-
-    Many files have a damping for the simulator's sake alone. Where all joints lack the same, none explains much.
-    """
+    """Print a note where the robot's file has damping and no dry friction: many have it for the simulator's sake."""
     names = {e.name for row in arm.effects for e in row}
     if "viscous" in names and not names & {"coulomb", "load_friction"} and not options.get("law"):
         note(

@@ -51,7 +51,12 @@ USUAL = {"time": "time_s", "drive": "torque_nm", "position": "position_rad"}
     "--alpha", type=opt.PROBABILITY, default=0.01,
     help="Probability of a false name when nothing is missing (axis with a logged drive).",
 )  # fmt: skip
-@click.option("--max-effects", type=click.IntRange(min=1, max=5), default=3, help="Maximum number of effects to add.")
+@click.option(
+    "--max-effects",
+    type=click.IntRange(min=1, max=5),
+    default=3,
+    help="Maximum number of effects to add (at each joint).",
+)
 @opt.effects_option
 @opt.robot_options
 @click.option("--load", help="Known load at the last joint: mass in kg, or with its place in m, KG:X,Y,Z.")

@@ -42,7 +42,7 @@ class GapFinder(BaseEstimator):
     direct : int
         How many of its two blocks have a direct path.
     max_effects : int
-        Largest number of effects to add.
+        Largest number of effects to add, at each joint of an arm.
     tolerance : float
         Smallest effect that is named: its rms as a share of the rms drive or output.
     alpha : float

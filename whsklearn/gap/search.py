@@ -122,7 +122,7 @@ class Search:
     plant: Any
     rng: np.random.Generator
     alpha: float  # probability of a false name in a record in which nothing is missing
-    max_effects: int
+    max_effects: int  # at one place
     on_round: Callable[[Step], None] | None = None  # called with each finished `Step`
 
     def run(self, base: Any) -> Found:
@@ -162,7 +162,9 @@ class Search:
         looks = found.remainder = self.plant.looks(found.model, self.rng)
         names = {t.name for t in found.taken}
         left = self.plant.rms(self.plant.errors(found.model))
-        fitted = [] if len(names) >= self.max_effects else self.fitted(found.model, looks)
+        there = {t.name: t.look for t in found.taken}.values()
+        room = [k for k in looks if sum(meet(k, t) for t in there) < self.max_effects]
+        fitted = self.fitted(found.model, room)
         better = self._better_minimum(found.model, fitted)
         if better is not None:
             found.base, found.model = found.base if found.taken else better, better
@@ -364,12 +366,13 @@ class Search:
         The commoner of two that the first look cannot distinguish is taken, and may need a second beside it to do what
         the other does alone: gravity and a hardening spring stood for a cable spring.
         """
-        least, here = self.plant.tolerance * self.plant.scale, self.plant.errors(found.model)
+        least = self.plant.tolerance * self.plant.scale
         for i, taken in enumerate(found.taken[:-1]):
             fitted = next((s.fitted for s in found.steps if s.taken is not None and s.taken.look is taken.look), [])
             for f in (f for f in fitted if f.name in taken.rivals and not f.reason):
                 state, model = self.plant.snapshot(), self.plant.settled(f.model)
-                if self.plant.size(self.plant.errors(model), here) >= least:
+                # both after the fit, which weights the joints of an arm anew, so that each model's errors are one
+                if self.plant.size(*(self.plant.errors(m) for m in (model, found.model))) >= least:
                     self.plant.restore(state)
                     continue
                 bare = model.without(found.model.n_base + i)

@@ -175,23 +175,25 @@ def reversals_of(rows: ArmRows, beside: Sequence[Effect] = ()) -> dict[str, tupl
     """
     lags, keep, names = rows.lags, rows.keep, rows.lags.base_.names
     first = _first(rows)
-    asked = rows.predicted(first)
-    more = [
-        rows.axis_columns(j, [e], drive=asked)[:, None, :] * lags.axes_[j][0][:, None]
+    asked, aged = rows.predicted(first), with_ages(rows)[0]
+    more = {
+        (j, e): rows.axis_columns(j, [e], drive=asked)[:, None, :] * lags.axes_[j][0][:, None]
         for j in lags.arm_.joints
         for e in beside
         if type(e) not in map(type, lags.axes_[j][1])
-    ]
+    }
     late = _aged(rows, rows.per_age(first, 2)).phi[:, :, len(names) :]
-    phi = with_ages(rows)[0].with_columns(late, *more).phi
+    phi = aged.with_columns(*more.values(), late).phi
     out, others = {}, Others(phi, rows.target, keep, rows.weights)
     speeds = np.sqrt(np.mean(rows.moved.velocity**2, axis=0))
     for k, joint in enumerate(lags.arm_.joints):
         dry = [t for t in lags.axes_[joint][1] if isinstance(t, DRY) and f"{joint}.{t.name}" in names]
+        lacked = [i for i, (j, e) in enumerate(more) if j == joint and isinstance(e, Coulomb)]
         n = int(keep[:, k].sum())
-        if not dry or n < 2 * phi.shape[2]:
+        if not (dry or lacked) or n < 2 * phi.shape[2]:
             continue
-        at = [names.index(f"{joint}.{t.name}") for t in dry]
+        at = [*(names.index(f"{joint}.{t.name}") for t in dry), *(aged.phi.shape[2] + i for i in lacked)]
+        dry += [Coulomb()] * len(lacked)
         columns = partial(rows.axis_columns, joint, dry)
         error, speed = others.at(k, at), float(speeds[k])
         over = [rows.axis_columns(joint, [PreslidingHysteresis(1.0, d)]) for d in DISTANCES]

@@ -99,6 +99,18 @@ def test_an_arm_of_seven_joints():
     assert names(found) == ["cogging at j4"]
 
 
+def test_friction_that_all_joints_lack_is_named_at_each():
+    arm = drawn_arm(4, 3, slides=0.0, branch=0.0, gravity=(0, 0, -9.81))
+    arm = arm.with_effects({joint: Viscous(0.5) for joint in arm.joints})
+    q, u = smooth_log(arm.with_effects({joint: Coulomb(2.0) for joint in arm.joints}), seconds=12.0)
+    rng = np.random.default_rng(0)
+    q, u = q + 1e-6 * rng.standard_normal(q.shape), u + 0.01 * u.std(axis=0) * rng.standard_normal(u.shape)
+    found = GapFinder(arm).fit(ArmRecord(np.arange(len(q)) / RATE, q, u))
+    assert found.verdict_ == "named"
+    assert sorted(names(found)) == [f"coulomb at {joint}" for joint in arm.joints]
+    assert [e.effect.torque for e in found.effects_] == pytest.approx([2.0] * 4, rel=0.1)
+
+
 def test_a_strong_slow_effect_does_not_hide_in_null_records_of_its_own_colour():
     law = {f"j{k}": (Viscous(0.5), Coulomb(0.5)) for k in range(3)}
     arm = drawn_arm(3, 5, slides=0.0, branch=0.0, gravity=(0, 0, -9.81)).with_effects(law)

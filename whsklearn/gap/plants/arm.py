@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.effects import ContactStop, LoadFriction, Viscous
+from whsklearn.effects import ContactStop, Coulomb, LoadFriction, Viscous
 from whsklearn.effects.base import rms
 from whsklearn.gap.calibration import p_value, rival_leads
 from whsklearn.gap.data_check import DataProblem
@@ -71,7 +71,8 @@ from whsklearn.systems.servo import FEWEST_STEPS
 # columns of a real arm are no better than that (4 to 10 % on held-out blocks, `python -m benchmarks.arms`).
 CANCELS = 20.0
 UNTOLD = 1e6  # m: the standard error of a centre that no drive tells, in place of infinity
-FRICTIONS = Viscous(), LoadFriction()  # which may be missing, and look like dry friction that reverses slowly
+# What joints may lack beside what reverses: without the others, dry friction seems to reverse slowly.
+FRICTIONS = Viscous(), Coulomb(), LoadFriction()
 SOME = 200  # positions at which the mass matrix is checked for being positive definite
 
 
@@ -308,8 +309,13 @@ class ArmPlant(Plant):
         return np.asarray((self.view.left(self.view.fit(model)) * self.view.weight).ravel())
 
     def rms(self, errors: Array) -> float:
-        """Rms of the errors of all joints, as a share of their drives."""
-        return float(np.sqrt(np.mean(self._shares(errors) ** 2)))
+        """Rms of the errors of each joint that moves, as a share of its drive; their geometric mean.
+
+        The weights of a fit follow the joints' residuals, so that it makes this mean small. By the power of all joints,
+        friction that six of them lack was refused at the first: as its weight grew, the others were left with more.
+        """
+        shares = self._shares(errors)[self.view.keep.any(axis=0)]
+        return float(np.exp(np.mean(np.log(np.maximum(shares, 1e-300)))))
 
     def _shares(self, errors: Array) -> Array:
         """Rms of the errors of each joint, as a share of its drive."""
