@@ -21,6 +21,7 @@ affair (``make lint``).
 from __future__ import annotations
 
 import ast
+import functools
 import io
 import statistics
 import tokenize
@@ -40,9 +41,15 @@ def sources(folder: Path) -> list[Path]:
     return [p for p in sorted(folder.rglob("*.py")) if "tests" not in p.relative_to(folder).parts]
 
 
+@functools.cache
+def tree(path: Path) -> ast.Module:
+    """The syntax tree of a file, which several figures are read from."""
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
 def trees(folder: Path) -> dict[Path, ast.Module]:
     """Syntax trees of the modules of a folder that hold code."""
-    every = {p: ast.parse(p.read_text(encoding="utf-8")) for p in sources(folder)}
+    every = {p: tree(p) for p in sources(folder)}
     return {p: t for p, t in every.items() if any(isinstance(n, FUNCTIONS | ast.ClassDef) for n in t.body)}
 
 
@@ -62,11 +69,13 @@ def arguments(node: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
     return len(names) - (names[:1] in (["self"], ["cls"]))
 
 
-def kinds_of_lines(text: str) -> tuple[int, int, int]:
-    """(lines of code, of docstrings, with a comment) of a file."""
+@functools.cache
+def kinds_of_lines(path: Path) -> tuple[int, int, int, int]:
+    """(lines, of code, of docstrings, with a comment) of a file."""
+    text = path.read_text(encoding="utf-8")
     docstrings: set[int] = set()
-    for node in ast.walk(ast.parse(text)):
-        if isinstance(node, FUNCTIONS | ast.ClassDef | ast.Module) and ast.get_docstring(node):
+    for node in ast.walk(tree(path)):
+        if isinstance(node, FUNCTIONS | ast.ClassDef | ast.Module) and ast.get_docstring(node, clean=False):
             docstrings |= set(range(node.body[0].lineno, (node.body[0].end_lineno or 0) + 1))
     code, comments = set(), set()
     for token in tokenize.generate_tokens(io.StringIO(text).readline):
@@ -74,21 +83,20 @@ def kinds_of_lines(text: str) -> tuple[int, int, int]:
             comments.add(token.start[0])
         elif token.type not in (tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER):
             code |= set(range(token.start[0], token.end[0] + 1))
-    return len(code - docstrings), len(docstrings), len(comments)
+    return len(text.splitlines()), len(code - docstrings), len(docstrings), len(comments)
 
 
 def lines_of(folder: Path) -> tuple[int, int, int, int]:
     """(lines, of code, of docstrings, with a comment) of all files of a folder."""
-    texts = [p.read_text(encoding="utf-8") for p in sources(folder)]
-    code, told, comments = (sum(kind) for kind in zip(*map(kinds_of_lines, texts), strict=True))
-    return sum(len(text.splitlines()) for text in texts), code, told, comments
+    lines, code, told, comments = (sum(kind) for kind in zip(*map(kinds_of_lines, sources(folder)), strict=True))
+    return lines, code, told, comments
 
 
 def public_classes(folder: Path, found: dict[Path, ast.Module]) -> list[str]:
     """Docstrings of the classes that some package's ``__all__`` names."""
     names = set()
     for path in folder.rglob("__init__.py"):
-        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        for node in tree(path).body:
             if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == "__all__":
                 names |= {e.value for e in getattr(node.value, "elts", ()) if isinstance(e, ast.Constant)}
     classes = (n for t in found.values() for n in t.body if isinstance(n, ast.ClassDef) and n.name in names)
@@ -131,9 +139,8 @@ def named_numbers(folder: Path) -> tuple[int, int, int, int]:
     """(names of modules, of class bodies, fields of 0 or 1, numeric defaults of parameters but 0 and 1) of a folder."""
     modules = classes = fields = defaults = 0
     for path in folder.rglob("*.py"):
-        tree = ast.parse(path.read_text(encoding="utf-8"))
-        modules += sum(numeric(value) for node in tree.body for _, value in bound(node))
-        for node in ast.walk(tree):
+        modules += sum(numeric(value) for node in tree(path).body for _, value in bound(node))
+        for node in ast.walk(tree(path)):
             if isinstance(node, ast.ClassDef):
                 classes += sum(numeric(v) for part in node.body if not empty_field(part) for _, v in bound(part))
                 fields += sum(map(empty_field, node.body))
@@ -146,7 +153,7 @@ def named_numbers(folder: Path) -> tuple[int, int, int, int]:
 def imported(path: Path, folder: Path) -> Iterator[str]:
     """Modules of the package that a file imports, as paths below it with dots."""
     here = path.relative_to(folder.parent).parent.parts
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(tree(path)):
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):

@@ -25,7 +25,7 @@ FUNCTIONS = ast.FunctionDef | ast.AsyncFunctionDef
 def trees() -> dict[Path, ast.Module]:
     """Syntax trees of all modules by their paths within the library."""
     paths = sorted((ROOT / "whsklearn").rglob("*.py"))
-    return {p.relative_to(ROOT / "whsklearn"): ast.parse(p.read_text(encoding="utf-8")) for p in paths}
+    return {p.relative_to(ROOT / "whsklearn"): house.tree(p) for p in paths}
 
 
 @functools.cache
