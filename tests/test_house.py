@@ -7,6 +7,7 @@ Directions of imports and circles are held by import-linter (`make lint`); here 
 from __future__ import annotations
 
 import ast
+import copy
 import functools
 import re
 import tomllib
@@ -146,7 +147,7 @@ def formula(node: ast.expr) -> str:
     """An expression without its letters; empty if it is too short to be told from others."""
     if sum(isinstance(n, OPERATIONS) for n in ast.walk(node)) < TELLING:
         return ""
-    return ast.dump(Renamed().visit(ast.parse(ast.unparse(node), mode="eval").body))
+    return ast.dump(Renamed().visit(copy.deepcopy(node)))
 
 
 @functools.cache
