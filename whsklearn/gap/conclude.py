@@ -139,6 +139,7 @@ def _closing(plant: Any, found: Found, rng: np.random.Generator, given: Any, alp
     if found.taken:
         # as fair as the repaired model: what other numbers of the base alone close in simulation, no effect has closed
         found.base = plant.to_simulate(found.base)
+        _retold(plant, found)
     while found.taken:
         fitted = found.model
         # numbers refitted along the run may suit the samples that they were fitted to, and no others
@@ -167,6 +168,15 @@ def _closing(plant: Any, found: Found, rng: np.random.Generator, given: Any, alp
         found.remainder = step.looks if alike else plant.looks(found.model, rng)
     found.model = found.base
     return prove(plant, found.base, found.base, rng, given)
+
+
+def _retold(plant: Any, found: Found) -> None:
+    """Put another effect in the place of one that search could not tell from it, if simulation tells so."""
+    found.model = model = plant.retold(found.model)
+    for i, (taken, term) in enumerate(zip(found.taken, model.terms[model.n_base :], strict=True)):
+        if term.name != taken.name:
+            rivals = [r for r in taken.rivals if r != term.name]
+            found.taken[i] = replace(taken, look=replace(taken.look, name=term.name), rivals=rivals)
 
 
 def _instead(found: Found, gone: Named, refused: set[str]) -> Named | None:

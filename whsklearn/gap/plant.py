@@ -290,6 +290,13 @@ class Plant(Protocol):
         """That of the drive, or of the output."""
         return str(self.units[0] if self.whole == "drive" else self.units[1])
 
+    def retold(self, model: Any) -> Any:
+        """The model with another effect in the place of one of which `errors` shows the first order only.
+
+        A simulation must tell so; otherwise it is the model itself.
+        """
+        return model
+
     def rms(self, errors: Array) -> float:
         """Root mean square of errors, in the unit of `Plant.scale`."""
         return rms(errors)

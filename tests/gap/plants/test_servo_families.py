@@ -13,6 +13,7 @@ from whsklearn.effects import (
     Cogging,
     Coulomb,
     DeadZone,
+    DisturbanceTone,
     FlexibleCoupling,
     GravityImbalance,
     HardeningSpring,
@@ -117,6 +118,27 @@ def test_the_effect_that_is_missing_is_the_best_of_the_named_ones(effect):
     best = max((k for k in looks if k.name), key=lambda k: k.score)
     assert best.name in (effect.name, *effect.aliases)
     assert best.p_value < 1e-3
+
+
+def test_a_tone_is_found_beyond_the_filter_and_is_not_taken_by_the_age_of_the_drive():
+    """Counted twice, the age is also a second derivative, and the answer of a soft loop to a tone consists of both."""
+    controller = PIDController(kp=900.0, ki=0.0, kd=120.0)
+    shaken = [DisturbanceTone(3.0, frequency=13.4)]
+    axis = ServoAxis(
+        inertia=10.0, law=[Viscous(30.0), Coulomb(8.0)], effects=shaken, controller=controller, sample_rate=500.0
+    )
+    t = np.arange(10000) / 500.0
+    noise = 1e-5 * np.random.default_rng(0).standard_normal(t.size)
+    r = axis.simulate(reference=1.0 - np.cos(0.5 * t) + 0.3 * np.sin(1.3 * t) ** 2, noise=noise)
+    view, base = start_of(ServoRecord(r.time, r.drive, r.position), ("viscous", "coulomb"), 0.004)
+    assert view.cutoff < 10.0
+    view.own, _ = servo_own.own(view, base, np.random.default_rng(0))
+    looks = servo_families.looks(view, view.fit(base), view.own, 0.0)
+    gap, tone = view.rms(view.gap(base)), next(k for k in looks if k.name == "disturbance_tone")
+    assert looks[0] is tone
+    assert tone.size > 0.9 * gap
+    assert abs(tone.start.q[2] - 13.4) < 0.01
+    assert any(k.name == "flexible_coupling" and k.size > 0.9 * gap for k in looks)  # the age hid that one, too
 
 
 def test_a_wave_that_only_the_slow_part_of_a_record_shows_is_asked_for():

@@ -134,7 +134,7 @@ class ServoPlant(Plant):
         self.headline, self.horizons = self._horizons(model)
         if stop.holds(model):  # an observer does not see where a contact begins
             return model
-        tried = [model, *(self._from_load(model) if model.has_play else [])]
+        tried = [model, *(self._from_load(model, "backlash") if model.has_play else [])]
         # a body that friction alone holds stays near any path; it asks for more drive than there is
         if rms(self.inverse.left(refitted := self.observer.fit(model))) < self.scale:
             tried.append(refitted)
@@ -155,15 +155,32 @@ class ServoPlant(Plant):
         after, before = (m.inertia * rms((y - self.simulate(m, self.headline))[held]) for m in (model, base))
         return after**2 < (1.0 - LEAST_SHARE) * before**2
 
-    def _from_load(self, model: ServoHypothesis) -> list[ServoHypothesis]:
-        """The model with its transmission seen from the load, fitted along the run; empty if the fit drops it.
+    def retold(self, model: ServoHypothesis) -> ServoHypothesis:
+        """A play seen from the load in the place of a coupling, if it halves the error of the free run.
+
+        To first order the one is steps of a second derivative of the drive and the other that derivative itself, which
+        is also all that a wide play leaves behind the filter.
+        """
+        if not model.load_side or model.has_play:
+            return model
+        horizon, _ = self._horizons(model)
+
+        def error(m: ServoHypothesis) -> float:
+            return servo_run.train_error(self.observer, m, horizon)
+
+        best, view = min((model, *self._from_load(model, "flexible_coupling")), key=error), self.observer
+        if quiet(view.rms(view.gap(best)), view.floor(best), self.tolerance * self.scale):
+            return model
+        return next((m for m in self._from_load(model, "backlash") if error(m) < HALF * error(best)), model)
+
+    def _from_load(self, model: ServoHypothesis, name: str) -> list[ServoHypothesis]:
+        """The model with the transmission ``name`` seen from the load, fitted along the run; empty if that drops it.
 
         Inverse dynamics takes the measured motion to be the motor's; its form for the load side is only first order.
         """
         i = next(i for i, t in enumerate(model.terms) if t.kind.code in TWO_MASS)
         rest = self.observer.fit(model.without(i))
-        other = dataclasses.replace(model.terms[i].kind, on_load=True)
-        fitted = servo_run.with_load(self.observer, rest, other)
+        fitted = servo_run.with_load(self.observer, rest, dataclasses.replace(candidate(name), on_load=True))
         terms = fitted.terms
         return [fitted.with_terms((*terms[:i], terms[-1], *terms[i:-1]))] if len(terms) == len(model.terms) else []
 

@@ -95,7 +95,8 @@ def looks(
     missing = view.rms(stop.outside(left, stop.away(view, model)))
     away = told_at(view, model)
     rate = ols.slope(x @ sizes, view.step)[view.at]
-    numbers = x[view.at][:, free[: x.shape[1]]]
+    own_columns = x[view.at][:, : view.sizes(model).size]  # without the age, which is the rate
+    numbers = own_columns[:, free[: own_columns.shape[1]]]
     timed = Tangent(left, own.null, np.column_stack([numbers, rate]), own.n_effective, away)
     other_way = acceleration_tangent(view, model, np.random.default_rng(0))
     asked = [
@@ -303,9 +304,12 @@ def highest_order(view: Any) -> float:
 
 
 def tones(scene: Scene, kind: Candidate, tangent: Tangent) -> Blocks:
-    """The strongest line of the record and of every null row, from their spectra (rests are filled with zeros)."""
+    """The strongest line of the record and of every null row, from their spectra (rests are filled with zeros).
+
+    What the filter leaves of a strong line beyond its cut-off may still be most of the residual.
+    """
     view = scene.view
-    best = strongest_lines(tangent.rows, view.usable, view.step, kind.ranged(view.scene)[0][0], 1.5 * view.cutoff)
+    best = strongest_lines(tangent.rows, view.usable, view.step, kind.ranged(view.scene)[0][0], 0.5 / view.step)
     if not best:
         return
     phase = 2 * np.pi * scene.time[:, None] * np.array(best)
