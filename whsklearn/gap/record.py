@@ -98,6 +98,9 @@ class ServoRecord(Segmented):
         A remark on what stands for a drive that was not logged; empty if one was.
     starts : tuple of int
         Samples before which the log has a hole: filters, simulations and free runs restart there.
+    speed_noise : float
+        Standard deviation of the noise of a logged velocity whose integral is the position, in the position's unit per
+        s; 0 if the position itself was logged.
     logged : tuple of two str, optional
         The units of drive and position as logged, which reports use; by default `units` as given.
 
@@ -128,6 +131,7 @@ class ServoRecord(Segmented):
     in_place_of_drive: str = ""
     logged: tuple[str, str] = ("", "")
     starts: tuple[int, ...] = ()
+    speed_noise: float = 0.0
 
     def __post_init__(self) -> None:
         if not any(self.logged):
@@ -136,7 +140,7 @@ class ServoRecord(Segmented):
         for name, factor in (("time", 1.0), ("drive", by), ("position", turn), ("reference", turn)):
             if (given := getattr(self, name)) is not None:  # a factor of one changes no bit
                 object.__setattr__(self, name, np.asarray(given, dtype=float) * factor)
-        for name in ("resolution", "quantum"):
+        for name in ("resolution", "quantum", "speed_noise"):
             object.__setattr__(self, name, getattr(self, name) * turn)
         object.__setattr__(self, "units", (drive, motion))
 

@@ -6,16 +6,19 @@ import dataclasses
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from tests.gap.plants.example_servo import INERTIA, RATE, REFERENCE, opened, shaken
 from whsklearn.datasets import make_servo_log
 from whsklearn.effects import Cogging, Coulomb, Stribeck, Viscous
 from whsklearn.gap.plants import servo_own
+from whsklearn.gap.plants.from_log import servo_record
 from whsklearn.gap.plants.servo_candidates import candidate
 from whsklearn.gap.plants.servo_model import ServoTerm
 from whsklearn.gap.plants.servo_start import start_of
 from whsklearn.gap.record import ServoRecord
+from whsklearn.logs.load import Log
 from whsklearn.systems import ServoAxis
 
 
@@ -146,3 +149,24 @@ def test_a_drive_that_was_never_logged_is_replaced_by_the_torque_along_the_path(
         )
         assert np.abs(made.position - view.motion.position).max() < view.scene.reach
         assert np.std(made.drive) < 1.2 * np.std(view.record.drive)
+
+
+def test_the_noise_of_a_logged_velocity_is_a_sum_in_its_integral():
+    """White noise of the position would be a thirteenth of it: in an empty log, the rest was "something missing"."""
+    dt, rng = 0.02, np.random.default_rng(0)
+    t = dt * np.arange(3000)
+    axis = ServoAxis(inertia=0.4, law=[Viscous(0.03), Coulomb(0.8)], sample_rate=1.0 / dt)
+    drive = np.repeat(rng.uniform(-20.0, 20.0, 30), 100)
+    run = axis.simulate_drive(drive, noise=False)
+    speed = np.gradient(run.true_position, dt) + 0.2 * rng.standard_normal(t.size)
+    frame = pd.DataFrame({"time": t, "drive": drive, "velocity": speed})
+    position = np.r_[0.0, np.cumsum(0.5 * dt * (speed[1:] + speed[:-1]))]
+    log = Log(
+        time=t, X=drive[:, None], y=position, reference=None, command=None, frame=frame,
+        groups=np.zeros(t.size, dtype=int), columns={"velocity": "speed"},
+        units={"drive": "Nm", "velocity": "rad/s", "position": "rad"},
+    )  # fmt: skip
+    record = servo_record(log, {})
+    view, model = start_of(record, ("viscous", "coulomb"), 0.004)
+    found, _ = servo_own.own(view, model, np.random.default_rng(0))
+    assert found.floor == pytest.approx(view.rms(view.gap(model)), rel=0.25)

@@ -10,9 +10,9 @@ import pandas as pd
 
 from whsklearn.gap.following_error import following_error
 from whsklearn.gap.plants.arm_view import ArmRecord
-from whsklearn.gap.record import ServoRecord
+from whsklearn.gap.record import ServoRecord, noise_level
 from whsklearn.logs.load import Log
-from whsklearn.logs.units import UNKNOWN, assumed, factor_between
+from whsklearn.logs.units import UNKNOWN, assumed, factor_between, integral_of
 
 
 def taken_from(log: Log, kind: str) -> tuple[Any, dict[str, Any]]:
@@ -49,9 +49,27 @@ def taken_from(log: Log, kind: str) -> tuple[Any, dict[str, Any]]:
         resolution=1.0 if unit.startswith("counts") else 0.0,
         quantum=(report.quantum or 0.0) if report is not None else 0.0,
         in_place_of_drive="" if log.command is None else "command minus position", logged=(drive_unit, unit),
-        starts=starts,
+        starts=starts, speed_noise=speed_noise(log),
     )  # fmt: skip
     return record if log.command is None else _with_error_for_drive(record), {}
+
+
+def speed_noise(log: Log) -> float:
+    """Noise of a logged velocity whose integral is the position, in the position's unit per s; 0 if none is.
+
+    Examples
+    --------
+    >>> t = np.arange(2000) / 100
+    >>> rpm = 60 * np.sin(t) + np.random.default_rng(0).standard_normal(2000)
+    >>> frame, units = pd.DataFrame({"velocity": rpm}), {"velocity": "rpm", "position": "turns"}
+    >>> 0.9 < 60 * speed_noise(Log(frame=frame, units=units)) < 1.1
+    True
+    >>> speed_noise(Log(frame=frame.assign(position=t), units=units, columns={"position": "angle"}))
+    0.0
+    """
+    if "velocity" not in log.get("frame", ()) or "position" in log.get("columns", ()):
+        return 0.0
+    return integral_of(log.units["velocity"])[0] * noise_level(log.frame["velocity"])
 
 
 def servo_record(log: Any, columns: dict[str, Any]) -> ServoRecord:

@@ -70,6 +70,16 @@ def later(code: int, u: Array, age: float, dt: float) -> Array:
     return np.asarray(lfilter([1 - a], [1, -a], u, zi=[a * u[0]])[0])
 
 
+def noise_behind(kernel: Array, record: ServoRecord, noise: float) -> float:
+    """Standard deviation of the position's noise, ``noise``, behind a filter with the taps ``kernel``.
+
+    The noise of a logged velocity is white, and that of its integral is a sum of it.
+    """
+    if not record.speed_noise:
+        return noise * float(np.linalg.norm(kernel))
+    return record.speed_noise * record.dt * float(np.linalg.norm(np.cumsum(kernel)))
+
+
 class InverseView:
     """One record filtered by one Gaussian.
 
@@ -100,7 +110,7 @@ class InverseView:
         )
         self.time = record.clock
         self.motion = ColumnSignals(self.time, q + centre, v, a, u)
-        self.slowest = max(NOISY * self.noise * float(np.linalg.norm(fine[1])), SLOW * scene.speed)
+        self.slowest = max(NOISY * noise_behind(fine[1], record, noise), SLOW * scene.speed)
         self.motion = self.motion._replace(kappa=2.0 / self.slowest)
         self.acceleration = filtered(y - centre, g2, self.every)
         self.drive = self.blur(u)

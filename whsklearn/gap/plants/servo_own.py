@@ -76,7 +76,8 @@ def own_record(
     feed = record.by_piece(lambda u: earlier(u, late), feed)
     plant.parts[RESOLUTION] = view.quantum
     path, speed = view.motion.position, view.motion.velocity
-    noise = sigma * rng.standard_normal(len(record))
+    white = rng.standard_normal(len(record))
+    noise = record.by_piece(np.cumsum, record.speed_noise * dt * white) if record.speed_noise else sigma * white
     if held:
         return dataclasses.replace(record, drive=ideal, position=path + noise)
     soft = (model.inertia * w * w, 0.0, 1.4 * model.inertia * w, 0.0, 1.0, np.inf, 0.0, 0.1 / w)

@@ -15,7 +15,7 @@ from whsklearn.filtering.records import CUTOFF_SIGMA, HIGHEST_CUTOFF, gaussian_d
 from whsklearn.gap.filters import observer_gains, residual_filter
 from whsklearn.gap.plant import DEFAULT_TOLERANCE, PAYS
 from whsklearn.gap.plants.servo_candidates import candidate
-from whsklearn.gap.plants.servo_inverse import NOISY, SLOW, InverseView
+from whsklearn.gap.plants.servo_inverse import NOISY, SLOW, InverseView, noise_behind
 from whsklearn.gap.plants.servo_model import FASTEST_COUPLING, HOLD, ServoHypothesis, ServoTerm
 from whsklearn.gap.plants.servo_own import own
 from whsklearn.gap.plants.servo_run import ObserverView
@@ -74,12 +74,12 @@ def best_view(view: InverseView, model: ServoHypothesis, goal: float, *, sharp: 
     for cutoff in cutoffs:
         *_, g2 = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * cutoff), dt)
         _, g1, _ = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * min(2 * cutoff, 0.1 / dt)), dt)
-        slowest = NOISY * noise * float(np.linalg.norm(g1))
+        slowest = NOISY * noise_behind(g1, view.record, noise)
         other = InverseView(view.record, scene, float(cutoff), view.start, noise)
         if np.mean((speed < slowest) & (speed > SLOW * scene.speed)) > BLIND_SHARE:
             continue
         fitted, left = other.fit_with_gap(model)
-        floor = DRIVE_NOISE * noise * fitted.inertia * float(np.linalg.norm(g2))
+        floor = DRIVE_NOISE * fitted.inertia * noise_behind(g2, view.record, noise)
         together = max(1.0, float(np.sqrt(other.n_effective / PAYS))) if sharp else 1.0
         if floor <= max(together * goal * scene.torque, OF_THE_GAP * other.rms(left)):
             break
