@@ -194,6 +194,9 @@ class Runs:
     def settled(self, model):
         return model
 
+    def retold(self, model):
+        return Terms(model.replace("k", "p"))
+
 
 class Letter(str):
     """A term, its effect, and what was taken for it; l and d are the same to first order."""
@@ -297,6 +300,14 @@ def test_where_a_round_offers_no_other_name_an_earlier_one_does(closing):
     fails = Runs(lambda m: (-0.1, -0.1) if "x" in m else (0.9, 0.9))
     for earlier, last, left in (([y, x], [x], "y"), ([y, x], [x, z], "z"), ([y], [x], "")):
         assert closing(fails, "x", fitted=last, taken=[x], earlier=[earlier])[1].model == left
+    little = [replace(x, size=0.002), replace(z, size=0.002)]  # where x explained the rest that y had left, so did z
+    assert closing(fails, "x", fitted=little, taken=[x], earlier=[[y, x]])[1].model == "y"
+
+
+def test_an_effect_that_only_a_run_tells_from_the_one_taken_has_its_name_in_the_end(closing):
+    coupling = Named(Look("k", 0.0, np.zeros(1)), Terms("k"), np.zeros(1), np.zeros(1), rivals=["p", "wave"])
+    _, found = closing(Runs(lambda m: (0.9, 0.9)), "k", taken=[coupling])
+    assert (found.model, found.taken[0].name, found.taken[0].rivals) == ("p", "p", ["wave"])
 
 
 def test_numbers_as_found_stand_in_where_those_refitted_along_the_run_are_worse(closing):

@@ -24,7 +24,7 @@ from whsklearn.gap.diagnosis import (
 from whsklearn.gap.pictures import pictures_in
 from whsklearn.gap.plant import LEARNED_SHARE, QUIET, quiet
 from whsklearn.gap.proof import closure, prove
-from whsklearn.gap.search import HALF, LEAST_SHARE, STILL, Found, Named, meet, stands
+from whsklearn.gap.search import HALF, LEAST_SHARE, STILL, Found, Named, Step, meet, stands
 from whsklearn.gap.sentences import next_experiment, summary
 from whsklearn.gap.standard_errors import errors_of, labelled_errors, p_of_zero
 from whsklearn.gap.tangent import Look
@@ -182,13 +182,18 @@ def _retold(plant: Any, found: Found) -> None:
 def _instead(found: Found, gone: Named, refused: set[str]) -> Named | None:
     """What takes the place of an effect that goes: what the record could not distinguish from it; None if nothing.
 
-    In the place of the effect that explains most it is the next sound one of its round, or of an earlier round that
-    fitted it.  The one that goes stays a rival, so that no such name is certain.
+    In the place of the effect that explains most it is the next sound one of its round, or of another round that
+    fitted it, first of the one in which it explained about as much.  The one that goes stays a rival, so that no such
+    name is certain.
     """
     most = gone.size >= max((t.size for t in found.taken), default=0.0)
     there = {t.name for t in found.taken}
-    for step in reversed(found.steps):
-        for f in step.fitted if any(f.name == gone.name for f in step.fitted) else []:
+
+    def off(step: Step) -> float:
+        return min((abs(f.size - gone.size) for f in step.fitted if f.name == gone.name), default=np.inf)
+
+    for step in sorted(reversed(found.steps), key=off):
+        for f in step.fitted if np.isfinite(off(step)) else []:
             alike = most or f.name in (*gone.rivals, *gone.effect.aliases)
             if alike and not f.reason and f.name not in there | refused and meet(f.look, gone.look):
                 return replace(f, rivals=[gone.name, *(r for r in gone.rivals if r not in there | {f.name})])
