@@ -21,6 +21,15 @@ def test_gzip_comments_amid_the_data_and_a_half_written_last_row(tmp_path):
     assert any("last row is incomplete" in n for n in log.notes)
 
 
+def test_ticks_whose_name_has_a_unit_of_time_have_a_known_rate(tmp_path):
+    rows = [
+        "tick_ms,torque_nm,position_rad",
+        *(f"{10 * k},{np.sin(k / 9):.6f},{np.cos(k / 9):.6f}" for k in range(400)),
+    ]
+    (tmp_path / "axis.csv").write_text("\n".join(rows))
+    assert load_log(tmp_path / "axis.csv").sample_rate == pytest.approx(100.0)
+
+
 def test_a_tail_of_zero_bytes_is_left_out_and_zeros_amid_the_data_are_refused(tmp_path):
     good = text().encode()
     (tmp_path / "tail.csv").write_bytes(good + bytes(5000))

@@ -71,7 +71,8 @@ def open_text(path: Path) -> Source:
     if layout.decimal == ",":
         notes.append("Numbers have a decimal comma.")
     above = clean[: layout.first]
-    if (ticks := ticks_in(above, names)) is not None and names[ticks[0]] not in units:
+    ticks = ticks_in(above, names)
+    if ticks is not None and names[ticks[0]] not in units and not is_time(unit_of(names[ticks[0]])):
         column, rate = ticks
         units[names[column]] = f"ticks/{rate:.10g}" if rate else "ticks"
         if rate:
