@@ -192,7 +192,8 @@ def _instead(found: Found, gone: Named, refused: set[str]) -> Named | None:
     def off(step: Step) -> float:
         return min((abs(f.size - gone.size) for f in step.fitted if f.name == gone.name), default=np.inf)
 
-    for step in sorted(found.steps[::-1], key=off):
+    later_first = found.steps[::-1]
+    for step in sorted(later_first, key=off):
         for f in step.fitted if np.isfinite(off(step)) else []:
             alike = most or f.name in (*gone.rivals, *gone.effect.aliases)
             if alike and not f.reason and f.name not in there | refused and meet(f.look, gone.look):
