@@ -428,10 +428,24 @@ def test_a_review_replaces_nothing_by_what_leaves_more():
     assert plant.rms(plant.errors(found.model)) > left, "what physics forbids goes, whatever takes its place"
 
 
+class Weighing(Columns):
+    """A plant that divides errors by those of the model fitted last, as an arm does at each joint."""
+
+    weight, tolerance = 1.0, 0.2  # in units of the noise
+
+    def settled(self, model):
+        self.weight = 1.0 / self.rms(super().errors(model))
+        return model
+
+    def errors(self, model):
+        return self.weight * super().errors(model)
+
+
+@pytest.mark.parametrize("kind", [Columns, Weighing])
 @pytest.mark.parametrize(("truth", "names"), [({"a": 0.5}, ["a"]), ({"b": 0.5, "c": 0.2}, ["b", "c"])])
-def test_a_rival_that_alone_leaves_as_little_stands_for_all_names_after_it(truth, names):
+def test_a_rival_that_alone_leaves_as_little_stands_for_all_names_after_it(truth, names, kind):
     """Gravity and a hardening spring stood for a cable spring, which the first look could not tell from gravity."""
-    plant = Columns({}, names="abc")
+    plant = kind({}, names="abc")
     plant.columns["b"] = plant.columns["a"] - 0.3 * plant.columns["c"]
     plant.y = plant.y + sum(size * plant.columns[n] for n, size in truth.items())
     look = plant.looks(Regression(), np.random.default_rng(0))[0]
@@ -440,7 +454,7 @@ def test_a_rival_that_alone_leaves_as_little_stands_for_all_names_after_it(truth
     both = plant.refine(b.model, c)
     taken = [replace(b, rivals=["a"]), Named(c, both, plant.errors(b.model), plant.errors(both))]
     step = SimpleNamespace(taken=taken[0], fitted=[b, a])
-    found = Found(Regression(), both, taken, [step])
+    found = Found(Regression(), plant.settled(both), taken, [step])
     assert Search(plant, np.random.default_rng(0), alpha=0.01, max_effects=3)._fewer(found) is (names == ["a"])
     assert [t.name for t in found.taken] == [t.name for t in found.model.terms] == names
 
