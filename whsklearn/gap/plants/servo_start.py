@@ -193,7 +193,10 @@ def reversing_early(view: InverseView, model: ServoHypothesis) -> ServoHypothesi
     limits = best / WIDE, best * WIDE
     found = minimize_scalar(lambda x: power(led(x)), bounds=limits, method="bounded", options={"xatol": FINE * best})
     early = led(float(found.x))
-    return early if enough(found.fun, least) and enough(unexplained(early), unexplained(abrupt)) else abrupt
+    if not enough(found.fun, least):
+        return abrupt
+    # once shown, it needs no more records of its own: they cost as much as a round of looks
+    return early if model.early or enough(unexplained(early), unexplained(abrupt)) else abrupt
 
 
 def with_earlier_drive(record: ServoRecord, samples: int) -> ServoRecord:
