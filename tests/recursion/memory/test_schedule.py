@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from whsklearn import WienerHammersteinSystem
+from whsklearn import RMILSRegressor, WienerHammersteinLags, WienerHammersteinSystem
 from whsklearn.datasets import make_wiener_hammerstein
+from whsklearn.metrics import nmse
 from whsklearn.recursion.memory import multistart
 from whsklearn.recursion.memory import schedule as schedule_module
 from whsklearn.recursion.memory.schedule import BackgroundRefit, schedule
@@ -38,7 +39,7 @@ def assert_same(a, b):
         np.testing.assert_array_equal(a[name], b[name], err_msg=name)
 
 
-@pytest.fixture(scope="module", params=[MEMORY, 400], ids=["pages", "filling, then a page"])
+@pytest.fixture(scope="module", params=[MEMORY, 500], ids=["pages", "filling, then a page"])
 def whole(request):
     r = reading(memory=request.param)
     state = multistart.initial_state(r)
@@ -78,7 +79,7 @@ def test_work_that_is_put_off_for_a_row_is_done_in_the_next(whole):
 
 def test_a_row_that_is_put_off_does_no_work_and_several_rows_at_once_do(monkeypatch):
     X, y, restart = record(begins=(0,))
-    r = reading(memory=400)
+    r = reading(memory=500)
     state = multistart.initial_state(r)
     page = multistart.run(state, r, X[:150], y[:150], restart[:150])
     assert isinstance(page, BackgroundRefit)
@@ -91,6 +92,18 @@ def test_a_row_that_is_put_off_does_no_work_and_several_rows_at_once_do(monkeypa
         page = multistart.run(state, r, X[rows], y[rows], restart[rows], page)
         counts.append(len(done))
     assert counts[0] == 0 < counts[1] < counts[2]
+
+
+@pytest.mark.parametrize("memory", [200, 256])
+def test_a_re_run_that_has_no_time_for_its_starts_is_not_begun(memory):
+    """The page that follows tries them."""
+    errors = []
+    for seed in range(4):
+        X, y = make_wiener_hammerstein(1000, snr_db=20, random_state=seed)
+        model = RMILSRegressor(WienerHammersteinLags(), memory=memory, random_state=seed).partial_fit(X, y)
+        X, y = make_wiener_hammerstein(1000, snr_db=None, random_state=[seed, 1])
+        errors.append(nmse(y, model.predict(X)))
+    assert max(errors) < 0.05
 
 
 @pytest.mark.parametrize(("memory", "ends"), [(4096, 3), (512, 2), (640, 2), (768, 3)])
