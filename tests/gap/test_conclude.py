@@ -38,6 +38,7 @@ def verdict(
         taken=[SimpleNamespace(name=n, look=look, **effect) for n in taken],
         remainder=list(remainder),
         steps=[None],
+        interrupted=False,
     )
     return verdict_of(plant, found, 0.01, {"closure": run, "before": first, "after": floors, "floor": 1.0})
 

@@ -150,6 +150,18 @@ def test_an_interruption_keeps_what_is_finished():
     assert [e.name for e in finder.effects_] == ["cogging"]
 
 
+def test_a_search_interrupted_in_its_first_round_does_not_say_that_nothing_is_missing(monkeypatch):
+    case = make_case("named", 21, effects=("cogging",), size=0.06, **SHORT)
+
+    def stop(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("whsklearn.gap.plants.servo_families.looks", stop)
+    d = GapFinder("servo").fit(case.frame, **COLUMNS).diagnosis_
+    assert d.verdict == "unknown"
+    assert "interrupted" in d.sentence
+
+
 @pytest.mark.parametrize(
     ("spoil", "code"),
     [

@@ -302,6 +302,8 @@ def verdict_of(plant: Any, found: Found, alpha: float, run: dict[str, float]) ->
     if plant.exact:  # own records that lack nothing but an effect need no margin
         silent = silent and nameless <= least
     if not found.taken:
+        if found.interrupted and not silent:  # no round is finished, or none had found anything
+            return "unknown"
         if silent or not found.steps:
             asked = {k.name for k in found.remainder if k.name}
             blind = len(_unseen(plant, found, alpha)) > HALF * len(asked)

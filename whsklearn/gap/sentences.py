@@ -111,6 +111,8 @@ def summary(d: Any, plant: Any) -> str:
         return opening + f"The gap resembles {names}, {part}" + learned(d) + left
     if d.shortfall:
         return opening + d.shortfall
+    if d.verdict == "unknown" and d.interrupted:
+        return opening + "The search was interrupted before it could name a cause; run the command again to its end."
     if d.verdict == "unknown":
         small = "It is no larger than noise, but it is not noise: " if percent(before) == percent(floor) else ""
         follows = "something follows the motion, and no effect of the catalogue could be shown to be the cause. "
