@@ -211,7 +211,11 @@ def common_rows(times: Sequence[Any]) -> list[Any]:
     for other in ticks[1:]:
         shared = np.intersect1d(shared, other)
     if 2 * shared.size < max(map(len, times)):
-        raise LogError("The joints have samples at different instants; write all columns at the same ones.")
+        counts = sorted(map(len, times))
+        raise LogError(
+            f"The joints have samples at different instants (one has {counts[0]}, another {counts[-1]}); write all "
+            "columns at the same ones."
+        )
     return [np.searchsorted(t, shared) for t in ticks]
 
 

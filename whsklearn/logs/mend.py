@@ -39,15 +39,18 @@ def missing_rows(signals: dict[str, Array], columns: dict[str, str]) -> tuple[ND
 
     Raises LogError if fewer than three rows are left, or if all values of a signal are implausibly large.
     """
-    bad = np.zeros(len(next(iter(signals.values()))), dtype=bool)
-    for values in signals.values():
-        bad |= ~(np.abs(values) < HUGE) | no_value(values)
+    each = {role: ~(np.abs(values) < HUGE) | no_value(values) for role, values in signals.items()}
+    bad = np.any(list(each.values()), axis=0)
     if bad.size - bad.sum() < 3:
-        raise LogError(f"Only {bad.size - bad.sum()} rows have a number in every column; a log needs at least 3.")
+        worst = max(each, key=lambda role: int(each[role].sum()))
+        raise LogError(
+            f"Only {bad.size - bad.sum()} rows have a number in every column; a log needs at least 3. Column "
+            f"{columns[worst]!r} has none in {each[worst].sum()} of {bad.size} rows: name another, or repair it."
+        )
     if not bad.any():
         return bad, None
     rows = np.flatnonzero(bad)
-    role = next(r for r, v in signals.items() if not abs(v[rows[0]]) < HUGE or no_value(v)[rows[0]])
+    role = next(r for r, missing in each.items() if missing[rows[0]])
     value = signals[role][rows[0]]
     held = "no number" if math.isnan(value) else f"{value:.3g}"
     text = (
