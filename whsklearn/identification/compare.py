@@ -264,6 +264,7 @@ def identify(
     whole, own = together(logs, si=(drive[0], output[0]))
     cut = held_out_from(whole.y)
     fitting, held_out = whole.part(0, cut), whole.part(cut, whole.u.size)
+    past = whole.u[whole.bounds[whole.bounds <= cut].max() : cut]
     trivial = Compared("constant velocity" if whole.logged == "position" else "constant output", "trivial", {}, "-")
     _score(trivial, held_out)
     angle = whole.logged != "velocity" and smooth(whole.y, whole.bounds) and whole.angle
@@ -276,7 +277,7 @@ def identify(
             rectified=loses_sign(whole),
         )
     )
-    tried = _each_tried(structures, fitting, held_out, units, progress)
+    tried = _each_tried(structures, fitting, held_out, past, units, progress)
     chosen, reason = recommend(tried, trivial, steady=_steady(trivial, held_out))
     fit_again = {c.name: f for c, f in structures}[chosen.name]
     if progress:
@@ -293,7 +294,7 @@ def identify(
         skip = max(skip, lead(judged.longest.u.size, dt))
     for compared in tried:
         compared.train = _indices(compared.model, fitting, 0)
-        compared.test = _indices(compared.model, judged, skip)
+        compared.test = _indices(compared.model, judged, skip, past if judged is held_out else ())
     is_white = white(residual(chosen.model, whole), whole)
     return Identification(tried, chosen, trivial, reason, whole.floor, whole, judged, np.size(y), is_white, own)
 
@@ -302,6 +303,7 @@ def _each_tried(
     structures: list[tuple[Compared, Callable[[View], Any]]],
     fitting: View,
     held_out: View,
+    past: Array,
     units: dict[str, str],
     progress: Callable[[str], None] | None,
 ) -> list[Compared]:
@@ -316,7 +318,7 @@ def _each_tried(
             if progress:
                 progress(compared.name)
             _score(_fitted(compared, fit, fitting, units), held_out)
-            compared.test = _indices(compared.model, held_out, lead(held_out.longest.u.size, held_out.dt))
+            compared.test = _indices(compared.model, held_out, lead(held_out.longest.u.size, held_out.dt), past)
         tried.append(compared)
     # noise of the output biases the poles of an ARX model: of two that are as large and as good it comes second
     return sorted(tried, key=lambda c: (c.size, c.criterion == "prediction", c.score))
@@ -586,8 +588,10 @@ def _whole_run(model: Any, log: View, before: int) -> Array:
     return np.concatenate([(p.y - model.simulate(p.u))[min(before, p.y.size // 2) :] for p in pieces])
 
 
-def _indices(model: Any, log: View, skip: int) -> dict[str, float]:
+def _indices(model: Any, log: View, skip: int, past: ArrayLike = ()) -> dict[str, float]:
     """NMSE and RMSE of the free run in the output's unit; only a chain that runs in one piece starts from rest.
+
+    ``past``: the drive before the log, which brings a chain to its state where the log was cut in motion.
 
     The state of the others is fitted to the first samples, which do not count: a tank that was not empty when its log
     began left an NMSE of 0.7 to a linear model that predicts it with 0.15.
@@ -595,7 +599,7 @@ def _indices(model: Any, log: View, skip: int) -> dict[str, float]:
     if model is None:
         return {}
     if log.logged == "output" and isinstance(model, ChainModel) and not log.starts:
-        error = (log.y - model.simulate(log.u))[skip:]
+        error = (log.y - model.simulate(np.r_[past, log.u])[np.size(past) :])[skip:]
         known = log.y[skip:]
     else:
         before = lead(log.longest.u.size, log.dt)
