@@ -59,11 +59,11 @@ def test_what_is_no_diagnosis_or_no_effect(diagnosis, tmp_path):
 
 def test_an_effect_of_ones_own_comes_from_its_file(diagnosis, tmp_path):
     data = json.loads(diagnosis.read_text(encoding="utf-8"))
-    data["candidates"].insert(0, {"name": "magnet", "status": "rejected"})
+    data["candidates"].insert(0, {"name": "unheard_of", "status": "rejected"})
     (tmp_path / "gap.json").write_text(json.dumps(data), encoding="utf-8")
     shutil.copy(diagnosis.with_name("repaired.json"), tmp_path)
     without = run(tmp_path / "gap.json", "--limits", LIMITS, "--out", tmp_path)
-    assert "magnet is not an effect" in without.output
+    assert "unheard_of is not an effect" in without.output
     assert "--effects" in without.output
     (tmp_path / "my_effects.py").write_text("x = 1\n", encoding="utf-8")
     empty = run(diagnosis, "--limits", LIMITS, "--effects", tmp_path / "my_effects.py", "--out", tmp_path)

@@ -25,7 +25,7 @@ def effect(name, aliases=()):
 def diagnosis(verdict="named", effects=(), figures=(0.1, 0.02, 0.01), closure=0.9, **more):
     return SimpleNamespace(
         verdict=verdict, effects=list(effects), figures=figures, closure=closure, learned=None, shortfall="",
-        where_sentence="", **more,
+        where_sentence="", interrupted=False, **more,
     )  # fmt: skip
 
 

@@ -33,7 +33,8 @@ from whsklearn.logs.check import lattice
 from whsklearn.recursion.batch.best_linear import filter_rows, stabilised
 from whsklearn.systems.chain import PackedChain, Ports, run
 
-READ_OFF = ("quantization",)  # a grid of the readings is visible directly, so it is not a term
+# A grid of the readings is visible directly, and friction that stops a body takes its inertia: neither is a term.
+NO_TERM = ("quantization", "early_reversal")
 HELD = ("centre",)  # fields that keep their start value: another rest position is the same as one more offset
 # Waves over a signal of a chain, which has no revolution to count them by: two thirds of a period within three rms of
 # the signal to twelve.
@@ -181,7 +182,7 @@ def catalogue(law: FrictionLaw) -> list[ChainCandidate]:
     out = []
     for name in effect_names():
         cls = CHAIN_FORMS.get(name, get_effect(name))
-        if name in READ_OFF or cls.code in held:
+        if name in NO_TERM or cls.code in held:
             continue
         for options in cls.variants():
             if cls.port == "input" and options.get("at") == "middle" and not is_line(law):
