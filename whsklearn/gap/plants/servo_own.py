@@ -119,14 +119,6 @@ def own(view: Any, model: ServoHypothesis, rng: np.random.Generator) -> tuple[Ow
     return _own(view, model, rng, held=False) or _own(view, model, rng, held=True)  # type: ignore[return-value]
 
 
-def made_gap(view: Any, model: ServoHypothesis, rng: np.random.Generator) -> Array:
-    """Residual of the model, refitted, on one record of its own: the artefacts, quickly."""
-    dt = view.scene.dt
-    delay = min(view.age(model) - HOLD * dt, (LATEST - HOLD) * dt)
-    made = view.beside(own_record(view, model, rng, view.record.drive, delay, needed(view, model)))
-    return np.asarray(made.fit_with_gap(model)[1])
-
-
 def contradicted(mean: Array, left: Array, most: float) -> bool:
     """Whether artefacts, shape (n,), are not in a residual of at most ``most`` independent samples: see `own`.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from copy import copy
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -16,7 +17,7 @@ from whsklearn.gap.plant import DEFAULT_TOLERANCE, PAYS
 from whsklearn.gap.plants.servo_candidates import candidate
 from whsklearn.gap.plants.servo_inverse import NOISY, SLOW, InverseView, noise_behind
 from whsklearn.gap.plants.servo_model import FASTEST_COUPLING, HOLD, ServoHypothesis, ServoTerm
-from whsklearn.gap.plants.servo_own import made_gap
+from whsklearn.gap.plants.servo_own import own
 from whsklearn.gap.plants.servo_run import ObserverView
 from whsklearn.gap.record import Array, ServoRecord, held_out_blocks, noise_level
 from whsklearn.gap.search import LEAST_SHARE
@@ -175,8 +176,9 @@ def reversing_early(view: InverseView, model: ServoHypothesis) -> ServoHypothesi
         return view.rms(view.gap(some)) ** 2
 
     def unexplained(some: ServoHypothesis) -> float:
-        fitted, left = view.fit_with_gap(some)
-        return view.rms(left - made_gap(view, fitted, np.random.default_rng(0))) ** 2
+        seen = copy(view.bare())
+        seen.own = own(seen, seen.fit(some), np.random.default_rng(0))[0]
+        return seen.rms(seen.gap(some)) ** 2
 
     def enough(after: float, before: float) -> bool:
         return after <= (1.0 - LEAST_SHARE) * before
@@ -193,7 +195,8 @@ def reversing_early(view: InverseView, model: ServoHypothesis) -> ServoHypothesi
     early = led(float(found.x))
     if not enough(found.fun, least):
         return abrupt
-    return early if enough(unexplained(early), unexplained(abrupt)) else abrupt
+    # once shown, it needs no more records of its own: they cost as much as a round of looks
+    return early if model.early or enough(unexplained(early), unexplained(abrupt)) else abrupt
 
 
 def with_earlier_drive(record: ServoRecord, samples: int) -> ServoRecord:
