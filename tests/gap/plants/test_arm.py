@@ -220,6 +220,22 @@ def test_a_name_must_lower_the_error_on_blocks_that_were_not_fitted():
     assert "not fitted" in plant.objection(model, chance)
 
 
+@pytest.mark.parametrize(("share", "objected"), [(1.0, False), (0.5, False), (0.0, True)])
+def test_a_mass_is_felt_at_every_joint_that_carries_it(empty, share, objected):
+    """The drive of the first joint has a share of the pull of what hangs at the second."""
+    heavy = ARM.with_body("pitch", 0.3, (0.08, 0.02, 0.1))
+    r = record(robot=heavy, random_state=3)
+    plant = arm_plant(ARM, r, law=None, tolerance=0.004)
+    plant.check()
+    pull = np.subtract(*(a.inverse_dynamics(*plant.view.moved, effects=False) for a in (heavy, ARM)))
+    less = dataclasses.replace(r, drive=r.drive - pull * [1.0 - share, 0.0])
+    plant = arm_plant(empty.model, less, law=None, tolerance=0.004)
+    plant.check()
+    model = plant.base(np.random.default_rng(0))
+    look = next(k for k in plant.looks(model, np.random.default_rng(0)) if k.name == "payload at pitch")
+    assert ("makes the error of yaw larger" in plant.objection(model, plant.refine(model, look))) is objected
+
+
 def test_a_name_is_certain_only_if_no_more_is_left_than_the_arm_left_before(empty):
     r = record({"pitch": [Coulomb(0.1)]}, random_state=3)
     noise = np.random.default_rng(1).standard_normal(r.drive.shape)

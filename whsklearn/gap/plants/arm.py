@@ -386,6 +386,13 @@ class ArmPlant(Plant):
         before, after = (view.held_out(view.fit(m)) * view.weight * view.drive_rms for m in (model, grown))
         if np.nansum(after[at] ** 2) >= np.nansum(before[at] ** 2):
             return "on blocks of the record that were not fitted, the error is no smaller with it"
+        if t.kind.cls is Load:
+            # A mass is felt at every joint that carries it. A play lets the pull of its link through at its own joint
+            # only, so that a mass which explains it is too much at the joints before.
+            usual = np.maximum(before, self.floor * view.weight * view.drive_rms)
+            if np.any(worse := after > QUIET * usual):
+                joint = view.arm.joints[int(np.argmax(worse))]
+                return f"on blocks of the record that were not fitted, it makes the error of {joint} larger"
         asked = view.by_joint(view.contribution(t))  # all joints carry a mass, and gravity is always large
         closed = view.by_joint(view.left(view.fit(model))) ** 2 - view.by_joint(view.left(grown)) ** 2
         j = int(np.argmax(closed / np.maximum(view.drive_rms**2, 1e-300)))  # a joint at rest has no rows
