@@ -26,6 +26,7 @@ from whsklearn.gap import GapFinder
 from whsklearn.gap.plants.arm import ArmRecord, arm_plant
 from whsklearn.gap.plants.arm_families import families
 from whsklearn.gap.plants.arm_terms import JointTerm, candidates, present
+from whsklearn.gap.standard_errors import p_of_zero
 from whsklearn.identification import identify_arm
 
 pytestmark = pytest.mark.usefixtures("library_effects")
@@ -234,6 +235,19 @@ def test_a_mass_is_felt_at_every_joint_that_carries_it(empty, share, objected):
     model = plant.base(np.random.default_rng(0))
     look = next(k for k in plant.looks(model, np.random.default_rng(0)) if k.name == "payload at pitch")
     assert ("makes the error of yaw larger" in plant.objection(model, plant.refine(model, look))) is objected
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_centre_that_an_offset_stands_for_makes_no_other_effect_uncertain(seed):
+    r = record({"yaw": [CableSpring(0.5)], "pitch": [Cogging(0.1, order=7.0)]}, random_state=seed)
+    plant = arm_plant(ARM, r, law=None, tolerance=0.004)
+    plant.check()
+    model = plant.base(np.random.default_rng(0))
+    kinds = {k.name: k for k in candidates(plant.view.arm, present({}, ()), frozen=False, weight=0)}
+    terms = ("cogging at pitch", (0.0, 0.0, 7.0)), ("cable_spring at yaw", (0.0, -1.26))
+    model = plant.view.fit(model.with_terms(tuple(JointTerm(kinds[name], q) for name, q in terms)))
+    fit = plant.linearised(model)
+    assert [p_of_zero(fit, i) < 1e-20 for i in (0, 1)] == [True, True]
 
 
 def test_a_name_is_certain_only_if_no_more_is_left_than_the_arm_left_before(empty):

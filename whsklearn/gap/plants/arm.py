@@ -48,6 +48,7 @@ from whsklearn.gap.record import SPLIT, Array, held_out_blocks
 from whsklearn.gap.search import LEAST_SHARE, STILL
 from whsklearn.gap.tangent import Family, Look, Tangent
 from whsklearn.identification.arm_fit import (
+    SAME,
     Known,
     blocks_of,
     enough_rows,
@@ -73,6 +74,10 @@ CANCELS = 20.0
 UNTOLD = 1e6  # m: the standard error of a centre that no drive tells, in place of infinity
 # What joints may lack beside what reverses: without the others, dry friction seems to reverse slowly.
 FRICTIONS = Viscous(), Coulomb(), LoadFriction()
+# Step of a derivative, as a share of the number, and the precision of its column: one that is to this a combination of
+# others tells nothing.  A spring's centre is such beside a joint's offset; taken for a direction of its own, rounding
+# gave it a variance of 1e15, beside which every other effect could have been zero.
+CHANGED = 1e-4
 SOME = 200  # positions at which the mass matrix is checked for being positive definite
 
 
@@ -405,16 +410,22 @@ class ArmPlant(Plant):
         view = self.view
         model, n = view.fit(model), len(model.numbers)
         weight, rows = view.flat_weight(), view.keep.ravel()
-        blocks = [view.design(model.with_terms(()), view.timed(model))[0]]
+        base = view.design(model.with_terms(()), view.timed(model))[0]
+        at, columns = base.shape[1], (base * weight[:, None])[rows]
+        u, size, _ = np.linalg.svd(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300), full_matrices=False)
+        plane = u[:, size > SAME * size[0]]
         whole = view.left(model) + view.phi @ (model.numbers - view.expected)
         for t in model.terms:
             whole = whole + view.contribution(t)
             for slot in range(len(t.q)):
-                step = 1e-4 * max(abs(t.q[slot]), 1e-6)
+                step = CHANGED * max(abs(t.q[slot]), 1e-6)
                 q = (*t.q[:slot], t.q[slot] + step, *t.q[slot + 1 :])
-                moved = view.contribution(replace(t, q=q)) - view.contribution(t)
-                blocks.append((moved / step).reshape(-1, 1))
-        at, columns = blocks[0].shape[1], (np.hstack(blocks) * weight[:, None])[rows]
+                moved = (view.contribution(replace(t, q=q)) - view.contribution(t)) / step
+                one = (moved.ravel() * weight)[rows]
+                rest = one - plane @ (plane.T @ one)
+                new = rms(rest) > CHANGED * rms(one)
+                columns = np.column_stack([columns, one if new else 0.0 * one])
+                plane = np.column_stack([plane, rest / np.linalg.norm(rest)]) if new else plane
         target = (whole.ravel() * weight)[rows]
         known, block = view.known_rows(columns.shape[1]) / np.sqrt(view.repeats), blocks_of(view.keep)
         spread = updated(columns, target, block, known)[1]
