@@ -32,8 +32,9 @@ def test_a_number_that_moves_nothing_has_no_variance():
     assert covariance(fit(None, jac=J * [1.0, 0.0]))[1, 1] == 0.0
 
 
-def one_term(linear):
-    return lambda x: SimpleNamespace(terms=[SimpleNamespace(q=tuple(x), kind=SimpleNamespace(linear=linear))])
+def one_term(linear, neutral=0.0):
+    kind = SimpleNamespace(linear=linear, cls=SimpleNamespace(neutral=neutral))
+    return lambda x: SimpleNamespace(terms=[SimpleNamespace(q=tuple(x), kind=kind)])
 
 
 def test_one_number_is_absent_by_the_normal_distribution():
@@ -41,6 +42,13 @@ def test_one_number_is_absent_by_the_normal_distribution():
     for size in (0.0, 1.0, 2.5):
         p = p_of_zero(fit(lambda x: one_term(1)(x[:1]), (size * error, 0.7)), 0)
         assert p == pytest.approx(2.0 * norm.sf(size), rel=1e-9)
+
+
+def test_a_limit_is_absent_at_the_end_of_its_range_and_not_at_zero():
+    """All numbers of an axis that is always at its limit may be small together; the limit is there all the same."""
+    error = np.sqrt(covariance(fit(None))[0, 0])
+    limit = fit(lambda x: one_term(1, np.inf)(x[:1]), (0.3 * error, 0.7))._replace(high=np.array([2.3 * error, 1e6]))
+    assert p_of_zero(limit, 0) == pytest.approx(2.0 * norm.sf(2.0), rel=1e-9)
 
 
 def test_two_weights_are_absent_only_together_whatever_the_phase_counts_from():

@@ -71,7 +71,9 @@ def p_of_zero(fit: Linearised, index: int) -> float:
     their limits: the age of a drive cannot stand for a lag of two samples.  The shape of the term is held: without the
     effect a shape has no meaning (Davies 1987, Biometrika 74(1), 33-43), and one that is hardly determined, such as the
     order of friction that varies along a short travel, makes the size uncertain though the effect is not.  The two
-    weights of a wave are tested together, because one of them may look like a term of the base law.
+    weights of a wave are tested together, because one of them may look like a term of the base law.  A limit is absent
+    at the end of its range, which the drive does not reach, and not at zero: a drive that is always at its limit fits
+    any limit with an inertia and friction in proportion, and none above itself.
 
     References
     ----------
@@ -96,7 +98,12 @@ def p_of_zero(fit: Linearised, index: int) -> float:
     sized = slopes.any(axis=0)
     if not sized.any():
         return 0.0
-    away = np.linalg.pinv(slopes[:, sized]) @ -centre
+    if math.isinf(fit.rebuild(fit.x).terms[index].kind.cls.neutral):
+        away = (high - fit.x)[sized] / size[sized]
+    else:
+        away = np.linalg.pinv(slopes[:, sized]) @ -centre
+    if np.isinf(away).any():
+        return 0.0
     size[size == 0.0] = np.inf
     values, vectors = np.linalg.eigh(spread / np.outer(size, size))
     seen = values > 1e-10  # the others are directions in which the covariance is a pseudo-inverse: nothing is known

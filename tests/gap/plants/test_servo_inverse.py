@@ -8,9 +8,10 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.signal import cont2discrete, lfilter
 
 from benchmarks.blind_logs import servo
-from whsklearn.effects import ActuatorLag, AsymmetricViscous, Coulomb, GravityImbalance, LuGre, Viscous
+from whsklearn.effects import ActuatorLag, AsymmetricViscous, Coulomb, GravityImbalance, LuGre, Saturation, Viscous
 from whsklearn.gap import GapFinder
 from whsklearn.gap.plants.servo import ServoPlant
 from whsklearn.gap.plants.servo_candidates import candidate, catalogue
@@ -20,7 +21,7 @@ from whsklearn.gap.plants.servo_model import ServoTerm
 from whsklearn.gap.plants.servo_start import filtered_motion, start_of, with_earlier_drive
 from whsklearn.gap.proof import closure
 from whsklearn.gap.record import ServoRecord
-from whsklearn.systems import ServoAxis
+from whsklearn.systems import PIDController, ServoAxis
 
 RATE, SECONDS = 500.0, 14.0
 LARGE = {"time": "time_s", "drive": "torque_nm", "position": "position_rad"}
@@ -142,6 +143,34 @@ def test_a_limit_at_which_the_drive_always_stands_is_refused(plain, share, refus
     view, model = start_of(plain, ("viscous",), 0.004)
     limited = model.with_term(ServoTerm(candidate("saturation"), (share * float(np.abs(plain.drive).max()),)))
     assert ("beside its sign" in view.objection(limited, 1)) == refused
+
+
+@pytest.fixture(scope="module")
+def mostly_limited():
+    """Steps at a controller that asks for ten times the limit, as scripts for MuJoCo do and log it."""
+    goals = np.repeat(np.random.default_rng(0).uniform(-0.8, 0.8, 24), 400)
+    steps = cont2discrete((60.0, [1.0, 14.0, 60.0]), 1.0 / RATE)
+    reference = lfilter(steps[0].ravel(), steps[1], goals)
+    stiff = PIDController(kp=36.0, ki=0.0, kd=1.8)
+    law = [Viscous(0.2), Coulomb(0.25)]
+    axis = ServoAxis(inertia=0.04, law=law, effects=[Saturation(0.7)], controller=stiff, sample_rate=RATE)
+    r = axis.simulate(reference, random_state=0)
+    return ServoRecord(r.time, r.drive, r.position)
+
+
+def test_a_limit_that_is_nearly_always_reached_is_named(mostly_limited):
+    """The base model has several times the inertia, and a limit of zero would leave nothing to explain either."""
+    finder = GapFinder("servo").fit(mostly_limited)
+    assert (finder.verdict_, [e.name for e in finder.effects_]) == ("named", ["saturation"])
+    assert finder.effects_[0].effect.limit == pytest.approx(0.7, rel=0.01)
+
+
+def test_beside_a_limit_that_leaves_little_of_the_drive_nothing_is_named(mostly_limited):
+    view, model = start_of(mostly_limited, ("viscous", "coulomb"), 0.004)
+    weight = ServoTerm(candidate("gravity_imbalance"), (0.1, 0.0))
+    for limit, hides in ((0.3, True), (5.0, False)):
+        beside = model.with_term(ServoTerm(candidate("saturation"), (limit,))).with_term(weight)
+        assert ("hides it" in view.objection(beside, 3)) == hides
 
 
 @pytest.mark.parametrize(("steps", "refused"), [(0.4, True), (3.0, False)])

@@ -34,7 +34,7 @@ from whsklearn.gap.plants.servo_candidates import TWO_MASS, aliases, candidate
 from whsklearn.gap.plants.servo_families import highest_order, next_order, polished, widened
 from whsklearn.gap.plants.servo_families import settled as looking_settled
 from whsklearn.gap.plants.servo_inverse import InverseView, never_falls
-from whsklearn.gap.plants.servo_model import HOLD, ServoHypothesis
+from whsklearn.gap.plants.servo_model import HOLD, WIDEST, ServoHypothesis
 from whsklearn.gap.plants.servo_run import ObserverView
 from whsklearn.gap.plants.servo_sensors import UNFOLDED, coarse_encoder, unfold
 from whsklearn.gap.plants.servo_start import (
@@ -47,6 +47,7 @@ from whsklearn.gap.plants.servo_start import (
 )
 from whsklearn.gap.record import SPLIT, Array, ServoRecord
 from whsklearn.gap.search import HALF, LEAST_SHARE, SAME
+from whsklearn.gap.standard_errors import covariance
 from whsklearn.logs.units import inertia_unit
 
 OVER_LITTLE_TRAVEL = {"input_offset": ("gravity_imbalance",), "asymmetric_coulomb": ("gravity_imbalance",),
@@ -321,7 +322,19 @@ class ServoPlant(Plant):
         if model.added:  # with the artefacts of the previous model, the fit of a Stribeck curve is too wide
             self.inverse.own = servo_own.own(self.inverse, model, np.random.default_rng(0))[0]
             model = looking_settled(self.inverse, self.inverse.fit(model))
-        return model
+        return self._around(model)
+
+    def _around(self, model: ServoHypothesis) -> ServoHypothesis:
+        """The model with the range of its inertia around its own, if that has left the range and is known to its width.
+
+        A base model without the limit of a drive that is nearly always reached had seven times the inertia.
+        """
+        if model.has_inertia(model) or not model.inertia > 0.0:
+            return model
+        error = float(np.sqrt(covariance(self.inverse.linearised(model))[0, 0]))
+        if not 0.0 < error < np.log(WIDEST):
+            return model
+        return dataclasses.replace(model, scene=dataclasses.replace(model.scene, inertia=model.inertia))
 
     def along_the_run(self, model: ServoHypothesis) -> ServoHypothesis:
         """The model with numbers fitted along its own run, if they also reduce the residual of inverse dynamics.
