@@ -30,6 +30,11 @@ def test_what_is_said_of_the_size_is_the_interval_of_the_file():
     assert str(Change("mass at wrist", 0.0, 0.5, 0.01, 10.0, "kg", 1e-4, [], 0.1)).endswith("kg with 95 %)")
 
 
+def test_an_interval_shows_digits_until_its_ends_differ():
+    """A payload known to a gram was printed as 2.8 to 2.8 kg."""
+    assert "(2.7998 to 2.8002 kg with 95 %)" in str(Change("mass at wrist", 0.0, 2.8, 1e-4, 10.0, "kg", 1e-9, [], 0.1))
+
+
 def test_the_file_has_the_fields_of_the_contract():
     change = Change("coulomb", 0.05, 0.08, 0.002, 10.0, "Nm", 1e-4, ["viscous"], 0.1)
     data = Comparison("moved", "", ["a", "b"], [change], {"coulomb": 0.01}).as_dict()

@@ -87,9 +87,10 @@ class Change:
 
     @property
     def _likely(self) -> str:
-        """The interval as a reader sees it."""
+        """The interval as a reader sees it, with as many digits as tell its ends apart."""
         low, high = self.interval
-        return f"{low:.3g} to {high:.3g}"
+        digits = next((d for d in range(3, 9) if f"{low:.{d}g}" != f"{high:.{d}g}"), 9)
+        return f"{low:.{digits}g} to {high:.{digits}g}"
 
     def __str__(self) -> str:
         name, unit = self.name.replace("_", " "), "" if self.unit == "1" else f" {self.unit}"

@@ -614,7 +614,7 @@ def suspicions(arm: Arm, q: Array, torque: Array) -> list[str]:
         times = float(np.median(there[heavy] / needed[heavy]))
         out.append(
             f"The drives are {times:.0f} times what gravity requires with the file's masses; "
-            "if they are currents in mA, or counts, convert them to Nm."
+            "if they are currents in mA, give --unit drive=mA and --gains; if they are counts, convert them to Nm."
         )
     return out
 

@@ -495,7 +495,7 @@ def too_large(model: ServoHypothesis, index: int) -> str:
 
 
 def beside_its_sign(limit: float, drive: Array) -> tuple[Array, float]:
-    """What a limit leaves of a drive beside its mean and sign, shape (n,), and its share of what the drive has of it."""
+    """What a limit leaves of a drive beside its mean and sign, shape (n,), as a share of what the drive has too."""
     plain = np.column_stack([np.ones_like(drive), np.sign(drive)])
     both = np.column_stack([np.clip(drive, -limit, limit), drive])
     rest = both - plain @ np.linalg.lstsq(plain, both, rcond=None)[0]
