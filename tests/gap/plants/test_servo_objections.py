@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from whsklearn.effects import CableSpring, ContactStop, EndStop, codes
-from whsklearn.gap.plants.servo_inverse import always_limited, never_free, on_excitation_line
+from whsklearn.effects import CableSpring, ContactStop, EndStop
+from whsklearn.gap.plants.servo_inverse import LEAST_GAIN_LEFT, beside_its_sign, never_free, on_excitation_line
 from whsklearn.gap.record import ServoRecord
 
 T = np.arange(4000) / 100
@@ -49,7 +49,7 @@ def test_a_stop_that_the_axis_touches_most_of_the_time_is_a_spring(effect, sprin
 
 
 @pytest.mark.parametrize(
-    ("limit", "mean", "refused"),
+    ("limit", "mean", "hides"),
     [
         (0.6, 0.0, False),  # at the limit for 59 % of the time
         (0.2, 0.0, False),
@@ -58,9 +58,8 @@ def test_a_stop_that_the_axis_touches_most_of_the_time_is_a_spring(effect, sprin
         (1.5, 2.0, False),
     ],
 )
-def test_a_limit_that_leaves_little_of_the_drive_is_none(limit, mean, refused):
-    term = SimpleNamespace(kind=SimpleNamespace(code=codes.SATURATION), q=(limit,))
+def test_a_limit_that_leaves_little_of_the_drive_hides_what_else_is_missing(limit, mean, hides):
     drive = mean + np.sin(2 * np.pi * 0.7 * T)
-    assert bool(always_limited(term, drive)) == refused
-    smaller = SimpleNamespace(kind=term.kind, q=(limit / 3,))
-    assert always_limited(term, -3.0 * drive) == always_limited(smaller, drive), "units and signs do not matter"
+    share = beside_its_sign(limit, drive)[1]
+    assert (share < LEAST_GAIN_LEFT) == hides
+    assert beside_its_sign(limit, -3.0 * drive)[1] == pytest.approx(beside_its_sign(limit / 3.0, drive)[1]), "no units"
