@@ -7,8 +7,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from whsklearn.effects import CableSpring, ContactStop, EndStop
-from whsklearn.gap.plants.servo_inverse import LEAST_GAIN_LEFT, beside_its_sign, never_free, on_excitation_line
+from whsklearn.effects import CableSpring, ContactStop, EndStop, codes
+from whsklearn.effects.base import rms
+from whsklearn.gap.plants.servo_inverse import (
+    LEAST_GAIN_LEFT,
+    always_limited,
+    beside_its_sign,
+    never_free,
+    on_excitation_line,
+)
 from whsklearn.gap.record import ServoRecord
 
 T = np.arange(4000) / 100
@@ -63,3 +70,26 @@ def test_a_limit_that_leaves_little_of_the_drive_hides_what_else_is_missing(limi
     share = beside_its_sign(limit, drive)[1]
     assert (share < LEAST_GAIN_LEFT) == hides
     assert beside_its_sign(limit, -3.0 * drive)[1] == pytest.approx(beside_its_sign(limit / 3.0, drive)[1]), "no units"
+
+
+@pytest.mark.parametrize("unit", [1.0, -3.0])
+@pytest.mark.parametrize(
+    ("limit", "mean", "missing", "refused"),
+    [
+        (0.6, 0.0, 0.5, False),
+        (0.6, 0.0, 2.0, True),
+        (0.01, 0.0, 0.5, False),  # a square wave, of which even the edges are explained
+        (0.9, 2.0, 0.5, True),  # under a speed controller: a constant drive says nothing
+    ],
+)
+def test_a_limit_is_none_if_what_it_leaves_is_not_explained(limit, mean, missing, refused, unit):
+    """``missing``: the gap, as a share of what the limit leaves of the drive beside its mean and sign."""
+    drive = unit * (mean + np.sin(2 * np.pi * 0.7 * T))
+    limit *= abs(unit)
+    left = beside_its_sign(limit, drive)[0]
+    gap = missing * left + 1e-9 * drive
+    model = SimpleNamespace(terms=[SimpleNamespace(kind=SimpleNamespace(code=codes.SATURATION), q=(limit,))])
+    view = SimpleNamespace(
+        record=SimpleNamespace(drive=drive), gap=lambda m: gap, rms=rms, blur=lambda x: x, at=slice(None)
+    )
+    assert bool(always_limited(view, model, 0)) == refused

@@ -495,7 +495,7 @@ def too_large(model: ServoHypothesis, index: int) -> str:
 
 
 def beside_its_sign(limit: float, drive: Array) -> tuple[Array, float]:
-    """What a limit leaves of a drive beside its mean and sign, shape (n,), as a share of what the drive has too."""
+    """What a limit leaves of a drive beside mean and sign, shape (n,), and its rms over that of the whole drive's."""
     plain = np.column_stack([np.ones_like(drive), np.sign(drive)])
     both = np.column_stack([np.clip(drive, -limit, limit), drive])
     rest = both - plain @ np.linalg.lstsq(plain, both, rcond=None)[0]
@@ -510,14 +510,15 @@ def always_limited(view: InverseView, model: ServoHypothesis, index: int) -> str
     to four times what a limit leaves, in logs of MuJoCo that are at their limit for most of the time a third of it.
     Where a limit leaves too little, nothing can be told beside it: stiff couplings were named that were not there.
     """
-    limits = {i: t.q[0] for i, t in enumerate(model.terms) if t.kind.code == codes.SATURATION and t.q[0] > 0.0}
-    for i, limit in limits.items():
-        rest, share = beside_its_sign(limit, view.record.drive)
+    for i, term in enumerate(model.terms):
+        if term.kind.code != codes.SATURATION or term.q[0] <= 0.0:
+            continue
+        rest, share = beside_its_sign(term.q[0], view.record.drive)
         if i == index and view.rms(view.gap(model)) >= view.rms(view.blur(rest)[view.at]):
             return "what it leaves of the drive beside its sign is less than what is missing"
         if i != index and share < LEAST_GAIN_LEFT:
             return (
-                f"the limit of the drive hides it: {100 * share:.1f} % is left of what the drive does beside its sign"
+                f"the limit of the drive hides it: it leaves {100 * share:.1f} % of what the drive does beside its sign"
             )
     return ""
 
