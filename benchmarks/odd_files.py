@@ -174,6 +174,7 @@ FILES: dict[str, tuple[str, Maker, list[str]]] = {
     "emergency stop": ("a.csv", lambda f: csv(stop(f)), []),
     "degrees called rad": ("a.csv", lambda f: csv(changed(f, position_rad=np.degrees(f.position_rad))), []),
     "ms called s": ("a.csv", lambda f: csv(changed(f, time_s=1e3 * f.time_s)), []),
+    "drive without its sign": ("a.csv", lambda f: csv(changed(f, torque_nm=f.torque_nm.abs())), []),
     "inverted drive": ("a.csv", lambda f: csv(changed(f, torque_nm=-f.torque_nm)), []),
     "encoder reset": (
         "a.csv",

@@ -7,7 +7,7 @@ import pytest
 from sklearn.utils import Bunch
 
 from whsklearn.datasets import make_servo_log
-from whsklearn.effects import Cogging, GravityImbalance
+from whsklearn.effects import CableSpring, Cogging, GravityImbalance, InputOffset
 from whsklearn.logs.slips import slips_in
 
 
@@ -44,6 +44,23 @@ def test_each_slip_is_named_with_the_option_that_mends_it(seed):
         assert found, option
         assert option in found[0].option
         assert str(found[0]).count(".") >= 1
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("effects", [(), (Cogging(0.3, 12.0),), (CableSpring(2.0, 0.3),)])
+def test_a_magnitude_lacks_its_sign(effects, seed):
+    good = log(effects, seed)
+    assert "magnitude" in slips_in(log(effects, seed, X=np.abs(good.X)))[0].sentence
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("effects", [(), (Cogging(0.3, 12.0),), (GravityImbalance(1.5),), (CableSpring(2.0, 0.3),)])
+def test_a_lift_is_driven_one_way_and_moves_both_ways(effects, seed):
+    held = log([*effects, InputOffset(30.0)], seed)
+    late = held.time > 1.0  # once the controller holds the load
+    held.time, held.X, held.y = held.time[late], held.X[late], held.y[late]
+    assert held.X.min() > 0.0
+    assert slips_in(held) == []
 
 
 def test_a_velocity_that_was_summed_up_turns_for_as_long_as_it_likes():

@@ -90,7 +90,7 @@ def _shape_problems(r: ServoRecord) -> list[DataProblem]:
     if n < FEWEST_SAMPLES or r.time[-1] - r.time[0] < SHORTEST_RECORD:
         span = r.time[-1] - r.time[0] if n else 0.0
         text = (
-            f"{n} samples over {span:.1f} s; at least {FEWEST_SAMPLES} samples and {SHORTEST_RECORD:.0f} s "
+            f"{n} samples over {span:.3g} s; at least {FEWEST_SAMPLES} samples and {SHORTEST_RECORD:.0f} s "
             "are needed. Log longer."
         )
         return [DataProblem("data-too-short", "Record too short", text)]
