@@ -268,6 +268,20 @@ def test_a_borrowed_array_is_the_array_and_nobody_counts_its_references(tmp_path
     assert sys.getrefcount(x) == references
 
 
+def test_a_piece_is_a_view_of_the_elements_asked_for():
+    array = np.arange(24.0)
+    for shape in ((6,), (2, 3), (0, 3)):
+        expected = _numba._piece(array, 5, shape)
+        kernel = numba.njit(lambda array, shape: _numba.piece(array, 5, shape))
+        for whole in (array, array.reshape(4, 6)):
+            found = kernel(whole, shape)
+            assert np.shares_memory(found, array) or not expected.size
+            np.testing.assert_array_equal(found, expected)
+        del whole
+    made = numba.njit(lambda n: _numba.piece(np.arange(n), 1, (3,)))(10_000)  # its owner lives on
+    np.testing.assert_array_equal(made, [1, 2, 3])
+
+
 def test_where_numba_is_another_parts_are_compiled_in_its_own_way(monkeypatch):
     monkeypatch.setattr(_numba, "LINKED", None)
     half = part(_halved.py_func)

@@ -30,7 +30,7 @@ def sample_by_sample(theta, dims, kappa, u, y, restart, n_inputs, history, state
         if t <= max(n - tail + 1, 0) or restart[t]:
             before = state.copy()
         psi = np.empty(theta.size)
-        past, psi_blocks = past_of(state, dims, 0), by_block(psi, dims)
+        past, psi_blocks = past_of(state, 0, dims, 0), by_block(psi, dims)
         errors.append(y[history + t] - predict(by_block(theta, dims), past, 0, y_past, psi, psi_blocks))
         rows.append(psi)
         one_sample_on(by_block(theta, dims), *law, kappa, past, u_past)

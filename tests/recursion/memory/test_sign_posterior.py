@@ -144,7 +144,7 @@ def test_the_profile_is_least_squares_of_the_rest(problem):
     h, q = matrix[3:n, 3:n], matrix[3:n][:, at] @ z
     squares = z @ matrix[np.ix_(at, at)] @ z - q @ np.linalg.solve(h, q)
     rest = np.empty(n - 3)
-    log, s = log_density(delta, problem, *scratch(problem), np.zeros((n - 3, n - 3)), rest)
+    log, s = log_density(delta, problem, *scratch(problem), np.zeros((n - 3, n - 3)), rest, np.empty(problem.dims[1]))
     np.testing.assert_allclose(s, squares, rtol=1e-8)
     np.testing.assert_allclose(rest, np.linalg.solve(h, q), rtol=1e-6)
     np.testing.assert_allclose(log, -0.5 * (N - n + 3) * np.log(s) - 0.5 * np.linalg.slogdet(h)[1], rtol=1e-8)
@@ -172,7 +172,6 @@ def test_the_order_of_reach_leaves_out_no_sign_that_turns(problem):
 
 
 def test_an_unstable_block_has_no_density(problem):
-    log, _ = log_density(
-        np.array([0.0, 0.0, 1.0]), problem, *scratch(problem), np.zeros((n - 3, n - 3)), np.empty(n - 3)
-    )
+    low, rest, b = np.zeros((n - 3, n - 3)), np.empty(n - 3), np.empty(problem.dims[1])
+    log, _ = log_density(np.array([0.0, 0.0, 1.0]), problem, *scratch(problem), low, rest, b)
     assert log == -np.inf

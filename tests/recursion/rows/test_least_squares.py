@@ -152,14 +152,14 @@ def test_the_frozen_window_is_the_literal_block_update():
         for i in range(window):
             now = window - 1 - i
             if i:
-                one_sample_on(blocks, law.codes, law.shapes, kappa, past_of(work, dims, 0), u_pad[now + 2 :])
+                one_sample_on(blocks, law.codes, law.shapes, kappa, past_of(work, 0, dims, 0), u_pad[now + 2 :])
             psi = np.empty(9)
-            e = y_pad[now] - predict(blocks, past_of(work, dims, 0), 0, y_pad[now + 1 :], psi, by_block(psi, dims))
+            e = y_pad[now] - predict(blocks, past_of(work, 0, dims, 0), 0, y_pad[now + 1 :], psi, by_block(psi, dims))
             rows.append(psi)
             targets.append(e + psi @ theta)
         theta, P = block_update(theta, P, np.array(rows).T, np.array(targets), float(p))
         if t + 1 >= p:
             blocks = by_block(theta, dims)
-            one_sample_on(blocks, law.codes, law.shapes, kappa, past_of(state, dims, 0), u_pad[p:])
+            one_sample_on(blocks, law.codes, law.shapes, kappa, past_of(state, 0, dims, 0), u_pad[p:])
     np.testing.assert_allclose(got["theta"][0], theta, rtol=1e-9)
     np.testing.assert_allclose(covariance(got["ud"][0]), P, rtol=1e-8)

@@ -20,6 +20,7 @@ from whsklearn.effects.base import Array, Bools, Integers
 from whsklearn.recursion.memory.predictor_block import (
     LENGTH,
     Segment,
+    along,
     begin,
     dot,
     forget,
@@ -89,15 +90,18 @@ def work_on(segment: Segment, dims: Integers) -> Work:
 def replay_part(theta, law, kappa, memory, work, information, slope, state):
     """Continue a re-run until the budget is spent, for at least one segment; return True when it has finished.
 
-    It starts over if ``work.at[AT]`` is 0.  The weighted sum of squares is then in ``work.at[TOTAL]``, next to its
+    ``work``: ``at``, ``segment`` and ``weighted`` of `Work`; passing on more of it doubles the code to be compiled.
+
+    It starts over if ``at[AT]`` is 0.  The weighted sum of squares is then in ``at[TOTAL]``, next to its
     Gauss-Newton matrix and slope, and ``state`` is the state before the first sample of the next window.  It stops only
     between segments, whose bounds depend on the record alone, so the sums do not depend on how the work was divided.
 
     It is inlined into its only caller; compiling it separately as well would take twice as long.
     """
-    at, signals, psi, places = work.at, work.segment.signals, work.segment.psi, work.segment.places
-    fill, tail, restarts = memory.fill, memory.tail, memory.restart
-    m, n = memory.u.shape[1], theta.size
+    at, segment, weighted = work
+    signals, psi, _, places = segment
+    origin, u, y, restarts, fill, history, tail, weights = memory
+    m, n = u.shape[1], theta.size
     past = signals.shape[1] - LENGTH
     if at[AT] == 0:
         at[BUDGET] -= COST_OF_PASS
@@ -107,7 +111,7 @@ def replay_part(theta, law, kappa, memory, work, information, slope, state):
             slope[i] = 0.0
             for j in range(n):
                 information[i, j] = 0.0
-        begin(signals, places, memory.origin, memory.u, memory.y, memory.history)
+        begin(signals, places, origin, u, y, history)
     handover = max(fill - tail + 1, 0)
     t = int(at[AT])
     while t < fill:
@@ -117,11 +121,11 @@ def replay_part(theta, law, kappa, memory, work, information, slope, state):
             keep(signals, places, state)
         count = _end_of_segment(t, fill, handover, restarts) - t
         for i in range(count):
-            signals[signals.shape[0] - 1, past + i] = memory.y[memory.history + t + i]
+            signals[signals.shape[0] - 1, past + i] = y[history + t + i]
             for j in range(m):
-                signals[j, past + i] = memory.u[memory.history + t + i, j]
-        predict_segment(theta, law, kappa, m, work.segment, count)
-        at[TOTAL] += _add_squares(t, count, memory, psi, work.weighted, information, slope)
+                signals[j, past + i] = u[history + t + i, j]
+        predict_segment(theta, law, kappa, m, segment, count)
+        at[TOTAL] += _add_squares(t, count, fill, tail, weights, psi, weighted, information, slope)
         if not at[TOTAL] < HUGE:
             at[TOTAL] = np.inf
             return True
@@ -155,20 +159,20 @@ def _end_of_segment(t, fill, handover, restarts):
 
 
 @part
-def _add_squares(t, count, memory, psi, weighted, information, slope):
+def _add_squares(t, count, fill, tail, weights, psi, weighted, information, slope):
     """Add sum w psi psi', below the diagonal, and sum w e psi; return sum w e^2."""
-    w, g, row_weighted = weighted[0, :count], weighted[1, :count], weighted[2, :count]
-    e = psi[slope.size, :count]
+    w, g, row_weighted = along(weighted, 0, count), along(weighted, 1, count), along(weighted, 2, count)
+    e = along(psi, slope.size, count)
     for i in range(count):
-        w[i] = min((memory.fill - t - i) / memory.tail, 1.0) * memory.weights[t + i]
+        w[i] = min((fill - t - i) / tail, 1.0) * weights[t + i]
         g[i] = w[i] * e[i]
     for i in range(slope.size):
-        row = psi[i, :count]
+        row = along(psi, i, count)
         slope[i] += dot(g, row)
         for k in range(count):
             row_weighted[k] = w[k] * row[k]
         for j in range(i + 1):
-            information[i, j] += dot(row_weighted, psi[j, :count])
+            information[i, j] += dot(row_weighted, along(psi, j, count))
     return dot(g, e)
 
 
@@ -198,9 +202,8 @@ def refine_part(
 
 @njit(error_model="numpy", counted=False)
 def _refine_part(theta, law, kappa, memory, prior, iterations, information, state, work):
-    memory, prior, work = Memory(*memory), Prior(*prior), Work(work[0], Segment(*work[1]), *work[2:])
-    n, at, trial = theta.size, work.at, work.trial
-    na, nb = law[0][0], law[0][1]
+    at, segment, weighted, climb, trial, trial_slope, trial_information, trial_state = work
+    n, na, nb = theta.size, law[0][0], law[0][1]
     while at[PHASE] != DONE:
         if at[PHASE] == PROPOSAL:
             at[AT] = 0
@@ -209,7 +212,7 @@ def _refine_part(theta, law, kappa, memory, prior, iterations, information, stat
                 at[PHASE] = DONE
                 break
             at[ITERATION] += 1
-            solved = solve_damped(information, work.slope, at[DAMPING], trial, work.trial_information)
+            solved = solve_damped(information, climb, at[DAMPING], trial, trial_information)
             for i in range(n):
                 trial[i] += theta[i]
             if solved and is_stable(trial[na - 1 : na - 1 + nb], 0.999):
@@ -220,10 +223,10 @@ def _refine_part(theta, law, kappa, memory, prior, iterations, information, stat
         # one call for both kinds of run; with two, the re-run would be inlined twice and take twice as long to compile
         first = at[PHASE] == FIRST_RUN
         where = theta if first else trial
-        matrix = information if first else work.trial_information
-        slope = work.slope if first else work.trial_slope
-        end = state if first else work.trial_state
-        if not replay_part(where, law, kappa, memory, work, matrix, slope, end):
+        matrix = information if first else trial_information
+        slope = climb if first else trial_slope
+        end = state if first else trial_state
+        if not replay_part(where, law, kappa, memory, (at, segment, weighted), matrix, slope, end):
             return False
         cost = at[TOTAL] + _add_prior(where, prior, matrix, slope)
         if first:
@@ -237,7 +240,7 @@ def _refine_part(theta, law, kappa, memory, prior, iterations, information, stat
         elif _judge(at, cost):
             for i in range(n):
                 theta[i] = trial[i]
-                work.slope[i] = slope[i]
+                climb[i] = slope[i]
                 for j in range(n):
                     information[i, j] = matrix[i, j]
             for i in range(state.size):
@@ -264,15 +267,16 @@ def _judge(at, cost):
 @part
 def _add_prior(theta, prior, information, slope):
     """Add the prior's part to the Gauss-Newton matrix and slope; return its part of the cost."""
+    mean, known = prior
     n = theta.size
     cost = 0.0
     for i in range(n):
         pull = 0.0
         for j in range(n):
-            pull += prior.information[i, j] * (theta[j] - prior.theta[j])
-            information[i, j] += prior.information[i, j]
+            pull += known[i, j] * (theta[j] - mean[j])
+            information[i, j] += known[i, j]
         slope[i] -= pull
-        cost += pull * (theta[i] - prior.theta[i])
+        cost += pull * (theta[i] - mean[i])
     return cost
 
 

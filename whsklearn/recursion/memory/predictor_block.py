@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from whsklearn._numba import njit, part, view
+from whsklearn._numba import njit, part, piece, view
 from whsklearn.effects.base import Array, Integers
 from whsklearn.effects.codes import COULOMB, STRIBECK_TANH, VISCOUS
 from whsklearn.effects.equations import coulomb, reduced_stribeck, smooth_sign, viscous
@@ -83,8 +83,13 @@ def move_on(signals, n):
 @view
 def delayed(signals, k, lag, n):
     """Signal ``k`` of the ``n`` samples, delayed by ``lag`` samples."""
-    first = signals.shape[1] - LENGTH - lag
-    return signals[k, first : first + n]
+    return piece(signals, (k + 1) * signals.shape[1] - LENGTH - lag, (n,))
+
+
+@view
+def along(rows, k, n):
+    """The first ``n`` entries of row ``k``."""
+    return piece(rows, k * rows.shape[1], (n,))
 
 
 @part
@@ -108,23 +113,23 @@ def predict_segment(theta, law, kappa, m, segment, n):
     u of ``m`` inputs, y and the past must be in ``segment.signals``.
     """
     dims = law[0]
-    signals, psi = segment.signals, segment.psi
+    signals, psi, slopes, _ = segment
     n1, nc, nd = dims[0] - 1 + dims[1], dims[2], dims[3]
     nv, v0 = n1 + dims[4], m + 1 + n1
     y0 = v0 + 1 + nv
     _filter_input(theta, dims, signals, m, n)
-    _apply_law(theta, law, kappa, signals, m, segment.slopes, n)
+    _apply_law(theta, law, kappa, signals, m, slopes, n)
     for k in range(nv):
-        out = psi[k, :n]
+        out = along(psi, k, n)
         put(out, delayed(signals, v0 + 1 + k, 1, n))
         for j in range(1, nc):
             add(out, theta[nv + j - 1], delayed(signals, v0 + 1 + k, j + 1, n))
-    errors = psi[psi.shape[0] - 1, :n]
+    errors = along(psi, psi.shape[0] - 1, n)
     y, v = delayed(signals, y0, 0, n), delayed(signals, v0, 1, n)
     for i in range(n):
         errors[i] = y[i] - v[i]
     for j in range(nc - 1 + nd):
-        out = psi[nv + j, :n]
+        out = along(psi, nv + j, n)
         if j < nc - 1:
             put(out, delayed(signals, v0, j + 2, n))
         else:
@@ -138,7 +143,7 @@ def predict_segment(theta, law, kappa, m, segment, n):
 def _filter_input(theta, dims, signals, m, n):
     """Compute x of (1) and its gradients with respect to a_2 .. and b_1 .. over ``n`` samples."""
     na, nb = dims[0], dims[1]
-    b = theta[na - 1 : na - 1 + nb]
+    b = piece(theta, na - 1, (nb,))
     # the first row is x = sum a_i u(t-i) - sum b_j x(t-j); the others are its gradients, from u(t-i) and -x(t-j) alone
     for k in range(na + nb):
         out = delayed(signals, m + k, 0, n)

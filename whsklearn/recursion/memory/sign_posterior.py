@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from whsklearn._numba import njit, part
+from whsklearn._numba import njit, part, piece
 from whsklearn.effects.base import Array, Integers
 from whsklearn.recursion.memory.linearised import Signs
 from whsklearn.recursion.rows.covariance import factors_of_inverse, times
@@ -83,34 +83,35 @@ def by_reach(p: SignProblem, covariance: Array) -> SignProblem:
 @part
 def turn(delta, p, matrix, change, touched):
     """M at (a, b) = theta_0 + delta: find the signs that flip, and change the rows that they enter."""
-    n, n1, nw, nc = p.theta.size, p.gradient.shape[1], p.height.shape[1], p.row.shape[1]
-    w, c = p.theta[n1 : n1 + nw], p.theta[n1 + nw : n1 + nw + nc - 1]
+    before, theta, _, _, all_dx, sign, scale, gradient, curvature, height, rows, enters, reach, metric = p
+    n, n1, nw, nc = theta.size, gradient.shape[1], height.shape[1], enters.shape[1]
+    w, c = theta[n1 : n1 + nw], theta[n1 + nw : n1 + nw + nc - 1]
     for j in range(n + 1):
         for k in range(n + 1):
-            matrix[j, k] = p.matrix[j, k]
+            matrix[j, k] = before[j, k]
     n_touched, size = 0, 0.0
     for k in range(n1):
         for j in range(n1):
-            size += delta[k] * p.metric[k, j] * delta[j]
+            size += delta[k] * metric[k, j] * delta[j]
     size = np.sqrt(max(size, 0.0))
-    for t in range(p.dx.size):
-        if p.reach[t] > size:
+    for t in range(all_dx.size):
+        if reach[t] > size:
             break
-        dx = p.dx[t]
+        dx = all_dx[t]
         for k in range(n1):
-            slope = p.gradient[t, k]
+            slope = gradient[t, k]
             for j in range(n1):
-                slope += 0.5 * p.curvature[t, k, j] * delta[j]
+                slope += 0.5 * curvature[t, k, j] * delta[j]
             dx += slope * delta[k]
-        jump = (1.0 if dx > 0.0 else -1.0) - p.sign[t]
+        jump = (1.0 if dx > 0.0 else -1.0) - sign[t]
         if jump == 0.0:
             continue
-        jump *= p.scale[t]
+        jump *= scale[t]
         dv = 0.0
         for k in range(nw):
-            dv += w[k] * p.height[t, k] * jump
+            dv += w[k] * height[t, k] * jump
         for m in range(nc):
-            i = p.row[t, m]
+            i = enters[t, m]
             if i < 0:
                 continue
             if change[i, 0] == 0.0:
@@ -120,13 +121,13 @@ def turn(delta, p, matrix, change, touched):
             factor = 1.0 if m == 0 else c[m - 1]
             change[i, n] -= factor * dv
             for k in range(nw):
-                change[i, n1 + k] += factor * p.height[t, k] * jump
+                change[i, n1 + k] += factor * height[t, k] * jump
             if m > 0:
                 change[i, n1 + nw + m - 1] += dv
     stop = n1 + nw + nc - 1
     for s in range(n_touched):
         i = touched[s]
-        d, row = change[i], p.rows[i]
+        d, row = change[i], rows[i]
         d[0] = 0.0
         for j in range(n1, n + 1):
             if stop <= j < n:
@@ -140,11 +141,9 @@ def turn(delta, p, matrix, change, touched):
 
 
 @part
-def log_density(delta, p, matrix, change, touched, low, rest):
-    """Return (log p(phi), S); ``rest`` receives the best r - r_0, ``low`` the Cholesky factor of H."""
-    n, n1 = p.theta.size, delta.size
-    nb = p.dims[1]
-    b = np.empty(nb)
+def log_density(delta, p, matrix, change, touched, low, rest, b):
+    """Return (log p(phi), S); ``rest`` receives the best r - r_0, ``low`` the Cholesky factor of H, ``b`` L1's b."""
+    n, n1, nb = p.theta.size, delta.size, b.size
     for j in range(nb):
         b[j] = p.theta[n1 - nb + j] + delta[n1 - nb + j]
     if not is_stable(b, RADIUS):
@@ -255,6 +254,7 @@ class Swarm(NamedTuple):
     matrix: Array  # matrix, change, touched: scratch space of `turn`
     change: Array
     touched: Integers
+    trial: Array  # a particle that is tried, its r, its b and its Cholesky factor
 
 
 def new_swarm(first: Array, p: SignProblem) -> Swarm:
@@ -265,7 +265,8 @@ def new_swarm(first: Array, p: SignProblem) -> Swarm:
     delta[:, :n1] = first
     numbers[:, 0] = -np.inf
     scratch = np.empty((n + 1, n + 1)), np.zeros((rows, n + 1)), np.empty(rows, dtype=np.int64)
-    return Swarm(delta, numbers, np.zeros((count, n - n1, n - n1)), *scratch)
+    trial = np.zeros(n + int(p.dims[1]) + (n - n1) ** 2)
+    return Swarm(delta, numbers, np.zeros((count, n - n1, n - n1)), *scratch, trial)
 
 
 def tempered(
@@ -338,23 +339,24 @@ def log_first(delta, centre, precision):
     return -0.5 * s
 
 
-@njit(error_model="numpy", short=True)
+@njit(error_model="numpy", counted=False, short=True)
 def move(p, swarm, centre, precision, uniform, beta, sweep):
     """One differential-evolution move of each particle at the temperature ``beta``; none before the first sweep.
 
     The density is called in one place only, because a second call would double the code to be compiled.
     """
-    delta, numbers = swarm.delta, swarm.numbers
-    count, n1 = delta.shape[0], centre.size
+    delta, numbers, lows, matrix, change, touched, scratch = swarm
+    count, n1, nb = delta.shape[0], centre.size, p.dims[1]
     nr = delta.shape[1] - n1
-    trial, rest, low = np.empty(n1), np.empty(nr), np.zeros((nr, nr))
+    trial, rest, b = piece(scratch, 0, (n1,)), piece(scratch, n1, (nr,)), piece(scratch, n1 + nr, (nb,))
+    low = piece(scratch, n1 + nr + nb, (nr, nr))
     for i in range(count):
         j = (i + 1 + int(uniform[i, 0] * (count - 1))) % count
         k = (i + 1 + int(uniform[i, 1] * (count - 1))) % count
         stride = STRIDES[(sweep + i) % 3] if sweep >= 0 else 0.0
         for m in range(n1):
             trial[m] = delta[i, m] + stride * (delta[j, m] - delta[k, m])
-        there, s = log_density(trial, p, swarm.matrix, swarm.change, swarm.touched, low, rest)
+        there, s = log_density(trial, p, matrix, change, touched, low, rest, b)
         away = log_first(trial, centre, precision)
         if sweep >= 0:
             ratio = beta * (there - numbers[i, 0]) + (1.0 - beta) * (away - numbers[i, 2])
@@ -366,4 +368,4 @@ def move(p, swarm, centre, precision, uniform, beta, sweep):
         for m in range(nr):
             delta[i, n1 + m] = rest[m]
             for q in range(nr):
-                swarm.low[i, m, q] = low[m, q]
+                lows[i, m, q] = low[m, q]

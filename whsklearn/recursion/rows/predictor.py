@@ -27,7 +27,7 @@ from typing import NamedTuple
 import numpy as np
 from numba.extending import register_jitable  # type: ignore[import-untyped]
 
-from whsklearn._numba import njit, part, view
+from whsklearn._numba import njit, part, piece, view
 from whsklearn.effects.base import Array, Integers
 from whsklearn.effects.equations import smooth_sign
 from whsklearn.effects.rows import directed_term
@@ -60,8 +60,8 @@ def state_size(dims, room=0):
 
 
 @view
-def past_of(state, dims, room):
-    """The flat state as `Past`, in the same memory.
+def past_of(state, at, dims, room):
+    """The flat state from index ``at`` on as `Past`, in the same memory.
 
     With ``room`` for as many samples in front, time advances by a row and nothing is shifted.  The compiler knows that
     the indices of a table are positive.  It cannot know this for indices computed within one flat array, and checking
@@ -69,9 +69,9 @@ def past_of(state, dims, room):
     """
     n1 = dims[0] - 1 + dims[1]
     nx, nc, nv = room + max(dims[1], 1), room + dims[2], n1 + dims[4]
-    v0 = nx * (1 + n1)
-    g0 = v0 + nc
-    return Past(state[:nx], state[nx:v0].reshape((nx, n1)), state[v0:g0], state[g0 : g0 + nc * nv].reshape((nc, nv)))
+    v0 = at + nx * (1 + n1)
+    x, x_by = piece(state, at, (nx,)), piece(state, at + nx, (nx, n1))
+    return Past(x, x_by, piece(state, v0, (nc,)), piece(state, v0 + nc, (nc, nv)))
 
 
 @part
@@ -90,10 +90,11 @@ def copy_past(source, at, target, to, past):
 @view
 def by_block(theta, dims):
     """(a, b, w, c, d) of the parameters, or of any array with one entry for each, as views like `past_of`."""
-    w0 = dims[0] - 1 + dims[1]
-    c0 = w0 + dims[4]
-    d0 = c0 + dims[2] - 1
-    return theta[: dims[0] - 1], theta[dims[0] - 1 : w0], theta[w0:c0], theta[c0:d0], theta[d0 : d0 + dims[3]]
+    a, b, c, d, w = dims[0] - 1, dims[1], dims[2] - 1, dims[3], dims[4]
+    return (
+        piece(theta, 0, (a,)), piece(theta, a, (b,)), piece(theta, a + b, (w,)), piece(theta, a + b + w, (c,)),
+        piece(theta, a + b + w + c, (d,)),
+    )  # fmt: skip
 
 
 # Inlined into their callers: a call passes some forty numbers, which took a quarter of the time.  With max(at, 0) the
@@ -179,8 +180,8 @@ def record_errors(theta, dims, codes, shapes, kappa, u, y, restart, errors, jaco
     ``restart[t]`` is True where an experiment begins; its past is unknown.
     """
     n = parameter_count(dims)
-    past = past_of(np.zeros(state_size(dims)), dims, 0)
-    line, at = past_of(np.zeros(state_size(dims, ROWS)), dims, ROWS), ROWS
+    past = past_of(np.zeros(state_size(dims)), 0, dims, 0)
+    line, at = past_of(np.zeros(state_size(dims, ROWS)), 0, dims, ROWS), ROWS
     nd = dims[3]
     u_past = np.zeros(dims[0])
     y_past = np.zeros(max(nd, 1))

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn._numba import njit, part
+from whsklearn._numba import njit, part, piece
 from whsklearn.effects.base import Array
 from whsklearn.recursion.rows.covariance import inflate, measurement_update
 from whsklearn.recursion.rows.predictor import Law, advance, by_block, copy_past, past_of, predict, respond
@@ -127,9 +127,10 @@ def _run_models(models, recent, since, seen, schedule, law, p, frozen, samples, 
     count, m = samples.y.size, samples.u.shape[1]
     length = count + recent.y.size
     to_y, to_weight, to_rest = m * length, (m + 1) * length, (m + 2) * length
-    to_room = to_rest + 4 * models.theta.shape[1]
-    line = Samples(scratch[:to_y], scratch[to_y:to_weight], scratch[to_weight:to_rest])
-    room, rest = past_of(scratch[to_room:], law[0], p), scratch[to_rest:to_room]  # for every model in turn
+    line = Samples(piece(scratch, 0, (to_y,)), piece(scratch, to_y, (length,)), piece(scratch, to_weight, (length,)))
+    # for every model in turn
+    n = models.theta.shape[1]
+    room, rest = past_of(scratch, to_rest + 4 * n, law[0], p), piece(scratch, to_rest, (4 * n,))
     _line_up(samples, recent, line)
     rate = schedule.forgetting[0]
     for s in range(models.theta.shape[0]):
@@ -176,10 +177,15 @@ def _run_model(model, line, samples, since, seen, schedule, law, p, frozen, stil
     n, count = theta.size, still.size
     m = recent_u.size // recent_y.size
     nc = dims[2]
-    past = past_of(before, dims, 0)
-    psi, gain, start, old = scratch[:n], scratch[n : 2 * n], scratch[2 * n : 3 * n], scratch[3 * n : 4 * n]
+    past = past_of(before, 0, dims, 0)
+    psi, gain, start, old = (
+        piece(scratch, 0, (n,)),
+        piece(scratch, n, (n,)),
+        piece(scratch, 2 * n, (n,)),
+        piece(scratch, 3 * n, (n,)),
+    )
     blocks, psi_blocks = by_block(start if frozen else theta, dims), by_block(psi, dims)
-    b = by_block(theta, dims)[1]
+    b = piece(theta, dims[0] - 1, (dims[1],))
     rate = schedule.forgetting[0]
     for t in range(count):
         newest = count - 1 - t
