@@ -9,6 +9,9 @@ PY     := $(VENV)/bin/python
 EXTRAS := all,dev,docs
 
 export MLFLOW_DISABLE_TELEMETRY := true
+# uv installs no bytecode. Where the environment forbids Python to keep any, each process compiled its imports anew:
+# `whsklearn gap` of a log of 24 s took 13.1 s in place of 5.9 s.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: help setup demo test test-lowest clean-room ui lint bench docs commands wheel clean
 

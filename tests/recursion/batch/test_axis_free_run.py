@@ -20,6 +20,7 @@ def test_the_free_run_of_an_axis_has_exact_sensitivities(of_position, form):
         step[i] = 1e-6
         differences = (axis_motion(theta + step, log) - axis_motion(theta - step, log)) / 2e-6
         np.testing.assert_allclose(rows[i], differences, atol=1e-5 * np.abs(differences).max())
+    np.testing.assert_array_equal(sensitivities(theta, log, of_states=True)[1], rows[-2:])
 
 
 def test_a_pendulum_keeps_its_energy():

@@ -120,10 +120,10 @@ def sensitivities(theta: Array, log: AxisLog, *, of_states: bool = False) -> tup
     """The run, shape (n,), and its derivatives, shape (p + 2, n).
 
     The last two derivatives are with respect to v0 and q0 of the sample's piece.  With a coupling there are four, one
-    per state.  With ``of_states``, the derivatives with respect to theta may be omitted.
+    per state.  With ``of_states`` there are only these.
     """
     states = log.form.states
-    rows = np.zeros((2, states + theta.size * (not (of_states and log.form.coupled)), log.target.size))
+    rows = np.zeros((2, states + theta.size * (not of_states), log.target.size))
     run, by = _pass(theta, log, rows)[int(log.of_position)], rows[int(log.of_position)]
     if log.form.coupled and len(by) > states:
         by[:-states] = slopes_of(theta) @ by[:-states]
@@ -377,6 +377,7 @@ def _of_position(e, hangs, force, slope):
 def axis_pass(theta, form, u, bounds, start, dt, rows):
     """Return velocity and position, (2, n); write the derivatives into rows (2, p + 2, n) unless it is empty.
 
+    With rows of (2, 2, n) they are those with respect to the state at the start of the piece alone.
     One loop: motion and sensitivities of a step share its forces and their slopes, which are computed once.
     """
     n_theta = theta.size
@@ -384,6 +385,7 @@ def axis_pass(theta, form, u, bounds, start, dt, rows):
     knots = form.knots
     of_position = n_theta - 4 - knots.size
     with_rows = rows.size > 0
+    first = n - rows.shape[1]
     n_samples, steps = u.shape
     motion = np.zeros((2, n_samples))
     dv, dq = np.zeros(n), np.zeros(n)
@@ -401,9 +403,9 @@ def axis_pass(theta, form, u, bounds, start, dt, rows):
             motion[0, t] = v
             motion[1, t] = q
             if with_rows:
-                for i in range(n):
-                    rows[0, i, t] = dv[i]
-                    rows[1, i, t] = dq[i]
+                for i in range(first, n):
+                    rows[0, i - first, t] = dv[i]
+                    rows[1, i - first, t] = dq[i]
             for j in range(steps):
                 e = q + half * v - form.centre
                 _of_position(e, form.hangs, force, slope)
@@ -423,7 +425,7 @@ def axis_pass(theta, form, u, bounds, start, dt, rows):
                     q += half * v
                     v = 0.0
                     if with_rows:
-                        for i in range(n):
+                        for i in range(first, n):
                             dq[i] += half * dv[i]
                             dv[i] = 0.0
                     continue
@@ -432,7 +434,7 @@ def axis_pass(theta, form, u, bounds, start, dt, rows):
                 if with_rows:
                     kick = new - v
                     by_gain = -kick * (0.5 if h * by_v / inertia < 0.5 else 1.0)  # effect of a slope through the gain
-                    for i in range(n):
+                    for i in range(first, n):
                         d = -by_v * dv[i] - by_q * (dq[i] + half * dv[i])
                         if i == 0:
                             d -= kick / h
