@@ -80,6 +80,17 @@ def test_each_case_raises_an_alarm_that_names_it(tmp_path):
     assert state["repeated"] == 50
 
 
+def test_lost_rows_are_told_ten_times_and_change_nothing_else(tmp_path):
+    lines = [line for i, line in enumerate(rows(400)) if i % 20 not in (10, 11, 12)]
+    log = write(tmp_path / "log.csv", lines)
+    assert run(log, "--out", tmp_path / "out.jsonl").exit_code == 0
+    records = [json.loads(line) for line in (tmp_path / "out.jsonl").read_text().splitlines()]
+    alarms = [r for r in records if r["kind"] == "alarm"]
+    assert [r["cause"] for r in alarms] == ["pause"] * 10
+    assert "a pause of 4 usual steps" in alarms[0]["reason"]
+    assert carried(tmp_path / "log.csv.whs")["rows"] == len(lines)
+
+
 def test_rows_given_up_are_taken_again_and_none_is_lost(tmp_path, monkeypatch):
     log = write(tmp_path / "log.csv", rows(300))
     whole = tmp_path / "whole.jsonl"

@@ -43,6 +43,16 @@ def test_rows_sent_again_are_passed_over(again):
     assert len(lines_of(found, "repeated")) == len(again)
 
 
+def test_a_pause_is_told_once():
+    """A clock that goes on in ms: one pause is told, and then its step is the usual one."""
+    clock = Clock()
+    times = [*(0.002 * i for i in range(30)), *(2.0 * i for i in range(30, 60))]
+    told = [v for line, now in enumerate(times) for v in clock.take(line, [now]) if v.reason]
+    assert [(v.what, v.line) for v in told[:1]] == [("row", 30)]
+    assert told[0].reason == "time 60 follows 0.058, a pause of 3e+04 usual steps"
+    assert len(told) <= 5  # until the median of nine steps is the new one
+
+
 def test_a_pause_is_no_fault_and_rows_out_of_order_are_put_right():
     found = verdicts([*map(float, range(10)), *map(float, range(500, 510))])
     assert [kind for kind, _ in found] == ["row"] * 20

@@ -6,7 +6,7 @@ at once.  One that leaps ahead or falls back waits for the `WAIT` rows after it,
 ==================  ==================================================  ==========================================
 the row             the rows after it                                   verdict
 ==================  ==================================================  ==========================================
-leaps ahead         continue from it                                    a pause: learnt
+leaps ahead         continue from it                                    a pause: learnt, with a reason that tells it
 leaps ahead         fill the hole before it                             out of order: learnt in time order
 leaps ahead         continue from the row before it                     an outlier of the clock: one bad row
 falls back          continue from it                                    a restart of the clock: a new experiment
@@ -119,11 +119,18 @@ class Clock:
         """Whether there is room for another row before this one."""
         if len(self.steps) < 3:
             return False
-        return now - self.last > (LEAP + self.missing) * sorted(self.steps)[len(self.steps) // 2]
+        return now - self.last > (LEAP + self.missing) * self._usual_step()
+
+    def _usual_step(self) -> float:
+        """The median of the latest steps."""
+        return sorted(self.steps)[len(self.steps) // 2]
 
     def _in_order(self, line: int, row: list[float]) -> Verdict:
-        """Remember a row as the last one."""
-        now, mark = row[0], hash(tuple(row))
+        """Remember a row as the last one; a pause before it is told as the reason."""
+        now, mark, reason = row[0], hash(tuple(row)), ""
+        if self.last > float("-inf") and self._leaps(now):
+            steps = (now - self.last) / self._usual_step()
+            reason = f"time {_shown(now)} follows {_shown(self.last)}, a pause of {steps:.3g} usual steps"
         if self.last > float("-inf") and not self.missing:
             self.steps = [*self.steps[1 - STEPS :], now - self.last]
         self.last, self.missing = now, 0
@@ -132,7 +139,7 @@ class Clock:
         self.tail[now] = mark
         if len(self.tail) > TAIL:
             del self.tail[next(iter(self.tail))]
-        return Verdict("row", line, row)
+        return Verdict("row", line, row, reason)
 
     def _drain(self) -> Iterator[Verdict]:
         """Rows that waited and now continue from the last one."""

@@ -91,7 +91,7 @@ ADAPTING_ROWS = 200 * BLOCK  # after an alarm; by then the forgetting factor has
 TAKEN_OVER = 480  # rows after which the first models of a memory take over
 SURE = 5.0  # standard deviations of a ratio of two variances by which an NMSE must exceed one
 DRIFT_LEVEL = 0.01  # probability that a drift is ever reported although there is none
-TOLD = 10  # bad rows in a row with a record of their own, enough to see what is wrong with them
+TOLD = 10  # bad rows in a row, and pauses, with a record of their own: enough to see what is wrong with them
 
 
 @dataclass(frozen=True)
@@ -170,6 +170,7 @@ class Carried:
     rows: int = 0
     bad: int = 0
     bad_run: int = 0  # those since the last row that was in order
+    pauses: int = 0
     experiment: int = 0
     time: float = -np.inf
     repeated: int = 0
@@ -297,6 +298,8 @@ class StreamMonitor:
         what, number, row, reason = verdict
         if what == "row":
             self._end_of_bad_rows(number)
+            if reason and row[0] - self.carried.time <= self.options.max_step:
+                self._pause(number, reason)
             self._take(row, number)
             self.carried.held = 0
             return
@@ -316,6 +319,13 @@ class StreamMonitor:
             if self.carried.repeated_run == 0:
                 self._warn("repeated_rows", number, f"{reason}; such rows are skipped")
             self.carried.repeated_run += 1
+
+    def _pause(self, number: int, reason: str) -> None:
+        """Tell the first pauses that begin no new experiment: rows were lost, or the clock's unit changed."""
+        self._learn_taken()
+        self.carried.pauses += 1
+        if self.carried.pauses <= TOLD:
+            self._warn("pause", number, f"{reason}; the rows on both sides are taken as neighbours")
 
     def _take(self, row: list[float], number: int) -> None:
         """Queue a row to be learnt; a pause longer than ``max_step`` begins a new experiment."""
