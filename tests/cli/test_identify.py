@@ -44,6 +44,9 @@ def test_a_linear_log_gives_a_linear_model_its_numbers_and_a_page(recorded):
     model = load_model(folder / "out" / "model.json")
     assert np.std(model.simulate(u) - y) < 0.02
     assert "b1" in said
+    head = next(line for line in said.splitlines() if line.startswith("structure"))
+    assert head.count(" samples ") > 1  # the log has no time, so its windows have no seconds
+    assert " s " not in head.replace("CPU s", "")
 
 
 def test_a_child_run_a_structure_and_the_model_itself_are_recorded(recorded, monkeypatch):

@@ -225,6 +225,14 @@ def test_a_velocity_is_not_integrated_over_samples(write):
         load_log(file, drive="torque_nm", velocity="speed_rpm")
 
 
+def test_a_log_without_time_says_so_and_one_with_a_rate_does_not(write):
+    file, roles = write(table(500)), {k: v for k, v in NAMES.items() if k != "time"}
+    log, timed = load_log(file, **roles), load_log(file, sample_rate=RATE, **roles)
+    assert (log.units["time"], timed.units["time"]) == ("samples", "s")
+    assert log.report.codes.count("LOG025") == 1
+    assert "LOG025" not in timed.report.codes
+
+
 def test_a_role_that_is_none_is_named(write):
     with pytest.raises(TypeError, match="unexpected argument 'torque'; columns are time, drive, position"):
         load_log(write(table(300)), torque="torque_nm", position="position_rad")

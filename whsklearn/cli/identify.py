@@ -197,11 +197,10 @@ def comparison(found: Identification) -> str:
         windows = [error_of(c.windows.get(h), trivial) for h, trivial in found.trivial.windows.items()]
         free = [error_of(c.test.get("nmse"))] * 2 if c.test.get("nmse", 0.0) > DIVERGED else [*map(c.test.get, INDICES)]
         rows.append([c.name, c.size or None, *windows, *free, c.seconds or None])
-    lengths = [f"{h * found.train.dt:.3g} s" for h in found.trivial.windows]
     unit = found.model.units.get("output", "")
     told = f" ({unit})" if unit else ""
     title = f"Root mean square error{told} over held-out windows, and of the free run on the test"
-    text = jobs.table(["structure", "numbers", *lengths, "NMSE", "RMSE", "CPU s"], rows, title=title)
+    text = jobs.table(["structure", "numbers", *found.window_names, "NMSE", "RMSE", "CPU s"], rows, title=title)
     return "\n".join([text, *(jobs.wrapped(f"{c.name}: {c.failure}") for c in found.models if c.failure)])
 
 

@@ -183,6 +183,12 @@ class Identification:
         return f"{used} of {self.rows or used}" + (f" in {segments} segments" if segments > 1 else "")
 
     @property
+    def window_names(self) -> list[str]:
+        """Length of each window with its unit, for the head of a table."""
+        unit = "samples" if self.model.units.get("time") == "samples" else "s"
+        return [f"{h * self.train.dt:.3g} {unit}" for h in self.trivial.windows]
+
+    @property
     def on_drive(self) -> str:
         """Note on timing and offset of each log's drive; empty if they agree with the output and with each other."""
         dt, unit = self.train.dt, self.model.units.get("input", "")

@@ -156,7 +156,7 @@ def page(found: Identification) -> str:
         unit=found.model.units.get("output", ""),
         on_intervals=on_intervals(found),
         on_drive=found.on_drive,
-        seconds=[f"{h * found.train.dt:.3g} s" for h in lengths],
+        seconds=found.window_names,
         number=number,
         spelled=spelled,
         error_of=error_of,

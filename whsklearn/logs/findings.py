@@ -40,6 +40,7 @@ TITLES = {
     "LOG021": "Signed numbers were logged as unsigned ones",
     "LOG023": "The encoder jumped",
     "LOG024": "The position was not updated",
+    "LOG025": "The log has no time",
 }
 SEVERITIES = ("info", "warning", "error")
 

@@ -262,6 +262,12 @@ def read_columns(
             clock = np.arange(n) / (sample_rate or 1.0)
     doubtful = "time" in columns and units["time"] == UNKNOWN and written_unit(columns["time"]) != ""
     units["time"] = "s" if "time" in columns or sample_rate else "samples"
+    if units["time"] == "samples":
+        told = (
+            "Neither a time column nor a sample rate is given: time counts samples, and rates are per sample. --time "
+            "or time= names the column, --rate or sample_rate= gives the rate in Hz."
+        )
+        found.append(Finding("LOG025", "info", told))
     lengths = {r: len(v) for r, v in values.items()} | {"time": len(clock)}
     if len(set(lengths.values())) > 1:
         told = ", ".join(f"{r} {n}" for r, n in lengths.items())
