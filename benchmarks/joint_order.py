@@ -1,19 +1,20 @@
 """Columns of an arm's log given to the wrong joints: is it told, and is a right order left alone?
 
-    OMP_NUM_THREADS=1 python -m benchmarks.joint_order [--arms 3] [--seed 7000] [--joints 6] [--rig tx40]
+    OMP_NUM_THREADS=1 python -m benchmarks.joint_order [--arms 3] [--seed 7000] [--joints 6] [--rig tx40] [--drawn 20]
 
-Arms of `benchmarks.blind_arms`, one record of each, or a measured record of `benchmarks.arms`.  Positions and drives of
-every pair of joints are exchanged, as a wrong list of columns does.  "told" warns
-(`whsklearn.identification.arm_fit.swapped`), "right" names the pair.  The other columns are what the rule's numbers are
-compared with: "left" is the largest share of a drive's variance that the shared numbers leave (tried above MUCH),
-"less" the sum of these over the exchanged joints in the true order as a share of that in the given one (taken below
-LESS), "clearly" the largest
-such share of one exchanged joint (told below CLEARLY).
+Arms of `benchmarks.blind_arms`, one record of each, or a measured record of `benchmarks.arms`.  Columns are given in
+other orders, as a wrong list of columns does: two joints exchanged (or with ``--drawn 20`` as many drawn orders), all
+reversed, turned round by one and by two; ``--what positions`` or ``drives`` does it to these only.  "told" warns
+(`whsklearn.identification.arm_fit.in_another_order`), "right" names that order.  The other columns are what the rule's
+numbers are compared with: "left" is the largest share of a drive's variance that the shared numbers leave (sought above
+MUCH), "clearly" what all moved joints leave in the true order as a share of that in the given one (told below
+CLEARLY), "s" the CPU time.
 """
 
 from __future__ import annotations
 
 import itertools
+import time
 import warnings
 from typing import Any
 
@@ -23,7 +24,7 @@ import numpy as np
 from benchmarks import arms as measured
 from benchmarks.blind_arms import RATE, REDRAWN, drawn, follows, made, record, reference
 from whsklearn import Arm, RigidBodyLags
-from whsklearn.identification.arm_fit import CLEARLY, LESS, MUCH, _left, swapped
+from whsklearn.identification.arm_fit import CLEARLY, MUCH, _left, in_another_order
 from whsklearn.lags.arm_rows import records_of
 
 Row = tuple[str, bool, bool, float, float, float]
@@ -39,27 +40,35 @@ def drawn_record(seed: int, n: int) -> tuple[Any, np.ndarray, np.ndarray, float]
     return (arm, q, u, 1.0 / RATE) if follows(q, path) else drawn_record(seed + REDRAWN, n)
 
 
-def exchanged(arm: Any, q: np.ndarray, u: np.ndarray, dt: float) -> list[Row]:
-    """(pair, told, right, left, less, clearly): in order first, then with every pair exchanged."""
+def orders(n: int, count: int) -> dict[str, np.ndarray]:
+    """Orders by name: as given, whole turns, and all exchanges of two joints or so many drawn ones."""
+    given = np.arange(n)
+    out = {"none": given, "reversed": given[::-1], "turned by 1": np.roll(given, 1), "turned by 2": np.roll(given, 2)}
+    if count:
+        rng = np.random.default_rng(0)
+        return out | {f"drawn {k + 1}": rng.permutation(n) for k in range(count)}
+    for i, j in itertools.combinations(range(n), 2):
+        out[f"{i + 1}+{j + 1}"] = np.where(given == i, j, np.where(given == j, i, given))
+    return out
+
+
+def reordered(arm: Any, q: np.ndarray, u: np.ndarray, dt: float, count: int, what: str) -> list[Row]:
+    """(order, told, right, left, clearly, seconds) for every order."""
     rows: list[Row] = []
-    n, true = arm.n_joints, np.zeros(arm.n_joints)
-    for pair in ((), *itertools.combinations(range(n), 2)):
-        order = np.arange(n)
-        order[list(pair)] = order[list(pair)][::-1]
-        lags = RigidBodyLags(arm, 1.0 / dt)
+    true = np.zeros(arm.n_joints)
+    for name, order in orders(arm.n_joints, count).items():
+        lags, moved = RigidBodyLags(arm, 1.0 / dt), np.flatnonzero(order != np.arange(arm.n_joints))
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)
-            seen = records_of(lags, q[:, order], u[:, order])
-            said = swapped(seen)
+            seen = records_of(lags, q if what == "drives" else q[:, order], u if what == "positions" else u[:, order])
+            began = time.process_time()
+            said = in_another_order(seen)
         left = _left(seen.phi, seen.target, seen.keep)
-        true = true if pair else left
-        ways = (pair, pair[::-1]) if pair else ()
-        named = [f"the columns of {arm.joints[i]} by those given for {arm.joints[j]}" for i, j in ways]
-        right = bool(said) and all(text in said[0] for text in named) and said[0].count("the columns of") == 2
-        share = (true / left)[list(pair)].max() if pair else 1.0
-        less = float(true[list(pair)].sum() / left[list(pair)].sum()) if pair else 1.0
-        name = "+".join(str(i + 1) for i in pair)
-        rows.append((name, bool(said), right, float(left.max()), less, float(share)))
+        true = true if rows else left
+        given, owner = (", ".join(arm.joints[k] for k in js) for js in (moved, order[moved]))
+        right = bool(said) and f"if the {what} given for {given} are those of {owner}, in" in said[0]
+        clearly = float(true[moved].sum() / left[moved].sum()) if moved.size else 1.0
+        rows.append((name, bool(said), right, float(left.max()), clearly, time.process_time() - began))
     return rows
 
 
@@ -68,17 +77,19 @@ def exchanged(arm: Any, q: np.ndarray, u: np.ndarray, dt: float) -> list[Row]:
 @click.option("--seed", default=7000, help="Of the first arm.")
 @click.option("--joints", default=6)
 @click.option("--rig", help="A measured record in place of drawn ones: tx40, double_pendulum, airbot.")
-def main(arms: int, seed: int, joints: int, rig: str | None) -> None:
+@click.option("--drawn", "count", default=0, help="Drawn orders in place of exchanges.")
+@click.option("--what", default="columns", type=click.Choice(["columns", "positions", "drives"]))
+def main(arms: int, seed: int, joints: int, rig: str | None, count: int, what: str) -> None:
     if rig:
         logs = [(Arm.from_file(measured.folder() / f"{rig}.urdf"), *measured.record(rig))]
     else:
         logs = [drawn_record(seed + i, joints) for i in range(arms)]
-    found = [exchanged(*log) for log in logs]
-    print(f"MUCH {MUCH}, LESS {LESS}, CLEARLY {CLEARLY}\n{'exchanged':10} told right of      left      less   clearly")
+    found = [reordered(*log, count, what) for log in logs]
+    print(f"MUCH {MUCH}, CLEARLY {CLEARLY}\n{'order':12} told right of          left       clearly         s")
     for rows in zip(*found, strict=True):
         told, right = (sum(r[k] for r in rows) for k in (1, 2))
-        spans = " ".join(f"{min(r[k] for r in rows):.4f}-{max(r[k] for r in rows):.4f}" for k in (3, 4, 5))
-        print(f"{rows[0][0] or 'none':10} {told:4} {right:5} {len(rows):2} {spans}")
+        spans = " ".join(f"{min(r[k] for r in rows):.4f}-{max(r[k] for r in rows):.4f}" for k in (3, 4))
+        print(f"{rows[0][0]:12} {told:4} {right:5} {len(rows):2} {spans} {max(r[5] for r in rows):.1f}")
 
 
 if __name__ == "__main__":

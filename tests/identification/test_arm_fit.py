@@ -14,7 +14,7 @@ from whsklearn.datasets import default_arm, make_arm_log
 from whsklearn.effects import CableSpring, Cogging, Coulomb, InputOffset, LoadFriction, PreslidingHysteresis, Viscous
 from whsklearn.filtering import motion
 from whsklearn.identification import identify_arm
-from whsklearn.identification.arm_fit import block_covariance, reversals_of, suspicions, swapped, unsure
+from whsklearn.identification.arm_fit import block_covariance, in_another_order, reversals_of, suspicions, unsure
 from whsklearn.lags import RigidBodyLags
 from whsklearn.lags.arm_rows import records_of
 
@@ -162,14 +162,27 @@ def test_a_log_as_it_should_be_raises_no_suspicion():
 
 
 def order_told(q, torque):
-    return swapped(records_of(RigidBodyLags(ARM, 1 / DT), q, torque))
+    return in_another_order(records_of(RigidBodyLags(ARM, 1 / DT), q, torque))
 
 
 def test_joints_in_another_order_are_told_by_what_is_left_of_their_drives():
-    assert "the drive of yaw by that given for pitch" in order_told(Q, TORQUE[:, ::-1])[0]
-    assert "in another order" in order_told(Q[:, ::-1], TORQUE)[0]
-    assert "the columns of yaw by those given for pitch" in order_told(Q[:, ::-1], TORQUE[:, ::-1])[0]
-    assert "the columns of yaw by those given for pitch" in order_told(Q[:, ::-1], 1e5 * TORQUE[:, ::-1])[0]  # counts
+    told = "if the {} given for yaw, pitch are those of pitch, yaw, in this order"
+    assert told.format("drives") in order_told(Q, TORQUE[:, ::-1])[0]
+    assert told.format("positions") in order_told(Q[:, ::-1], TORQUE)[0]
+    assert told.format("columns") in order_told(Q[:, ::-1], TORQUE[:, ::-1])[0]
+    assert told.format("columns") in order_told(Q[:, ::-1], 1e5 * TORQUE[:, ::-1])[0]  # in counts
+
+
+@pytest.mark.parametrize("what", ["columns", "positions"])
+@pytest.mark.parametrize("order", [[2, 3, 4, 5, 0, 1], [1, 2, 0, 3, 4, 5], [3, 0, 5, 1, 2, 4]])
+def test_any_order_of_six_joints_is_told(order, what):
+    arm = drawn_arm(6, 3, slides=0.0, branch=0.0, gravity=(0, 0, -9.81))
+    q, u = smooth_log(arm, seconds=20.0)
+    u += 0.02 * u.std(axis=0) * np.random.default_rng(0).standard_normal(u.shape)
+    lags, moved = RigidBodyLags(arm, RATE), [k for k in range(6) if order[k] != k]
+    said = in_another_order(records_of(lags, q[:, order], u[:, order] if what == "columns" else u))
+    given, owner = (", ".join(f"j{k}" for k in which) for which in (moved, [order[k] for k in moved]))
+    assert f"if the {what} given for {given} are those of {owner}, in this order" in said[0]
 
 
 @pytest.mark.parametrize("seed", [3, 5])
@@ -182,7 +195,7 @@ def test_two_exchanged_joints_are_told_beside_a_third_whose_drive_is_half_noise(
     u[:, 2] += u[:, 2].std() * noise
     lags = RigidBodyLags(arm, RATE)
     for order, told in (([0, 1, 2], 0), ([1, 0, 2], 1)):
-        assert len(swapped(records_of(lags, q[:, order], u[:, order]))) == told
+        assert len(in_another_order(records_of(lags, q[:, order], u[:, order]))) == told
 
 
 def test_orders_of_many_joints_are_compared_at_some_instants_only(monkeypatch):
@@ -193,9 +206,10 @@ def test_orders_of_many_joints_are_compared_at_some_instants_only(monkeypatch):
     other = np.array([0, 4, 2, 3, 1, 5, 6])
     asked = []
     monkeypatch.setattr(RigidBodyLags, "joint_rows", lambda *args: asked.append(args) or rows(*args))
-    assert swapped(records_of(lags, q, noisy)) == []
+    assert in_another_order(records_of(lags, q, noisy)) == []
     assert len(asked) <= 1  # of 21 exchanges, the one that leaves least at some instants is tried on all rows
-    assert "of j1 by those given for j4" in swapped(records_of(lags, q[:, other], u[:, other]))[0]
+    said = in_another_order(records_of(lags, q[:, other], u[:, other]))[0]
+    assert "the columns given for j1, j4 are those of j4, j1" in said
 
 
 @pytest.mark.parametrize("joint", ARM.joints)
@@ -238,10 +252,11 @@ def test_an_exchange_is_told_where_one_drive_is_in_a_unit_of_its_own(seed, pair,
     q, u = smooth_log(arm, seconds=6.0)
     u[:, pair[0]] /= unit  # so no order is right for the numbers that the joints share, and one joint gains little
     lags, order = RigidBodyLags(arm, RATE), np.arange(3)
-    assert swapped(records_of(lags, q, u)) == []
+    assert in_another_order(records_of(lags, q, u)) == []
     order[pair] = pair[::-1]
-    said = swapped(records_of(lags, q[:, order], u[:, order]))[0]
-    assert all(f"the columns of j{i} by those given for j{j}" in said for i, j in (pair, pair[::-1]))
+    said = in_another_order(records_of(lags, q[:, order], u[:, order]))[0]
+    low, high = sorted(pair)
+    assert f"the columns given for j{low}, j{high} are those of j{high}, j{low}" in said
 
 
 def test_numbers_that_act_on_no_drive_of_the_record_are_told():

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import solve_triangular
-from scipy.optimize import minimize
+from scipy.optimize import linear_sum_assignment, minimize
 from sklearn.base import clone
 from threadpoolctl import threadpool_limits
 
@@ -128,7 +128,7 @@ def identify_arm(
         effects = _frictions(rows)
         if any(row != (InputOffset(),) for row in effects.values()):
             rows = records_of(lags.set_params(effects=effects), q, torque, groups)
-    if wrong := in_degrees(rows) or swapped(rows):
+    if wrong := in_degrees(rows) or in_another_order(rows):
         raise ValueError(wrong[0])
     for text in suspicions(lags.arm_, q, torque):
         warnings.warn(text, UserWarning, stacklevel=3)
@@ -586,7 +586,9 @@ CLEARLY = 0.25  # of the drives' residual: half the error at the joints affected
 # wrist turned by its neighbour 0.2.
 MUCH, SOME = 0.005, 6000
 FEW = 5  # rows per number at the instants at which all orders are compared before the best one is judged on all rows
-LESS = 0.7  # of the sum over the joints that an exchange moves: it has to lower it to this, as most of a chain do
+LESS = 0.7  # of what is left at a joint: for an order to be better, each joint that it moves has to have this or less
+# Drawn orders from which one is sought, about half of which lead to the right one; and orders tried before it is over.
+DRAWN, TRIED = 16, 1000
 
 
 def suspicions(arm: Arm, q: Array, torque: Array) -> list[str]:
@@ -619,87 +621,101 @@ def suspicions(arm: Arm, q: Array, torque: Array) -> list[str]:
     return out
 
 
-def swapped(rows: ArmRows) -> list[str]:
+def in_another_order(rows: ArmRows) -> list[str]:
     """A sentence if the drives fit far better with the columns of the joints in another order, else none.
 
     A joint's own columns explain its own drive best, whatever the others are.  If the numbers that all joints share
-    then leave much of a drive, the positions are in another order, too: it is sought by exchanging two, turning all
-    round or shifting them by one, as long as that leaves less.  It has to be no worse for any joint that it moves, and
-    far better for all of them together: a large effect that one joint lacks is no such order.
+    then leave much of a drive, the positions are in another order, too, and it is sought.  What is found has to be no
+    worse for any joint that it moves, and far better for all of them together: a large effect that one joint lacks is
+    no such order.
     """
     lags, q, torque = rows.lags, rows.position, rows.drive
     names, triple = lags.arm_.joints, (rows.phi, rows.target, rows.keep)
     given = places = np.arange(len(names))
     before = _left(*triple)
     drives, left = _ordered(*triple)
-
-    def clearly() -> bool:
-        moved = (places != given) | (drives != given)
-        no_worse = (left[moved] <= before[moved]).all()
-        return bool(moved.any() and no_worse and left[moved].sum() <= CLEARLY * before[moved].sum())
-
-    def less(order: tuple[NDArray[np.int64], NDArray[np.int64]], rest: Array, now: Array) -> float:
-        """What an order leaves at the joints that it moves, as a share of what they leave now."""
-        moved = (order[0] != places) | (order[1] != drives)
-        return float(rest[moved].sum() / max(now[moved].sum(), 1e-300)) if moved.any() else 1.0
-
-    bad = np.flatnonzero(left > MUCH)
-    if bad.size and not clearly():
+    if (left > MUCH).any():
         trial, whole = clone(lags).set_params(cutoff=lags.cutoff_), max(experiments(rows.groups, len(q)), key=_length)
         middle = whole.start + max((_length(whole) - SOME) // 2, 0)
         part = slice(middle, min(middle + SOME, whole.stop))
-        moves = [given[::-1], np.roll(given, 1), np.roll(given, -1)]
-        for i, j in itertools.combinations(range(len(names)), 2):
-            if i in bad or j in bad:
-                moves.append(np.where(given == i, j, np.where(given == j, i, given)))
-        instants = _Instants(trial.fit(q[part]), q[part], torque[part])
-        while True:
-            now = instants.left(places, [drives])[0]
-            tried = []
-            for other in (places[move] for move in moves):
-                ways = other, given, drives  # drives go with their positions, or are in the order given or found
-                each = zip(ways, instants.left(other, ways), strict=True)
-                tried.append((min(less((other, paid), rest, now) for paid, rest in each), other))
-            other = min(tried, key=lambda t: t[0])[1]
-            with warnings.catch_warnings(), suppress(ValueError):  # nothing may move in this part
-                warnings.simplefilter("ignore", UserWarning)
-                paid, rest = _ordered(*trial.joint_rows(q[part][:, other], torque[part]))
-                if less((other, paid), rest, left) <= LESS:
-                    places, drives, left = other, paid, rest
-                    continue
-            break
-    if not clearly():
+        other = _Instants(trial.fit(q[part]), q[part], torque[part], drives).sought()
+        with warnings.catch_warnings(), suppress(ValueError):  # nothing may move in this part
+            warnings.simplefilter("ignore", UserWarning)
+            paid, rest = _ordered(*trial.joint_rows(q[part][:, other], torque[part]))
+            if np.log(MUCH + rest).sum() < np.log(MUCH + left).sum():
+                places, drives, left = other, paid, rest
+    moved = (places != given) | (drives != given)
+    better = left[moved] <= before[moved]
+    if not moved.any() or not better.all() or left[moved].sum() > CLEARLY * before[moved].sum():
         return []
-    orders = [("position", places), ("drive", drives)] if (places != drives).any() else [("columns", places)]
+    orders = [("positions", places), ("drives", drives)] if (places != drives).any() else [("columns", places)]
     told = [
-        f"the {what} of {names[int(j)]} by {'those' if what == 'columns' else 'that'} given for {names[int(to[j])]}"
-        for what, to in orders for j in np.flatnonzero(to != given)
+        f"the {what} given for {', '.join(names[k] for k in given[order != given])} are those of "
+        f"{', '.join(names[k] for k in np.argsort(order)[order != given])}"
+        for what, order in orders if (order != given).any()
     ]  # fmt: skip
-    return [f"The drives fit far better in another order ({', '.join(told)}); name the columns with --joints."]
+    return [f"The drives fit far better if {' and '.join(told)}, in this order; name the columns with --joints."]
 
 
 class _Instants:
     """Some instants of a record, behind one filter, at which orders of the joints are compared.
 
-    Columns are taken of the filtered motion and not filtered themselves, so that an order costs some milliseconds: an
-    arm of 20 joints has 190 exchanges.
+    Columns are taken of the filtered motion and not filtered themselves, so that an order of six joints costs a
+    millisecond.  ``drives`` are those that each joint's own columns explain best in the order given.
     """
 
-    def __init__(self, lags: RigidBodyLags, q: Array, torque: Array):
+    def __init__(self, lags: RigidBodyLags, q: Array, torque: Array, drives: NDArray[np.int64]):
         rate, n = lags.sample_rate, q.shape[1]
         rows = lags.samples_of(len(q))
         some = rows[:: max(len(rows) * n // (FEW * len(lags.base_.names)), 1)]
         each = [motion(x, rate, lags.cutoff_) for x in q.T]
         speeds = np.sqrt(np.mean(np.column_stack([m.velocity for m in each]) ** 2, axis=0))
-        self.lags, self.time = lags, some / rate
+        self.lags, self.time, self.paid = lags, some / rate, drives
         self.drive = zero_phase(torque, rate, lags.cutoff_)[some]
         self.moved = Motion(*(np.column_stack([x[some] for x in xs]) for xs in zip(*each, strict=True)))
         self.fast = np.abs(self.moved.velocity) > lags.slow * speeds
+        self.tried: dict[tuple[int, ...], float] = {}
 
-    def left(self, places: NDArray[np.int64], orders: Sequence[NDArray[np.int64]]) -> list[Array]:
-        """`_left` with the positions in this order, for each order of the drives, (n_joints,)."""
-        phi = self.lags.columns(Motion(*(x[:, places] for x in self.moved)), self.drive[:, places], self.time)
-        return [_left(phi, self.drive[:, drives], self.fast[:, places]) for drives in orders]
+    def left(self, places: NDArray[np.int64]) -> float:
+        """What remains with the positions in this order, by the likelihood of joints with errors of their own.
+
+        Each position keeps the drive that its columns explain, or that of its own name, or drives are right as given.
+        A joint in another place has to gain what chance does not give.
+        """
+        key = tuple(places.tolist())
+        if key not in self.tried:
+            given = np.arange(len(places))
+            phi = self.lags.columns(Motion(*(x[:, places] for x in self.moved)), self.drive[:, places], self.time)
+            ways = [places] if (self.paid == given).all() else [self.paid[places], places, given]
+            self.tried[key] = min(
+                float(np.log(MUCH + _left(phi, self.drive[:, way], self.fast[:, places])).sum())
+                - float(np.log(LESS)) * int(((places != given) | (way != given)).sum())
+                for way in ways
+            )
+        return self.tried[key]
+
+    def sought(self) -> NDArray[np.int64]:
+        """The order of the positions that leaves least, from several starts."""
+        given, rng = np.arange(len(self.paid)), np.random.default_rng(0)
+        starts = sorted((given, given[::-1], np.roll(given, 1), np.roll(given, -1)), key=self.left)
+        best, little = starts[0], len(given) * np.log(2.0 * MUCH)
+        for start in (*starts, *(rng.permutation(given) for _ in range(DRAWN))):
+            if self.left(best) > little and len(self.tried) < TRIED:
+                best = min(best, self._descended(start), key=self.left)
+        return best
+
+    def _descended(self, places: NDArray[np.int64]) -> NDArray[np.int64]:
+        """The order reached by exchanges, as long as they leave less: the best one, or many at once by assignment."""
+        while True:
+            cost, now = np.full((len(places),) * 2, self.left(places)), places
+            for i, j in itertools.combinations(range(len(places)), 2):
+                other = now.copy()
+                other[[i, j]] = now[[j, i]]
+                cost[i, j] = cost[j, i] = self.left(other)
+                places = min(places, other, key=self.left)
+            places = min(places, now[linear_sum_assignment(cost)[1]], key=self.left)
+            if (places == now).all():
+                return now
 
 
 def in_degrees(rows: ArmRows) -> list[str]:
@@ -738,8 +754,6 @@ def _left(phi: Array, target: Array, keep: NDArray[np.bool_]) -> Array:
 
 def _ordered(phi: Array, target: Array, keep: NDArray[np.bool_]) -> tuple[NDArray[np.int64], Array]:
     """The drive that each joint's own columns explain best, and what all together leave in that order."""
-    from scipy.optimize import linear_sum_assignment
-
     order = np.asarray(linear_sum_assignment(_left_of_drives(phi, target, keep))[1])
     return order, _left(phi, target[:, order], keep)
 

@@ -53,10 +53,10 @@ from whsklearn.identification.arm_fit import (
     blocks_of,
     enough_rows,
     fitted,
+    in_another_order,
     in_degrees,
     reversals_of,
     suspicions,
-    swapped,
     updated,
 )
 from whsklearn.identification.payload import ALIKE, FURTHEST, Beside
@@ -132,7 +132,8 @@ class ArmPlant(Plant):
         problems = [DataProblem("data-arm", "Check the log", text, fatal=False) for text in texts]
         if turned := in_degrees(v):
             return [DataProblem("data-units", "The positions are in degrees", turned[0])]
-        return [*(DataProblem("data-order", "The joints are in another order", x) for x in swapped(v)), *problems]
+        wrong = in_another_order(v)
+        return [*(DataProblem("data-order", "The joints are in another order", x) for x in wrong), *problems]
 
     def base(self, rng: np.random.Generator) -> ArmState:
         """The rigid arm with its law, fitted; or the given arm, within what is known of it."""
