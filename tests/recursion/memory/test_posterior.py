@@ -12,9 +12,10 @@ from scipy.signal import lfilter
 from whsklearn import RMILSRegressor, WienerHammersteinLags, WienerHammersteinSystem
 from whsklearn.datasets import make_wiener_hammerstein
 from whsklearn.effects.law import reduced_law
+from whsklearn.metrics import nmse
 from whsklearn.recursion.memory import multistart
 from whsklearn.recursion.memory import posterior as memory_posterior
-from whsklearn.recursion.memory.linearised import Signs
+from whsklearn.recursion.memory.linearised import CAPACITY, Signs
 from whsklearn.recursion.memory.posterior import flattened, has_posterior, initial_past, moved, stored, unpacked
 from whsklearn.recursion.memory.settings import Settings
 from whsklearn.recursion.memory.sign_posterior import posed, turn
@@ -198,3 +199,15 @@ def test_each_experiment_is_judged_by_itself():
 def test_an_unknown_output_is_refused():
     with pytest.raises(ValueError, match="output is 'mean', expected one of 'expected', 'simulation'"):
         fitted(100).predict([[0.0]], output="mean")
+
+
+def test_a_mean_that_a_full_list_of_signs_leads_astray_is_not_told():
+    """More signs are in doubt than a page keeps, and its squared errors do not show what the rest does."""
+    u, e = np.random.default_rng(1).standard_normal((2, 8000))
+    dx = np.diff(lfilter([0.0, 1.0, 0.152], [1.0, -0.306, -0.009], u), prepend=0.0)
+    clean = lfilter([0.0, 1.0, 1.468], [1.0, -0.801, 0.039], 0.606 * dx + 0.47 * np.sign(dx))
+    noisy = clean + np.std(clean) / np.sqrt(10.0) * e  # at the output, which is not what the criterion assumes
+    lags = WienerHammersteinLags(2, 2, 2, 2, law="viscous,coulomb")
+    model = RMILSRegressor(lags, memory=2048, random_state=0).partial_fit(u[:, None], noisy).consolidate()
+    assert np.count_nonzero(model.state_["signs"][:, 2]) == CAPACITY
+    assert nmse(clean, model.predict(u[:, None])) < 0.05  # 0.026; 0.096 at that mean
