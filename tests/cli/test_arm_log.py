@@ -15,6 +15,7 @@ from whsklearn.cli.arm_log import (
     to_si,
 )
 from whsklearn.effects import Coulomb, Viscous
+from whsklearn.logs.errors import ColumnError
 from whsklearn.systems import Arm
 
 JOINTS = ["shoulder", "elbow", "wrist"]
@@ -100,3 +101,9 @@ def test_a_file_with_damping_alone_is_told_to_have_no_dry_friction(law, effects,
     arm = Arm.from_dh([(0.3, 0, 0, 0)], joints=("hip",)).with_effects({"hip": effects} if effects else {})
     note_friction({"law": law}, arm)
     assert ("--law viscous,coulomb" in " ".join("".join(capsys.readouterr()).split())) is told
+
+
+@pytest.mark.parametrize("units", [("m", "Nm"), ("deg", "N")])
+def test_a_unit_that_a_sliding_joint_cannot_have_is_told_with_the_joint(units):
+    with pytest.raises(ColumnError, match="lift slides in the robot's file, so"):
+        to_si("lift", True, *units, {})

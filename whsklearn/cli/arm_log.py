@@ -182,19 +182,25 @@ def to_si(joint: str, slides: bool, position: str, drive: str, gains: Mapping[st
     from whsklearn.logs.units import UNSTATED, factor_between
 
     place, force = ("m", "N") if slides else ("rad", "Nm")
-    if joint in gains:
-        if drive not in UNSTATED and not drive.endswith("A"):
-            raise ColumnError(
-                f"The drive of {joint} is in {drive}, so no gain in {force} per A applies to it; leave out --gains, or "
-                "--load, which finds gains."
-            )
-        return factor_between(position, place), gains[joint][0] * factor_between(drive, "A")
-    if drive not in UNSTATED and drive.endswith("A"):
+    ampere = drive not in UNSTATED and drive.endswith("A")
+    if joint in gains and drive not in UNSTATED and not ampere:
+        raise ColumnError(
+            f"The drive of {joint} is in {drive}, so no gain in {force} per A applies to it; leave out --gains, or "
+            "--load, which finds gains."
+        )
+    if ampere and joint not in gains:
         raise ColumnError(
             f"The drive of {joint} is a current in {drive}; give the {force} per A of every joint, "
             f'--gains "{joint}:{force.upper()}_PER_AMPERE;...".'
         )
-    return factor_between(position, place), factor_between(drive, force)
+    gain, target = (gains[joint][0], "A") if joint in gains else (1.0, force)
+    try:
+        return factor_between(position, place), gain * factor_between(drive, target)
+    except ValueError as error:
+        raise ColumnError(
+            f"{joint} {'slides' if slides else 'turns'} in the robot's file, so its position is read in {place} and "
+            f"its drive in {force}, but {error}; correct the unit in the column's name, or the columns in --joints."
+        ) from error
 
 
 def common_rows(times: Sequence[Any]) -> list[Any]:
