@@ -251,7 +251,7 @@ def closing(monkeypatch):
         monkeypatch.setattr(conclude, "p_of_zero", lambda fit, index: absent.get(fit.terms[index], 0.0))
         steps = [SimpleNamespace(looks=[], fitted=list(f)) for f in (*earlier, fitted)]
         taken = [Letter(x) for x in model] if taken is None else list(taken)
-        found = SimpleNamespace(base=Terms(), model=Terms(model), taken=taken, remainder=[], steps=steps)
+        found = SimpleNamespace(base=Terms(), model=Terms(model), taken=taken, remainder=[], steps=steps, refused={})
         return conclude._closing(plant, found, None, None, 0.01), found
 
     return run
@@ -259,7 +259,7 @@ def closing(monkeypatch):
 
 def test_the_last_effects_go_until_the_run_closes(closing):
     _, found = closing(Runs(lambda m: (0.9, 0.9) if m in ("a", "") else (-0.1, -0.1)))
-    assert (found.model, found.taken) == ("a", ["a"])
+    assert (found.model, found.taken, found.refused) == ("a", ["a"], {"b": conclude.NO_CLOSER})
     _, found = closing(Runs(lambda m: (-0.1, -0.1) if m else (0.0, 0.0)))
     assert (found.model, found.taken) == ("", [])
 
@@ -319,7 +319,7 @@ def test_numbers_as_found_stand_in_where_those_refitted_along_the_run_are_worse(
 def test_an_effect_that_ends_where_physics_objects_goes_beside_others_and_alone(closing):
     """A fit along the run had lowered a limit of a wheel's drive to the lowest reading; it was named with certainty."""
     _, found = closing(Runs(lambda m: (0.9, 0.9), objected="b"), "abc")
-    assert (found.model, found.taken) == ("ac", ["a", "c"])
+    assert (found.model, found.taken, found.refused) == ("ac", ["a", "c"], {"b": conclude.NOT_SUPPORTED})
     assert closing(Runs(lambda m: (0.9, 0.9), objected="a"), "a")[1].taken == []
 
 
@@ -359,7 +359,7 @@ def test_what_the_record_shows_is_not_called_untestable(p_value, status):
     step = SimpleNamespace(looks=[look], fitted=[], n_effective=1e3, gap=1.0)
     plant = SimpleNamespace(scale=1.0, whole="drive", tolerance=0.004, gap_share=lambda *_: 0.25)
     diagnosis = SimpleNamespace(effects=[])
-    found = SimpleNamespace(steps=[step], remainder=[look])
+    found = SimpleNamespace(steps=[step], remainder=[look], refused={})
     assert [c.status for c in conclude.candidates(found, diagnosis, plant, 0.01)] == [status]
 
 

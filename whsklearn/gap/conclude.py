@@ -34,6 +34,9 @@ UNFINISHED = ("unknown", "partial", "coloured_noise")  # verdicts beside which a
 # Multiple of the floor above which a free run shows a gap at all: a floor is known to a few percent. Where own records
 # are exact, `LEAST_SHARE` of it must be closed.
 ABOVE_FLOOR = 1.1
+# Why the proof refuses a name that the search had taken.
+NO_CLOSER = "a simulation with it comes no closer to the record"
+NOT_SUPPORTED = "its numbers, with all others refitted, are not physical or cannot be told from zero"
 # Rms of an effect, as a share of the drive, that a record must be able to show, or the effect is not testable.
 SHOWN = 0.02
 
@@ -135,7 +138,6 @@ def _closing(plant: Any, found: Found, rng: np.random.Generator, given: Any, alp
     What the record could not distinguish from the last effect to go is tried in its place (`_instead`): simulation
     tells a delay from a lag.
     """
-    refused: set[str] = set()
     if found.taken:
         # as fair as the repaired model: what other numbers of the base alone close in simulation, no effect has closed
         found.base = plant.to_simulate(found.base)
@@ -154,12 +156,13 @@ def _closing(plant: Any, found: Found, rng: np.random.Generator, given: Any, alp
         else:
             i = len(found.taken) - 1
         gone: list[Named] = []
+        why = NO_CLOSER if standing is None else NOT_SUPPORTED
         while i is not None:
             gone.append(found.taken.pop(i))
             found.model = plant.settled(found.model.without(found.model.n_base + i))
             i = _unsound(plant, found, alpha) if standing is not None else None
-        refused.update(g.name for g in gone)
-        other = _instead(found, max(gone, key=lambda g: g.size), refused)
+        found.refused |= {g.name: why for g in gone}
+        other = _instead(found, max(gone, key=lambda g: g.size))
         if other is not None:
             found.model = plant.settled(found.model.with_terms((*found.model.terms, other.model.terms[-1])))
             found.taken.append(other)
@@ -179,7 +182,7 @@ def _retold(plant: Any, found: Found) -> None:
             found.taken[i] = replace(taken, look=replace(taken.look, name=term.name), rivals=rivals)
 
 
-def _instead(found: Found, gone: Named, refused: set[str]) -> Named | None:
+def _instead(found: Found, gone: Named) -> Named | None:
     """What takes the place of an effect that goes: what the record could not distinguish from it; None if nothing.
 
     In the place of the effect that explains most it is the next sound one of its round, or of another round that
@@ -196,7 +199,7 @@ def _instead(found: Found, gone: Named, refused: set[str]) -> Named | None:
     for step in sorted(later_first, key=off):
         for f in step.fitted if np.isfinite(off(step)) else []:
             alike = most or f.name in (*gone.rivals, *gone.effect.aliases)
-            if alike and not f.reason and f.name not in there | refused and meet(f.look, gone.look):
+            if alike and not f.reason and f.name not in there | found.refused.keys() and meet(f.look, gone.look):
                 return replace(f, rivals=[gone.name, *(r for r in gone.rivals if r not in there | {f.name})])
     return None
 
@@ -387,7 +390,8 @@ def candidates(found: Found, diagnosis: Diagnosis, plant: Any, alpha: float) -> 
         elif not line.reason:
             joint = name.partition(" at ")[2]
             here = [e.label for e in diagnosis.effects if e.joint in ("", joint)]
-            line.reason = f"explains less than {spoken(here[0])}" if here else "explains too little"
+            little = f"explains less than {spoken(here[0])}" if here else "explains too little"
+            line.reason = found.refused.get(name, little)
     for name, late in named.items():
         if name not in lines:
             share = float(np.clip(late.closure, -1, 1))

@@ -112,6 +112,7 @@ class Found:
     steps: list[Step] = field(default_factory=list)
     # of the last look, at the final model; nameless families are included
     remainder: list[Look] = field(default_factory=list)
+    refused: dict[str, str] = field(default_factory=dict)  # name that was taken -> why the proof has refused it
     interrupted: bool = False
 
 
