@@ -8,7 +8,8 @@ from sklearn.utils import Bunch
 
 from whsklearn.datasets import make_servo_log
 from whsklearn.effects import CableSpring, Cogging, GravityImbalance, InputOffset
-from whsklearn.logs.slips import slips_in
+from whsklearn.logs import load_log
+from whsklearn.logs.slips import slips_in, time_slips
 
 
 def log(effects=(), seed=0, **changes):
@@ -44,6 +45,21 @@ def test_each_slip_is_named_with_the_option_that_mends_it(seed):
         assert found, option
         assert option in found[0].option
         assert str(found[0]).count(".") >= 1
+
+
+@pytest.mark.parametrize("rate", [1000, 250, 50])
+def test_seconds_in_a_column_called_ms_are_told(tmp_path, rate):
+    """The header's unit is asked: the time of the log is in seconds whatever it was."""
+    good = log()
+    rows = zip(np.arange(good.y.size) / rate, good.X[:, 0], good.y, strict=True)
+    path = tmp_path / "a.csv"
+    path.write_text("time_ms,torque_nm,position_rad\n" + "\n".join(f"{t:.4f},{u},{q}" for t, u, q in rows))
+    assert [s.option for s in slips_in(load_log(path))] == ["--unit time=s"]
+
+
+def test_a_long_log_of_20_khz_is_in_ms():
+    time = np.arange(80_000) * 5e-5
+    assert time_slips(time, "ms") == []
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -13,11 +13,12 @@ import numpy as np
 
 from whsklearn.logs.findings import Array
 from whsklearn.logs.timebase import SLOWEST
-from whsklearn.logs.units import unit_of
+from whsklearn.logs.units import seconds_of, unit_of
 
 MOST_ROWS = 50_000  # a mistake is in every row; more rows only take time
 SLOW = 0.2  # s; no axis is logged at five times a second, but ms called s look like that
 FAST = 2e-6  # s; no logger is faster, but s taken as ms look like that
+SHORT = 3.0  # s; `gap` rejects a shorter log of an axis
 SURE = 0.15  # correlation of drive and velocity; below minus this the axis would deliver power
 EXPLAINED = 0.3  # share of the drive's residual that the sign of the column explains if it is a velocity
 # Share of the residual power of a drive that never changes its sign which is left once signs are restored to it: at
@@ -68,8 +69,8 @@ def slips_in(log: Any) -> list[Slip]:
     >>> [s.option for s in slips_in(log)]
     ['--invert-drive']
     """
-    stated = bool(unit_of(log.get("columns", {}).get("time", ""), ""))
-    found = time_slips(log.time, log.units.get("time", "s"), SLOW if stated else SLOWEST)
+    stated = unit_of(log.get("columns", {}).get("time", ""), "")  # of the column; those of the log are seconds by now
+    found = time_slips(log.time, stated or log.units.get("time", "s"), SLOW if stated else SLOWEST)
     n = min(log.y.size, MOST_ROWS)
     unit = log.units.get("position", "")
     if "velocity" not in log.get("columns", ()):  # an integrated velocity grows for as long as the axis turns
@@ -87,11 +88,12 @@ def time_slips(time: Array, unit: str, slow: float = SLOW) -> list[Slip]:
     if period > slow:
         text = f"There is one sample every {period:.4g} s: time looks like ms or a count of samples, not s."
         return [Slip(text, "--unit time=ms, or --rate HZ in place of --time")]
-    if period <= FAST and unit == "s":
+    scale = seconds_of(unit)  # s called ms are a thousand times as close, and the log a thousand times as short
+    if scale < 1.0 and (period <= FAST or (period <= scale * SLOWEST and np.ptp(time) < SHORT)):
+        return [Slip(f"There is one sample every {period:.3g} s: time looks like s, not {unit}.", "--unit time=s")]
+    if period <= FAST:
         text = f"There is one sample every {period:.3g} s, faster than any logger: time looks like hours or days"
         return [Slip(f"{text}, not s.", "--rate HZ in place of --time")]
-    if period <= FAST:
-        return [Slip(f"There is one sample every {period:.3g} s: time looks like s.", "--unit time=s")]
     return []
 
 
