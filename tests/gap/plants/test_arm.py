@@ -433,6 +433,8 @@ def test_beside_a_found_effect_what_the_arms_own_record_leaves_has_no_name(empty
     assert plant.objection(before, model) == ""
     plant.known = plant.known._replace(unexplained={"yaw": 0.0, "pitch": 2.0 * plant.view.drive_rms[1]})
     assert "the arm's own record may leave" in plant.objection(before, model)
+    found = [k.p_value for k in plant.looks(before, np.random.default_rng(0)) if k.place == {"pitch"}]
+    assert set(found) == {1.0}  # nor does it keep a name at another joint from being enough
 
 
 def test_an_effect_of_one_number_is_not_refused_for_a_friction_of_one(empty):

@@ -189,7 +189,10 @@ class ArmPlant(Plant):
         looks = [self._sized(look) for _, look in pairs if look is not None]
         looks += [self._sized(look) for k in limits if (look := look_at_limit(view, k, self.tangent)) is not None]
         looks = sorted((self._significant(k, len(looks)) for k in outermost(looks, view.arm)), key=lambda k: -k.score)
-        for i in [i for i, k in enumerate(looks) if k.name][:1]:
+        usual = self._usual(model)  # beside what has changed at one joint, what was there before at another is no gap
+        asked = [i for i, k in enumerate(looks) if not k.place or not k.place <= usual]
+        looks = [k if i in asked else replace(k, p_value=1.0) for i, k in enumerate(looks)]
+        for i in [i for i in asked if looks[i].name][:1]:
             for family in [f for f, k in pairs if k is not None and k.start is looks[i].start]:
                 looks[i] = self._beside(looks[i], family, model, rng, len(looks))
         self.looked = looks
@@ -212,6 +215,12 @@ class ArmPlant(Plant):
         beside = self._tangent(model, null.reshape(len(null), -1)).look(family)
         assert beside is not None
         return replace(look, p_value=self._significant(replace(look, null=beside.null), families).p_value)
+
+    def _usual(self, model: ArmState) -> set[str]:
+        """The joints at which a model with effects leaves no more than the arm's own record may leave."""
+        if not model.terms or self.known is None or not self.known.unexplained:
+            return set()
+        return set(np.array(self.view.arm.joints)[self._shares(self.errors(model)) <= QUIET * self.floor].tolist())
 
     def _significant(self, look: Look, families: int) -> Look:
         """The look with its p-value."""
@@ -383,8 +392,7 @@ class ArmPlant(Plant):
                 if beyond < max(min(self.tolerance, most), STILL * most, min(stays, LEAST_SHARE**0.5 * most)):
                     return f"{c.name.replace('_', ' ')} explains as much with fewer numbers"
         at = [view.arm.joints.index(j) for j in t.kind.place or view.arm.joints]
-        rest = self._shares(self.errors(model))[at]
-        if model.terms and self.known is not None and self.known.unexplained and np.all(rest <= QUIET * self.floor[at]):
+        if {view.arm.joints[i] for i in at} <= self._usual(model):
             return "before it, no more was left at its joint than the arm's own record may leave"
         there = float(self._shares(self.errors(model.with_terms(())))[at].max())
         if model.terms and self._explains(model, grown, t.kind.place)[1] < STILL * there:
