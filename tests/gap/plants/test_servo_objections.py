@@ -7,13 +7,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from whsklearn.effects import CableSpring, ContactStop, EndStop, codes
+from whsklearn.effects import CableSpring, ContactStop, EndStop, codes, get_effect
 from whsklearn.effects.base import rms
 from whsklearn.gap.plants.servo_inverse import (
     LEAST_GAIN_LEFT,
     always_limited,
     beside_its_sign,
     never_free,
+    never_started,
     on_excitation_line,
 )
 from whsklearn.gap.record import ServoRecord
@@ -93,3 +94,30 @@ def test_a_limit_is_none_if_what_it_leaves_is_not_explained(limit, mean, missing
         record=SimpleNamespace(drive=drive), gap=lambda m: gap, rms=rms, blur=lambda x: x, at=slice(None)
     )
     assert bool(always_limited(view, model, 0)) == refused
+
+
+@pytest.mark.parametrize("unit", [1.0, -3.0])
+@pytest.mark.parametrize(
+    ("terms", "refused"),
+    [
+        ({"coulomb": 0.3, "saturation": 0.31}, False),
+        ({"coulomb": 0.3, "saturation": 0.29}, True),
+        ({"coulomb": 0.3, "saturation": 0.29, "gravity_imbalance": 0.1}, False),  # a weight may move the axis
+        ({"coulomb": 0.3, "stribeck": 0.69}, False),
+        ({"coulomb": 0.3, "stribeck": 0.71}, True),  # the drive reaches 1
+        ({"coulomb": 0.3, "stribeck": 0.2, "saturation": 0.4}, True),
+    ],
+)
+def test_a_drive_that_could_never_have_moved_the_axis_is_none(terms, refused, unit):
+    drive = unit * np.sin(2 * np.pi * 0.7 * T)
+    size = abs(unit)
+    model = SimpleNamespace(
+        terms=[
+            SimpleNamespace(name=n, q=(size * q,), effect=SimpleNamespace(place=get_effect(n).place))
+            for n, q in terms.items()
+        ]
+    )
+    last = list(terms).index("saturation" if "saturation" in terms else "stribeck")
+    said = never_started(SimpleNamespace(record=SimpleNamespace(drive=drive)), model, last)
+    assert bool(said) == refused
+    assert never_started(SimpleNamespace(record=SimpleNamespace(drive=drive)), model, 0) == "", "of the base itself"

@@ -464,6 +464,7 @@ def unphysical(view: InverseView, model: ServoHypothesis, index: int) -> str:
         or negative_after(model, index)
         or overdamped(model, index)
         or too_large(model, index)
+        or never_started(view, model, index)
         or always_limited(view, model, index)
         or on_excitation_line(view.record, term)
     )
@@ -501,6 +502,24 @@ def beside_its_sign(limit: float, drive: Array) -> tuple[Array, float]:
     rest = both - plain @ np.linalg.lstsq(plain, both, rcond=None)[0]
     left, whole = np.linalg.norm(rest, axis=0)
     return rest[:, 0], float(left / max(whole, 1e-300))
+
+
+def never_started(view: InverseView, model: ServoHypothesis, index: int) -> str:
+    """The objection that the drive could never have set the axis in motion: dry friction at rest is no smaller.
+
+    It concerns a limit of the drive and a friction that falls with speed, whose height at rest few samples show.  A
+    limit at the Coulomb friction stood, with certainty, for the chatter of a valve whose encoder is coarse. Another
+    torque may move an axis, as gravity does a pendulum, so nothing is said where one is in the model.
+    """
+    if model.terms[index].name not in ("saturation", "stribeck"):
+        return ""
+    if any(t.effect.place in ("position", "time") for t in model.terms):
+        return ""
+    rest = sum(t.q[0] for t in model.terms if t.name in ("coulomb", "stribeck"))
+    limits = [t.q[0] for t in model.terms if t.name == "saturation"]
+    if rest < min([float(np.abs(view.record.drive).max()), *limits]):
+        return ""
+    return "with as much dry friction at rest, the drive would never have moved the axis"
 
 
 def always_limited(view: InverseView, model: ServoHypothesis, index: int) -> str:
