@@ -23,7 +23,7 @@ from whsklearn.effects import (
     Viscous,
 )
 from whsklearn.gap import GapFinder
-from whsklearn.gap.plants.arm import ArmRecord, arm_plant
+from whsklearn.gap.plants.arm import ArmPlant, ArmRecord, arm_plant
 from whsklearn.gap.plants.arm_families import families
 from whsklearn.gap.plants.arm_terms import JointTerm, candidates, present
 from whsklearn.gap.standard_errors import p_of_zero
@@ -513,3 +513,31 @@ def test_a_change_of_the_speed_over_which_friction_reverses_is_no_evidence_for_a
     change = view.widths[:, list(known.reversals).index("pitch")] * view.flat_weight()
     assert np.linalg.norm(change) > 0.0
     assert np.linalg.norm(change - tangent.plane @ (tangent.plane.T @ change)) < 1e-6 * np.linalg.norm(change)
+
+
+@pytest.mark.parametrize(
+    ("elsewhere", "refused"),
+    [(0.0, True), (0.2, True), (0.5, False), (-0.5, True)],
+    ids=["push", "most", "half", "worse"],
+)
+def test_what_only_the_contact_with_a_stop_shows_is_no_further_effect(elsewhere, refused):
+    """``elsewhere``: of the power that a term takes off the residual, the part outside the contact."""
+    push = np.where(np.arange(200) < 40, 5.0, 1e-6)  # behind a filter no row is without any
+    contact = push > 1.0
+    gone = np.where(contact, (1.0 - elsewhere) / contact.sum(), elsewhere / (~contact).sum())
+    before = np.sqrt(np.column_stack([np.full(200, 1.0), np.full(200, 3.0)]))
+    after = np.sqrt(before**2 - np.column_stack([gone, np.zeros(200)]))
+    stop, other = (
+        SimpleNamespace(joint="lift", kind=SimpleNamespace(cls=cls, name=cls.__name__))
+        for cls in (ContactStop, Stribeck)
+    )
+    model = SimpleNamespace(terms=(stop,), left=before)
+    view = SimpleNamespace(
+        arm=SimpleNamespace(joints=("lift", "turn")), drive_rms=np.ones(2), fit=lambda m: m, left=lambda m: m.left,
+        contribution=lambda t: np.column_stack([push, np.zeros(200)]),
+    )  # fmt: skip
+    plant = SimpleNamespace(view=view, tolerance=0.004)
+    grown = SimpleNamespace(terms=(stop, other), left=after)
+    assert bool(ArmPlant._against_its_stop(plant, model, grown)) == refused
+    turned = SimpleNamespace(terms=(stop, SimpleNamespace(joint="turn", kind=other.kind)), left=after)
+    assert ArmPlant._against_its_stop(plant, model, turned) == "", "a joint without a stop"

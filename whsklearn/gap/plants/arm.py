@@ -310,6 +310,24 @@ class ArmPlant(Plant):
         silent = quiet(last, self.floor, self.tolerance)
         return bool(np.all((silent | (last <= STILL * first))[here]))
 
+    def _against_its_stop(self, model: ArmState, grown: ArmState) -> str:
+        """The objection that a term explains little outside the contact with its joint's stop, which is in the model.
+
+        A push has a form of its own, which a stop's spring and damper give only roughly: a dead zone was named, with
+        certainty, for what it leaves of MuJoCo's. A servo axis is not judged in contact at all
+        (`whsklearn.gap.plants.servo_stop`).
+        """
+        view, joint = self.view, grown.terms[-1].joint
+        stop = next((t for t in model.terms if t.joint == joint and t.kind.cls is ContactStop), None)
+        if stop is None:
+            return ""
+        j = view.arm.joints.index(joint)
+        before, after = (view.left(view.fit(m))[:, j] ** 2 for m in (model, grown))
+        free = np.abs(view.contribution(stop)[:, j]) < self.tolerance * view.drive_rms[j]
+        gone = before - after
+        outside = float(gone[free].sum()) >= LEAST_SHARE * float(gone.sum())
+        return "" if outside else "it explains little outside the contact with the stop"
+
     def _moved(self, model: ArmState) -> float:
         """How far the numbers are from those of another record, squared, in the unit of the power of the errors."""
         view = self.view
@@ -391,6 +409,8 @@ class ArmPlant(Plant):
                 # distance of some mrad explains 3 to 5 % of it (`python -m benchmarks.blind_arms --kinds coulomb`).
                 if beyond < max(min(self.tolerance, most), STILL * most, min(stays, LEAST_SHARE**0.5 * most)):
                     return f"{c.name.replace('_', ' ')} explains as much with fewer numbers"
+        if said := self._against_its_stop(model, grown):
+            return said
         at = [view.arm.joints.index(j) for j in t.kind.place or view.arm.joints]
         if {view.arm.joints[i] for i in at} <= self._usual(model):
             return "before it, no more was left at its joint than the arm's own record may leave"
