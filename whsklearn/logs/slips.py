@@ -21,9 +21,10 @@ FAST = 2e-6  # s; no logger is faster, but s taken as ms look like that
 SHORT = 3.0  # s; `gap` rejects a shorter log of an axis
 SURE = 0.15  # correlation of drive and velocity; below minus this the axis would deliver power
 EXPLAINED = 0.3  # share of the drive's residual that the sign of the column explains if it is a velocity
-# Share of the residual power of a drive that never changes its sign which is left once signs are restored to it: at
-# most 0.6 of a magnitude's and at least 1 of a lift's in fresh logs of five axes, but 0.96 where a pendulum turns over
-# several turns, which stays unseen (`tests/logs/test_slips.py`).
+# Share of the residual power of a drive that never changes its sign which is left once signs are restored to it. In 60
+# logs of `make_servo_log`, bare and with one of four effects, at most 0.6 of a magnitude's and at least 1 of a lift's;
+# but 0.96 of a magnitude's where a pendulum turns over several turns, which stays unseen (a script that was not kept;
+# `tests/logs/test_slips.py` holds both sides).
 SIGNED = 0.7
 PASSES = 20  # of restoring the sign; it settles in about five
 _VELOCITY = "--velocity COLUMN in place of --position"
