@@ -24,14 +24,14 @@ def verdict(
     """Of a record with such a gap, ``after`` of which is left where noise alone leaves ``floor``.
 
     The free run closes by ``run``, begins at ``first`` and ends at so many of its own ``floors``. Of each effect, the
-    looks say that it explains ``size``, ``swapped`` or not, and that it has ``rivals``.
+    looks say that it explains ``size``, and that it has ``rivals``.
     """
     plant = SimpleNamespace(
         tolerance=0.004, scale=1.0, exact=exact, enough=lambda model: enough,
         figures=lambda base, model, nameless: Figures(gap, after, floor, nameless, by_run),
     )  # fmt: skip
     effect = {"rivals": (), "size": 0.0} | effect
-    look = SimpleNamespace(signal="velocity", swapped=effect.pop("swapped", False))
+    look = SimpleNamespace(signal="velocity")
     found = SimpleNamespace(
         base=None,
         model=None,
@@ -94,10 +94,6 @@ def test_a_name_that_closes_next_to_nothing_is_not_given(rest, expected):
 
 def test_an_effect_that_noise_nearly_hides_is_certain_where_all_of_it_is_closed():
     assert verdict(1.0, 0.99, gap=1.002, floor=1.0) == "named"
-
-
-def test_what_a_free_swing_shows_along_the_run_has_a_name_but_not_for_sure():
-    assert verdict(0.9, 0.1, size=0.9, swapped=True) == "partial"
 
 
 def test_what_a_look_promises_and_no_fit_has_taken_has_no_name():

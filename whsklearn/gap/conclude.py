@@ -312,11 +312,9 @@ def verdict_of(plant: Any, found: Found, alpha: float, run: dict[str, float]) ->
             blind = len(_unseen(plant, found, alpha)) > HALF * len(asked)
             return "not_testable" if asked and blind else "no_gap"
         return "unknown" if follows > least else "coloured_noise"
-    # The drive's error shows little of free swings: there the looks along the run measure what an effect explains.
-    along = sum((t.size * plant.scale) ** 2 for t in found.taken if t.look.swapped)
     # a run that noise alone explains before the repair shows no closure
     shown = run["closure"] if run["before"] > ABOVE_FLOOR * run["floor"] else 0.0
-    explained = max(before**2 - after**2, along, shown * before**2 if figures.by_run else 0.0)
+    explained = max(before**2 - after**2, shown * before**2 if figures.by_run else 0.0)
     if explained < LEAST_SHARE * (explained + follows**2) or after > QUIET * before:
         return "unknown"  # the second: no name closes in simulation what it opens in the drive
     if not plant.exact and max(explained, shown * before**2) < LEAST_SHARE * before**2:

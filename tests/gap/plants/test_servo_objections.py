@@ -97,6 +97,18 @@ def test_a_limit_is_none_if_what_it_leaves_is_not_explained(limit, mean, missing
 
 
 @pytest.mark.parametrize("unit", [1.0, -3.0])
+@pytest.mark.parametrize(("rows", "refused"), [(1, True), (20, False)])
+def test_a_limit_that_is_reached_in_single_rows_is_none(rows, refused, unit):
+    """A drive that a controller changes with every row, and one whose values last for ``rows``."""
+    drive = unit * np.repeat(np.random.default_rng(0).standard_normal(T.size // rows), rows)
+    model = SimpleNamespace(terms=[SimpleNamespace(kind=SimpleNamespace(code=codes.SATURATION), q=(abs(unit),))])
+    view = SimpleNamespace(
+        record=SimpleNamespace(drive=drive), gap=lambda m: 0.0 * drive, rms=rms, blur=lambda x: x, at=slice(None)
+    )
+    assert bool(always_limited(view, model, 0)) == refused
+
+
+@pytest.mark.parametrize("unit", [1.0, -3.0])
 @pytest.mark.parametrize(
     ("terms", "refused"),
     [

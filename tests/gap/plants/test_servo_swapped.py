@@ -14,6 +14,7 @@ from whsklearn.gap.plants import servo_families
 from whsklearn.gap.plants.servo_start import start_of
 from whsklearn.gap.record import ServoRecord
 from whsklearn.gap.tangent import Family
+from whsklearn.systems import PIDController
 
 RATE, SECONDS = 300.0, 20.0
 LAW = ("viscous", "coulomb")
@@ -75,3 +76,17 @@ def test_own_noise_has_the_colour_of_what_is_left():
     assert np.mean(tangent.null.std(axis=1)) == pytest.approx(np.std(tangent.left), rel=0.1)
     counts = [n_effective(row) for row in tangent.null]
     assert 0.3 < np.median(counts) / n_effective(tangent.left) < 3.0
+
+
+@pytest.mark.parametrize("seed", [0, 2])
+def test_noise_in_the_reading_of_the_drive_is_no_gravity(seed):
+    """It leaves the acceleration unexplained, too; a force of the place explains that, and nothing of the drive."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(3000) / 100.0
+    law, controller = FrictionLaw([Viscous(0.02), Coulomb(0.05)]), PIDController(kp=8.0, ki=0.0, kd=0.6)
+    axis = ServoAxis(inertia=0.05, law=law, controller=controller, sample_rate=100.0)
+    reference = np.sin(2.1 * time) + 0.3 * np.sin(5.3 * time + 1.0)
+    run = axis.simulate(reference=reference, noise=1e-5 * rng.standard_normal(time.size))
+    drive = run.drive + 4.0 * np.std(run.drive) * rng.standard_normal(time.size)
+    log = pd.DataFrame({"time_s": run.time, "torque_nm": drive, "position_rad": run.position})
+    assert not GapFinder("servo").fit(log).effects_

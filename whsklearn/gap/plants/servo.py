@@ -33,7 +33,7 @@ from whsklearn.gap.plants.from_log import servo_record
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, aliases, candidate
 from whsklearn.gap.plants.servo_families import highest_order, next_order, polished, widened
 from whsklearn.gap.plants.servo_families import settled as looking_settled
-from whsklearn.gap.plants.servo_inverse import InverseView, never_falls
+from whsklearn.gap.plants.servo_inverse import InverseView, between_rows, never_falls
 from whsklearn.gap.plants.servo_model import HOLD, WIDEST, ServoHypothesis
 from whsklearn.gap.plants.servo_run import ObserverView
 from whsklearn.gap.plants.servo_sensors import UNFOLDED, coarse_encoder, unfold
@@ -477,6 +477,13 @@ class ServoPlant(Plant):
             notes.append(
                 f"Dry friction reverses about {1e3 * model.early.lead:.1f} ms before the velocity does, as in a solver "
                 "of contacts (MuJoCo: solreffriction); the model includes this (early_reversal)."
+            )
+        left = self.rms(self.errors(model))
+        changing = between_rows(self.record.drive - self.record.drive.mean()) > HALF
+        if changing and not quiet(left, self.own.floor, self.tolerance * self.scale):
+            notes.append(
+                "The drive changes from row to row. If its controller is faster than the log, other values acted "
+                "between the rows, and what they add is in the gap: log at the rate of the controller, or means."
             )
         return [
             *notes,

@@ -504,6 +504,19 @@ def beside_its_sign(limit: float, drive: Array) -> tuple[Array, float]:
     return rest[:, 0], float(left / max(whole, 1e-300))
 
 
+def between_rows(x: Array) -> float:
+    """Share of a signal's power that the rows before and after do not predict, so that no row says what was between.
+
+    Examples
+    --------
+    >>> t = np.arange(1000.0)
+    >>> between_rows(np.sin(0.1 * t)) < 1e-4, between_rows(np.random.default_rng(0).standard_normal(1000)) > 1.0
+    (True, True)
+    """
+    off = x[1:-1] - 0.5 * (x[:-2] + x[2:])
+    return float(off @ off) / max(float(x @ x), 1e-300)
+
+
 def never_started(view: InverseView, model: ServoHypothesis, index: int) -> str:
     """The objection that the drive could never have set the axis in motion: dry friction at rest is no smaller.
 
@@ -528,6 +541,8 @@ def always_limited(view: InverseView, model: ServoHypothesis, index: int) -> str
     Friction, or a constant speed, explains a mean and a sign, whatever is missing: of a wrist of SO-101 the gap is two
     to four times what a limit leaves, in logs of MuJoCo that are at their limit for most of the time a third of it.
     Where a limit leaves too little, nothing can be told beside it: stiff couplings were named that were not there.
+    Nor is there a limit where it is reached in single rows: a controller that is faster than the log sends other values
+    between them, which hold the axis as well as a limit would.
     """
     for i, term in enumerate(model.terms):
         if term.kind.code != codes.SATURATION or term.q[0] <= 0.0:
@@ -535,6 +550,9 @@ def always_limited(view: InverseView, model: ServoHypothesis, index: int) -> str
         rest, share = beside_its_sign(term.q[0], view.record.drive)
         if i == index and view.rms(view.gap(model)) >= view.rms(view.blur(rest)[view.at]):
             return "what it leaves of the drive beside its sign is less than what is missing"
+        drive = view.record.drive
+        if i == index and between_rows(drive - np.clip(drive, -term.q[0], term.q[0])) > HALF:
+            return "what it takes off the drive changes from row to row, and what acts between the rows is unknown"
         if i != index and share < LEAST_GAIN_LEFT:
             return (
                 f"the limit of the drive hides it: it leaves {100 * share:.1f} % of what the drive does beside its sign"
