@@ -31,6 +31,7 @@ from whsklearn.effects.position import CableSpring, Cogging, ContactStop, EndSto
 from whsklearn.effects.quantity import Quantity, Scales, choice, number
 from whsklearn.effects.sensor import EncoderEccentricity, OutputDrift, OutputOffset, Quantization, SensorRectification
 from whsklearn.effects.static import Hinge, LearnedTorque, NaturalSpline, Power, SpeedHinge, Tanh, TanhDifference
+from whsklearn.effects.surroundings import Surroundings
 from whsklearn.effects.timed import DisturbanceTone, ParameterChange
 from whsklearn.effects.transmission import Backlash, FlexibleCoupling, LoadSideViscous
 
@@ -42,7 +43,7 @@ __all__ = [
     "HardeningSpring", "Hinge", "InputDelay", "InputOffset", "LearnedTorque", "LoadFriction", "LoadSideViscous",
     "LuGre", "NaturalSpline", "OutputDrift", "OutputOffset", "ParameterChange", "PositionFriction", "Power",
     "PreslidingHysteresis", "QuadraticDrag", "Quantity", "Quantization", "ReducedStribeck", "Saturation", "Scales",
-    "SensorRectification", "SpeedHinge", "StaticEffect", "Stribeck", "Tanh", "TanhDifference", "TorqueRipple",
-    "Viscous", "as_law", "choice", "cubic_spline_law", "effect_names", "get_effect", "number",
+    "SensorRectification", "SpeedHinge", "StaticEffect", "Stribeck", "Surroundings", "Tanh", "TanhDifference",
+    "TorqueRipple", "Viscous", "as_law", "choice", "cubic_spline_law", "effect_names", "get_effect", "number",
     "piecewise_linear_law", "polynomial_law", "reduced_law", "smooth_law",
 ]  # fmt: skip

@@ -53,6 +53,7 @@ from whsklearn.effects import codes
 from whsklearn.effects.own import address_of, own_values_along
 from whsklearn.effects.quantity import Quantity, Scales
 from whsklearn.effects.rows import values_along
+from whsklearn.effects.surroundings import Surroundings
 
 Array = NDArray[np.float64]  # a signal, or any other numbers
 Bools = NDArray[np.bool_]  # marks of samples
@@ -482,6 +483,15 @@ class Effect(_Frozen):
         signals = SimpleNamespace(**{n: np.array(v).reshape(-1) for n, v in zip(names, values, strict=True)})
         out = self.contribution(signals)
         return float(out[0]) if values[0].ndim == 0 else out.reshape(values[0].shape)
+
+    def implausible(self, seen: Surroundings) -> str:
+        """Why an effect with these numbers cannot be what a record lacks, as part of a sentence; empty if it can.
+
+        A search refuses what its own physics speaks against; most effects have nothing to add to their ranges.
+
+        ``seen``: the record, and the model that the effect is part of.
+        """
+        return ""
 
     def labelled(self) -> dict[str, float | str]:
         """All fields under names that carry their unit, as reports write them.

@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from whsklearn.effects import codes
 from whsklearn.effects.base import Effect
 from whsklearn.effects.quantity import number
+from whsklearn.effects.surroundings import Surroundings
+
+HALF = 0.5  # share of the power of what a limit takes: only more than half of it is most of it
 
 
 class _DriveEffect(Effect):
@@ -100,6 +105,23 @@ class Saturation(_DriveEffect):
         super().__post_init__()
         if self.limit <= 0:
             raise ValueError(f"Saturation: limit is {self.limit}, expected a torque above zero; give it in Nm.")
+
+    def implausible(self, seen: Surroundings) -> str:
+        """The objection that the drive could not have moved the axis, or that it reaches the limit in single rows.
+
+        A controller that is faster than the log sends other values between the rows, which hold the axis as well as a
+        limit would.
+
+        ``seen``: see `Effect.implausible`.
+        """
+        if seen.never_moved:
+            return seen.never_moved
+        taken = seen.drive - np.clip(seen.drive, -self.limit, self.limit)
+        side = np.sign(taken)
+        alone = (side[1:-1] != side[:-2]) & (side[1:-1] != side[2:])
+        if float(np.sum(taken[1:-1][alone] ** 2)) <= HALF * float(taken @ taken):
+            return ""
+        return "the drive reaches it in single rows, and what acts between the rows is unknown"
 
 
 class InputDelay(_DriveEffect):

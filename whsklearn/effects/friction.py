@@ -8,9 +8,14 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from whsklearn.effects import codes
 from whsklearn.effects.base import Effect
 from whsklearn.effects.quantity import number
+from whsklearn.effects.surroundings import Surroundings
+
+BOTH_WAYS = 0.25  # smallest share of a record in either direction, with which it shows the dry friction
 
 
 class StaticEffect(Effect):
@@ -146,6 +151,22 @@ class AsymmetricViscous(StaticEffect):
     reference = "Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30(7), 1083-1138"
     code = codes.ASYMMETRIC_VISCOUS
 
+    def implausible(self, seen: Surroundings) -> str:
+        """The objection that the friction drives the axis in one direction.
+
+        An asymmetry larger than the viscous friction is friction as long as dry friction is larger than the difference
+        at all speeds.  In a record of one direction, which shows no dry friction, under a speed controller u = k (r -
+        v), -k looks like such an asymmetry.
+
+        ``seen``: see `Effect.implausible`.
+        """
+        excess = abs(self.coefficient) - max(seen.size("viscous"), 0.0)
+        driven = -np.sign(self.coefficient) * seen.velocity  # positive where friction is the smaller
+        both_ways = min(np.mean(driven > 0.0), np.mean(driven < 0.0)) >= BOTH_WAYS
+        if excess <= 0.0 or (both_ways and excess * float(driven.max()) < seen.size("coulomb")):
+            return ""
+        return "the axis would be driven by its own friction in one direction"
+
 
 class Stribeck(StaticEffect):
     """The excess of friction near standstill that fades with speed, c exp(-|v/v_s|^delta) sign(v) (Nm).
@@ -175,6 +196,27 @@ class Stribeck(StaticEffect):
     parent = "coulomb"
     reference = "Canudas de Wit, Olsson, Astrom, Lischinsky 1995, IEEE Trans. Autom. Control 40(3), 419-425"
     code = codes.STRIBECK_EXP
+
+    def implausible(self, seen: Surroundings) -> str:
+        """The objection that the drive could not have moved the axis.
+
+        ``seen``: see `Effect.implausible`.
+        """
+        return seen.never_moved
+
+    def falls_beside(self, viscous: float) -> bool:
+        """Whether friction still falls with speed somewhere beside ``viscous`` friction (Nm s/rad), as Stribeck saw.
+
+        Where it grows at all speeds, a drag that begins at some speed bends it in the same way.  The back-EMF of a
+        motor whose drive is a voltage is such a viscous friction, however.
+
+        Examples
+        --------
+        >>> [Stribeck(0.3, velocity=0.1).falls_beside(viscous) for viscous in (0.5, 10.0)]
+        [True, False]
+        """
+        speed = self.velocity * np.linspace(0.05, 3.0, 60)
+        return bool((np.diff(self.value(velocity=speed) + viscous * speed) < 0.0).any())
 
 
 class ReducedStribeck(StaticEffect):

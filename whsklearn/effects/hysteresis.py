@@ -13,11 +13,15 @@ from whsklearn.effects import codes
 from whsklearn.effects.base import Effect
 from whsklearn.effects.equations import N_STATES
 from whsklearn.effects.quantity import Scales, number
+from whsklearn.effects.surroundings import Surroundings
 
 # relative to the torque's level, of the peak after a reversal, kappa = d v / x_s with v the speed that the axis has
 # reached after the presliding distance: critical damping of the bristles, d = 2 sqrt(J x_s / c), gives 2 sqrt(2 J a /
 # c)
 _KICKS = (0.2, 0.8, 3.0)
+# Damping ratio of bristles beyond which they are a damper: ten times that of the published model, because a fit knows
+# it to a factor of a few only (`tests/gap/plants/test_servo_inverse.py`).
+MOST_DAMPED = 5.0
 
 
 class PreslidingHysteresis(Effect):
@@ -85,6 +89,18 @@ class LuGre(PreslidingHysteresis):
     sought = True
     reference = "Canudas de Wit, Olsson, Astrom, Lischinsky 1995, IEEE Trans. Autom. Control 40(3), 419-425"
     code = codes.LUGRE
+
+    def implausible(self, seen: Surroundings) -> str:
+        """The objection that the bristles are dampers rather than springs.
+
+        Bristles of stiffness s = T / d hold the inertia J at rest with the damping ratio c sqrt(s / J) / 2, c their
+        damping over their stiffness.  The model was published with 0.5 (sigma_1 = sqrt(sigma_0), m = 1).  A fit that
+        ends at 18 or 74 uses them as a damper of slow motion, in place of whatever else is missing there.
+
+        ``seen``: see `Effect.implausible`.
+        """
+        ratio = 0.5 * self.damping * math.sqrt(self.torque / (self.distance * seen.inertia))
+        return f"its bristles would be damped {ratio:.0f} times as much as critically" if ratio > MOST_DAMPED else ""
 
     def labelled(self) -> dict[str, float | str]:
         """All fields under names with their unit; without the Stribeck speed if the level does not fall.

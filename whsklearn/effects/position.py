@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from whsklearn.effects import codes
 from whsklearn.effects.base import Effect
 from whsklearn.effects.quantity import choice, number
+from whsklearn.effects.surroundings import Surroundings
 
 
 class Cogging(Effect):
@@ -162,6 +165,18 @@ class EndStop(Effect):
     def ends(self) -> tuple[float, float]:
         """Lower and upper end of the free travel (rad)."""
         return -self.angle, self.angle
+
+    def implausible(self, seen: Surroundings) -> str:
+        """The objection that the axis touches a stop for most of the record: a spring.
+
+        A torque with a bend at about half of the travel is gravity or a spring that something else modulates, such as
+        the neighbouring joints of an arm.
+
+        ``seen``: see `Effect.implausible`.
+        """
+        low, high = self.ends
+        free = np.mean((seen.position > low) & (seen.position < high))
+        return "" if free > 0.5 else f"the axis would touch it for {100 * (1.0 - free):.0f} % of the time: a spring"
 
 
 class ContactStop(EndStop):

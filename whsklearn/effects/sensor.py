@@ -7,6 +7,7 @@ import math
 from whsklearn.effects import codes
 from whsklearn.effects.base import Effect
 from whsklearn.effects.quantity import number
+from whsklearn.effects.surroundings import Surroundings
 
 
 class _SensorEffect(Effect):
@@ -114,6 +115,15 @@ class EncoderEccentricity(_SensorEffect):
     reference = "makers' notes: Celera Motion, scale eccentricity (order 1, e/R); Synapticon Circulo, ovality (order 2)"
     phased = True
     code = codes.ENCODER_ECCENTRICITY
+
+    def implausible(self, seen: Surroundings) -> str:
+        """The objection that the reading would stand still, or run backwards, somewhere in the turn.
+
+        ``seen``: see `Effect.implausible`.
+        """
+        if self.amplitude * self.order <= 1.0:
+            return ""
+        return "with such a steep encoder error the reading would not change while the axis turns"
 
 
 class Quantization(_SensorEffect):

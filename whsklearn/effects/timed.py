@@ -4,9 +4,21 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from whsklearn.effects import codes
 from whsklearn.effects.base import Effect
 from whsklearn.effects.quantity import choice, number
+from whsklearn.effects.surroundings import Surroundings
+
+# Multiple of the median power around it from which a peak is a line of the reference, where no tone is accepted; and
+# the widths, in bins (1 / duration), of the line and of its surroundings: a Hann window spreads a line over 1.5 bins
+# (`python -m benchmarks.real_axes --only so101`).
+STANDS_OUT = 10.0
+LINE, AROUND = 1.5, 12.0
+# Smallest gain after a change of gain, relative to before: with 0.4 %, inertia and missing torque also fall to 0.4 %,
+# which "explained" KR300 A with Coulomb friction hidden.  Simulated changes keep 70 % and more.
+LEAST_GAIN_LEFT = 0.1
 
 
 class DisturbanceTone(Effect):
@@ -36,6 +48,24 @@ class DisturbanceTone(Effect):
     phased = True
     repeats = True
     code = codes.DISTURBANCE_TONE
+
+    def implausible(self, seen: Surroundings) -> str:
+        """The objection that a tone is at a line of the command where the following error takes the drive's place.
+
+        Loop dynamics that are not modelled leave a residual at every line of the command's spectrum, which a tone would
+        explain.  With a measured drive, a tone at such a line is accepted as a tone.
+
+        ``seen``: see `Effect.implausible`.
+        """
+        if seen.command is None:
+            return ""
+        x = seen.command - seen.command.mean()
+        power = np.abs(np.fft.rfft(np.hanning(x.size) * x)) ** 2
+        distance = np.abs(np.arange(power.size) - self.frequency * seen.dt * x.size)
+        line, around = power[distance <= LINE], power[(distance > 2 * LINE) & (distance <= AROUND)]
+        if line.size == 0 or around.size == 0 or line.max() <= STANDS_OUT * np.median(around):
+            return ""
+        return "its frequency is a line of the reference, where wrong dynamics would cause a tone as well"
 
 
 class ParameterChange(Effect):
@@ -77,3 +107,19 @@ class ParameterChange(Effect):
     def parent_of(cls, **options: str) -> str:
         """The friction that a change of friction requires; ``options`` holds the parameter that changes."""
         return options["parameter"] if options["parameter"] in ("viscous", "coulomb") else ""
+
+    def implausible(self, seen: Surroundings) -> str:
+        """The objection that next to no drive is left, or an inertia or friction farther below zero than it was above.
+
+        A loop that diverges looks like friction that begins to drive the axis.
+
+        ``seen``: see `Effect.implausible`.
+        """
+        if self.parameter == "gain":
+            left = 1.0 + self.change
+            hides = f"it would leave {100 * left:.1f} % of the drive's effect and hide whatever is missing"
+            return hides if left < LEAST_GAIN_LEFT else ""
+        before = seen.inertia if self.parameter == "inertia" else seen.size(self.parameter)
+        if before + self.change >= -abs(before):
+            return ""
+        return f"it would leave a negative {self.parameter}, which would drive the axis"

@@ -9,6 +9,7 @@ from whsklearn._numba import njit
 from whsklearn.effects import codes
 from whsklearn.effects.base import Effect
 from whsklearn.effects.quantity import number
+from whsklearn.effects.surroundings import Surroundings
 
 _equation = njit(cache=False, error_model="numpy")
 
@@ -120,6 +121,13 @@ class Backlash(_TransmissionEffect):
     reference = "Nordin, Gutman 2002, Automatica 38(10), 1633-1649"
     finest = 1.25e-4  # an impact lasts a few steps
     code = codes.BACKLASH
+
+    def implausible(self, seen: Surroundings) -> str:
+        """The objection that the play is narrower than the encoder can show.
+
+        ``seen``: see `Effect.implausible`.
+        """
+        return "the play is narrower than a step of the encoder" if self.gap < seen.step else ""
 
 
 class LoadSideViscous(Effect, catalogued=False):

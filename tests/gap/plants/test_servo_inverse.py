@@ -16,7 +16,7 @@ from whsklearn.gap import GapFinder
 from whsklearn.gap.plants.servo import ServoPlant
 from whsklearn.gap.plants.servo_candidates import candidate, catalogue
 from whsklearn.gap.plants.servo_families import polished
-from whsklearn.gap.plants.servo_inverse import negative_damping, too_large, unphysical
+from whsklearn.gap.plants.servo_inverse import too_large, unphysical
 from whsklearn.gap.plants.servo_model import ServoTerm
 from whsklearn.gap.plants.servo_start import filtered_motion, start_of, with_earlier_drive
 from whsklearn.gap.proof import closure
@@ -243,9 +243,9 @@ def test_bristles_with_damping_are_named_and_their_level_is_found_to_fall():
 def test_a_drive_that_loses_all_its_effect_is_no_explanation(change, objected):
     """With next to no gain, inertia and missing torque are next to nothing, and whatever is missing is "explained"."""
     r = log_of()
-    _, base = start_of(ServoRecord(r.time, r.drive, r.position), ("viscous",), 0.004)
+    view, base = start_of(ServoRecord(r.time, r.drive, r.position), ("viscous",), 0.004)
     gain = replace(candidate("parameter_change"), choice=(("parameter", "gain"),))
-    assert bool(too_large(base.with_term(ServoTerm(gain, (change, 3.0))), len(base.terms))) is objected
+    assert bool(unphysical(view, base.with_term(ServoTerm(gain, (change, 3.0))), len(base.terms))) is objected
 
 
 @pytest.mark.parametrize("name", ["cogging", "load_friction"], ids=["of the motion", "of the model's own torque"])
@@ -264,7 +264,7 @@ def test_a_gear_may_lose_more_than_half_of_its_torque_but_not_nearly_all(lost, o
     r = log_of()
     _, base = start_of(ServoRecord(r.time, r.drive, r.position), ("viscous",), 0.004)
     grown = base.with_term(ServoTerm(candidate("load_friction"), (lost,)))
-    assert bool(too_large(grown, len(base.terms))) is objected
+    assert bool(too_large(grown.terms[-1])) is objected
 
 
 @pytest.mark.parametrize("parameter", ["viscous", "inertia"])
@@ -277,16 +277,6 @@ def test_a_change_that_leaves_a_negative_friction_or_inertia_is_no_explanation(p
     for share, objected in ((-0.9, False), (-1.9, False), (-2.1, True), (2.0, False)):  # one of -1.9 may be one of -1
         model = base.with_term(ServoTerm(changed, (share * before, 3.0)))
         assert ("negative" in unphysical(view, model, len(base.terms))) is objected
-
-
-@pytest.mark.parametrize(("dry", "one_way", "objected"), [(0.3, False, False), (0.3, True, True), (0.05, False, True)])
-def test_an_asymmetry_larger_than_the_damping_is_friction_while_dry_friction_is_larger(dry, one_way, objected):
-    """In one direction there is no telling: a speed controller looks like damping that drives the axis."""
-    velocity = np.sin(np.linspace(0.0, 20.0, 2000))
-    terms = [(name, q) for name, q in (("viscous", 0.1), ("coulomb", dry), ("asymmetric_viscous", 0.3))]
-    model = SimpleNamespace(terms=[ServoTerm(candidate(name), (q,)) for name, q in terms])
-    said = negative_damping(model, 2, np.abs(velocity) if one_way else velocity)
-    assert ("driven" in said) is objected
 
 
 def test_an_asymmetry_that_dry_friction_outweighs_is_named():

@@ -12,13 +12,12 @@ import warnings
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.effects import ContactStop, Coulomb, LoadFriction, Viscous
+from whsklearn.effects import ContactStop, Coulomb, LoadFriction, Surroundings, Viscous
 from whsklearn.effects.base import rms
 from whsklearn.gap.calibration import p_value, rival_leads
 from whsklearn.gap.data_check import DataProblem
@@ -40,8 +39,7 @@ from whsklearn.gap.plants.arm_terms import (
 )
 from whsklearn.gap.plants.arm_view import LATEST, ArmRecord, ArmState, ArmView, law_of
 from whsklearn.gap.plants.servo_candidates import aliases as of_axis
-from whsklearn.gap.plants.servo_candidates import candidate
-from whsklearn.gap.plants.servo_inverse import negative_damping, never_free, too_large
+from whsklearn.gap.plants.servo_inverse import too_large
 from whsklearn.gap.plants.servo_model import ServoTerm
 from whsklearn.gap.plants.servo_run import OWN_MOTION
 from whsklearn.gap.record import SPLIT, Array, held_out_blocks
@@ -387,11 +385,10 @@ class ArmPlant(Plant):
             return f"its size would be {total:.3g}, but a physical one is positive"
         if t.kind.catalogued is not None:
             fields, ranges = t.kind.catalogued.fields[t.kind.linear :], t.kind.catalogued.ranged(view.scene(t.kind))
-            beside = [ServoTerm(candidate(n), (base.get(f"{t.joint}.{n}", 0.0),)) for n in ("viscous", "coulomb")]
-            here = SimpleNamespace(terms=[ServoTerm(t.kind.catalogued, t.q), *beside])
             motion = view.signals(t.kind.direction)
-            said = too_large(here, 0) or negative_damping(here, 0, motion.velocity)  # type: ignore[arg-type]
-            if said := said or never_free(t.effect, motion.position):
+            sizes = {n: base.get(f"{t.joint}.{n}", 0.0) for n in ("viscous", "coulomb")}
+            seen = Surroundings(motion.position, motion.velocity, motion.drive, sizes=sizes, carried=True)
+            if said := too_large(ServoTerm(t.kind.catalogued, t.q)) or t.effect.implausible(seen):
                 return said
             n = 2 if t.kind.cls is ContactStop else 1  # the first is a place or width; a stop's second, its softness
             for field, value, (low, high) in list(zip(fields, t.shape, ranges, strict=True))[:n]:

@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.effects import get_effect
+from whsklearn.effects import Stribeck, get_effect
 from whsklearn.effects.base import rms
 from whsklearn.gap.calibration import gain
 from whsklearn.gap.data_check import DataProblem, check_servo
 from whsklearn.gap.diagnosis import NamedEffect
-from whsklearn.gap.filters import whiteness
+from whsklearn.gap.filters import between_rows, whiteness
 from whsklearn.gap.localisation import since_reversal, spectra
 from whsklearn.gap.pictures import DRAWN
 from whsklearn.gap.plant import PAYS, QUIET, Figures, Gap, Learned, Linearised, Plant, Reading, Told, quiet
@@ -33,7 +33,7 @@ from whsklearn.gap.plants.from_log import servo_record
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, aliases, candidate
 from whsklearn.gap.plants.servo_families import highest_order, next_order, polished, widened
 from whsklearn.gap.plants.servo_families import settled as looking_settled
-from whsklearn.gap.plants.servo_inverse import InverseView, between_rows, never_falls
+from whsklearn.gap.plants.servo_inverse import InverseView, surroundings
 from whsklearn.gap.plants.servo_model import HOLD, WIDEST, ServoHypothesis
 from whsklearn.gap.plants.servo_run import ObserverView
 from whsklearn.gap.plants.servo_sensors import UNFOLDED, coarse_encoder, unfold
@@ -385,7 +385,9 @@ class ServoPlant(Plant):
         There are `PER_NUMBER` independent samples for each number, as there are in all but short logs, and friction
         that a Stribeck curve is named for falls with speed somewhere.
         """
-        return bool(self.inverse.n_effective >= PER_NUMBER * model.vector().size) and not never_falls(model)
+        viscous = surroundings(self.inverse, model).size("viscous")
+        falls = all(t.effect.falls_beside(viscous) for t in model.terms if isinstance(t.effect, Stribeck))
+        return bool(self.inverse.n_effective >= PER_NUMBER * model.vector().size) and falls
 
     def alone(self, model: ServoHypothesis) -> Array:
         """The model's residual, polished with the artefacts of its own records instead of those of its base."""

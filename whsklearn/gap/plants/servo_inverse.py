@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from whsklearn.effects import EndStop, LuGre, ParameterChange, Scales, Stribeck, codes
+from whsklearn.effects import Scales, Surroundings, codes
 from whsklearn.effects.base import rms
 from whsklearn.filtering.records import CUTOFF_SIGMA, decimation, filtered, gaussian_derivatives
 from whsklearn.gap import least_squares as ols
@@ -28,7 +28,7 @@ from whsklearn.gap.plants import servo_two_mass as two_mass
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, ColumnSignals
 from whsklearn.gap.plants.servo_model import ServoHypothesis, ServoTerm
 from whsklearn.gap.record import Array, ServoRecord
-from whsklearn.gap.search import HALF, LEAST_SHARE
+from whsklearn.gap.search import HALF
 from whsklearn.identification.axis_inverse import KNOWN
 from whsklearn.identification.drive_lead import LATEST, OLDEST
 from whsklearn.logs.check import lattice
@@ -40,18 +40,9 @@ NOISY, SLOW = 3.0, 0.01
 # Judged samples, fewer than the numbers of a model with an effect; with fewer, rests are used too. Rests say little:
 # dry friction holds against any drive, so that a short log of a motor that stalls "lacked" a limit of its drive.
 FEWEST_JUDGED = 10
-# Multiple of the median power around it from which a peak is a line of the reference, where no tone is accepted; and
-# the widths, in bins (1 / duration), of the line and of its surroundings: a Hann window spreads a line over 1.5 bins
-# (`python -m benchmarks.real_axes --only so101`).
-STANDS_OUT = 10.0
-LINE, AROUND = 1.5, 12.0
-# Smallest gain after a change of gain, relative to before: with 0.4 %, inertia and missing torque also fall to 0.4 %,
-# which "explained" KR300 A with Coulomb friction hidden.  Simulated changes keep 70 % and more.  And the smallest share
-# of the drive's detail that a limit must leave for anything to be named beside it: MuJoCo's creep was, at 3 to 7 %.
-LEAST_GAIN_LEFT = 0.1
-# Damping ratio of bristles beyond which they are a damper: ten times that of the published model, because a fit knows
-# it to a factor of a few only (`tests/gap/plants/test_servo_inverse.py`).
-MOST_DAMPED = 5.0
+# Smallest share of the drive's detail that a limit must leave for anything to be named beside it: MuJoCo's creep was,
+# at 3 to 7 %.
+LEAST_DETAIL = 0.1
 
 
 def reaching(t: ServoTerm, u: Array, motion: ColumnSignals, dt: float) -> Array:
@@ -450,47 +441,35 @@ class InverseView:
 def unphysical(view: InverseView, model: ServoHypothesis, index: int) -> str:
     """The physical objection to the numbers of a term; empty if there is none."""
     term = model.terms[index]
-    q = term.q
-    if term.name == "encoder_eccentricity" and float(np.hypot(q[0], q[1])) * q[2] > 1.0:
-        return "with such a steep encoder error the reading would not change while the axis turns"
-    if term.kind.positive and q[0] <= 0:
-        return f"its size would be {q[0]:.3g}, but a physical one is positive"
-    if term.name == "backlash" and q[0] < view.quantum:
-        return "the play is narrower than a step of the encoder"
+    if term.kind.positive and term.q[0] <= 0:
+        return f"its size would be {term.q[0]:.3g}, but a physical one is positive"
     return (
         model.at_the_end(index)
-        or never_free(term.effect, view.record.position)
-        or negative_damping(model, index, view.motion.velocity)
-        or negative_after(model, index)
-        or overdamped(model, index)
-        or too_large(model, index)
-        or never_started(view, model, index)
+        or term.effect.implausible(surroundings(view, model))
+        or too_large(term)
         or always_limited(view, model, index)
-        or on_excitation_line(view.record, term)
     )
 
 
-def never_free(effect: Any, position: Array) -> str:
-    """The objection that the axis touches a stop for most of the record: a spring; empty if it does not.
+def surroundings(view: InverseView, model: ServoHypothesis) -> Surroundings:
+    """The record and the model, as effects judge by them whether they can be there."""
+    sizes: dict[str, float] = {}
+    for t in model.terms:
+        sizes[t.name] = sizes.get(t.name, 0.0) + float(t.q[0])
+    record = view.record
+    limits = [t.q[0] for t in model.terms if t.kind.code == codes.SATURATION]
+    carried = any(t.effect.place in ("position", "time") for t in model.terms)
+    return Surroundings(
+        record.position, view.motion.velocity, record.drive, model.inertia, sizes, min(limits, default=np.inf), carried,
+        view.quantum, record.dt, record.reference if record.is_following_error else None,
+    )  # fmt: skip
 
-    A torque with a bend at about half of the travel is gravity or a spring that something else modulates, such as the
-    neighbouring joints of an arm.
-    """
-    if not isinstance(effect, EndStop):
-        return ""
-    low, high = effect.ends
-    free = np.mean((position > low) & (position < high))
-    return "" if free > 0.5 else f"the axis would touch it for {100 * (1.0 - free):.0f} % of the time: a spring"
 
-
-def too_large(model: ServoHypothesis, index: int) -> str:
+def too_large(term: ServoTerm) -> str:
     """The objection that an effect takes so much of the drive that it replaces the drive; empty if it does not."""
-    t = model.terms[index]
-    if t.kind.code == codes.CHANGE_GAIN and 1.0 + t.q[0] < LEAST_GAIN_LEFT:
-        return f"it would leave {100 * (1.0 + t.q[0]):.1f} % of the drive's effect and hide whatever is missing"
-    size = t.kind.cls.quantities[t.kind.cls.size]
-    share = float(np.linalg.norm(t.q[:2])) if t.kind.linear == 2 else abs(float(t.q[0]))
-    if not t.kind.driven or size.unit != "1" or share <= size.high:
+    size = term.kind.cls.quantities[term.kind.cls.size]
+    share = float(np.linalg.norm(term.q[:2])) if term.kind.linear == 2 else abs(float(term.q[0]))
+    if not term.kind.driven or size.unit != "1" or share <= size.high:
         return ""
     return f"it would take {100 * share:.0f} % of the drive, which no motor or gear does"
 
@@ -504,45 +483,12 @@ def beside_its_sign(limit: float, drive: Array) -> tuple[Array, float]:
     return rest[:, 0], float(left / max(whole, 1e-300))
 
 
-def between_rows(x: Array) -> float:
-    """Share of a signal's power that the rows before and after do not predict, so that no row says what was between.
-
-    Examples
-    --------
-    >>> t = np.arange(1000.0)
-    >>> between_rows(np.sin(0.1 * t)) < 1e-4, between_rows(np.random.default_rng(0).standard_normal(1000)) > 1.0
-    (True, True)
-    """
-    off = x[1:-1] - 0.5 * (x[:-2] + x[2:])
-    return float(off @ off) / max(float(x @ x), 1e-300)
-
-
-def never_started(view: InverseView, model: ServoHypothesis, index: int) -> str:
-    """The objection that the drive could never have set the axis in motion: dry friction at rest is no smaller.
-
-    It concerns a limit of the drive and a friction that falls with speed, whose height at rest few samples show.  A
-    limit at the Coulomb friction stood, with certainty, for the chatter of a valve whose encoder is coarse. Another
-    torque may move an axis, as gravity does a pendulum, so nothing is said where one is in the model.
-    """
-    if model.terms[index].name not in ("saturation", "stribeck"):
-        return ""
-    if any(t.effect.place in ("position", "time") for t in model.terms):
-        return ""
-    rest = sum(t.q[0] for t in model.terms if t.name in ("coulomb", "stribeck"))
-    limits = [t.q[0] for t in model.terms if t.name == "saturation"]
-    if rest < min([float(np.abs(view.record.drive).max()), *limits]):
-        return ""
-    return "with as much dry friction at rest, the drive would never have moved the axis"
-
-
 def always_limited(view: InverseView, model: ServoHypothesis, index: int) -> str:
     """The objection that the model explains nothing of what a limit leaves of the drive beside its mean and sign.
 
     Friction, or a constant speed, explains a mean and a sign, whatever is missing: of a wrist of SO-101 the gap is two
     to four times what a limit leaves, in logs of MuJoCo that are at their limit for most of the time a third of it.
     Where a limit leaves too little, nothing can be told beside it: stiff couplings were named that were not there.
-    Nor is there a limit where it is reached in single rows: a controller that is faster than the log sends other values
-    between them, which hold the axis as well as a limit would.
     """
     for i, term in enumerate(model.terms):
         if term.kind.code != codes.SATURATION or term.q[0] <= 0.0:
@@ -550,94 +496,8 @@ def always_limited(view: InverseView, model: ServoHypothesis, index: int) -> str
         rest, share = beside_its_sign(term.q[0], view.record.drive)
         if i == index and view.rms(view.gap(model)) >= view.rms(view.blur(rest)[view.at]):
             return "what it leaves of the drive beside its sign is less than what is missing"
-        drive = view.record.drive
-        if i == index and between_rows(drive - np.clip(drive, -term.q[0], term.q[0])) > HALF:
-            return "what it takes off the drive changes from row to row, and what acts between the rows is unknown"
-        if i != index and share < LEAST_GAIN_LEFT:
+        if i != index and share < LEAST_DETAIL:
             return (
                 f"the limit of the drive hides it: it leaves {100 * share:.1f} % of what the drive does beside its sign"
             )
     return ""
-
-
-def negative_damping(model: ServoHypothesis, index: int, velocity: Array) -> str:
-    """The objection that an asymmetry of the viscous friction drives the axis in one direction; empty if it does not.
-
-    ``velocity`` (n,): of the record.  An asymmetry larger than the viscous friction is friction as long as dry friction
-    is larger than the difference at all speeds.  In a record of one direction, which shows no dry friction, under a
-    speed controller u = k (r - v), -k looks like such an asymmetry.
-    """
-    t = model.terms[index]
-    viscous, dry = (sum(o.q[0] for o in model.terms if o.name == name) for name in ("viscous", "coulomb"))
-    excess = abs(t.q[0]) - max(viscous, 0.0)
-    if t.name != "asymmetric_viscous" or excess <= 0.0:
-        return ""
-    driven = -np.sign(t.q[0]) * velocity  # positive where friction is the smaller
-    both_ways = min(np.mean(driven > 0.0), np.mean(driven < 0.0)) >= LEAST_SHARE
-    if both_ways and excess * float(driven.max()) < dry:
-        return ""
-    return "the axis would be driven by its own friction in one direction"
-
-
-def negative_after(model: ServoHypothesis, index: int) -> str:
-    """The objection that a change leaves a negative inertia or friction, farther below zero than it was above.
-
-    A loop that diverges looks like friction that begins to drive the axis.
-    """
-    t = model.terms[index]
-    if not isinstance(change := t.effect, ParameterChange) or change.parameter == "gain":
-        return ""
-    of_law = sum(o.q[0] for o in model.terms if o.name == change.parameter)
-    before = model.inertia if change.parameter == "inertia" else of_law
-    if before + change.change >= -abs(before):
-        return ""
-    return f"it would leave a negative {change.parameter}, which would drive the axis"
-
-
-def overdamped(model: ServoHypothesis, index: int) -> str:
-    """The objection that bristles are dampers rather than springs; empty if not.
-
-    Bristles of stiffness s = T / d hold the inertia J at rest with the damping ratio c sqrt(s / J) / 2, c their damping
-    over their stiffness.  The model was published with 0.5 (Canudas de Wit et al. 1995, IEEE Trans. Autom. Control
-    40(3), 419-425: sigma_1 = sqrt(sigma_0), m = 1).  A fit that ends at 18 or 74 uses them as a damper of slow motion,
-    in place of whatever else is missing there.
-    """
-    law = model.terms[index].effect
-    if not isinstance(law, LuGre):
-        return ""
-    ratio = 0.5 * law.damping * float(np.sqrt(law.torque / (law.distance * model.inertia)))
-    return f"its bristles would be damped {ratio:.0f} times as much as critically" if ratio > MOST_DAMPED else ""
-
-
-def never_falls(model: ServoHypothesis) -> bool:
-    """Whether a Stribeck curve of the model stands beside viscous friction that outweighs it at all speeds.
-
-    What Stribeck saw is friction that falls with speed.  Where it grows at all speeds, a drag that begins at some speed
-    bends it in the same way.  The back-EMF of a motor whose drive is a voltage is such a viscous friction, however.
-    """
-    viscous = sum(o.q[0] for o in model.terms if o.name == "viscous")
-
-    def grows(law: Stribeck) -> bool:
-        speed = law.velocity * np.linspace(0.05, 3.0, 60)
-        return bool((np.diff(law.value(velocity=speed) + viscous * speed) >= 0.0).all())
-
-    return any(grows(t.effect) for t in model.terms if isinstance(t.effect, Stribeck))
-
-
-def on_excitation_line(record: ServoRecord, term: ServoTerm) -> str:
-    """The objection that a tone of a position servo without a logged drive is at a line of its command; empty if not.
-
-    For such a servo, command minus position replaces the drive.  Loop dynamics that are not modelled leave a residual
-    at every line of the command's spectrum, which a tone would explain.  With a measured drive, a tone at such a line
-    is accepted as a tone.
-    """
-    if not record.is_following_error or record.reference is None or term.name != "disturbance_tone":
-        return ""
-    x = record.reference - record.reference.mean()
-    power = np.abs(np.fft.rfft(np.hanning(x.size) * x)) ** 2
-    at = float(term.q[2]) * record.dt * x.size
-    distance = np.abs(np.arange(power.size) - at)
-    line, around = power[distance <= LINE], power[(distance > 2 * LINE) & (distance <= AROUND)]
-    if line.size == 0 or around.size == 0 or line.max() <= STANDS_OUT * np.median(around):
-        return ""
-    return "its frequency is a line of the reference, where wrong dynamics would cause a tone as well"
