@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from whsklearn.gap.tangent import Family, Look, Tangent, with_p_values
+from whsklearn.gap.tangent import AT_ONCE, Family, Look, Tangent, looks_at, with_p_values
 
 N, M = 600, 12
 
@@ -30,6 +30,28 @@ def test_gain_is_that_of_least_squares_beside_the_models_columns():
     before, after = (np.linalg.lstsq(x, y, rcond=None)[1][0] for x in (base, np.column_stack([base, column])))
     assert look.gain == pytest.approx(N * np.log(before / after), rel=1e-9)
     assert look.size == pytest.approx(np.sqrt((before - after) / N), rel=1e-9)
+
+
+def test_shapes_that_come_one_by_one_are_looked_at_together_once_for_all_tangents():
+    base, column, null, y = rows()
+    shapes = [column + k * null[0] for k in range(AT_ONCE + 7)]
+    made = []
+
+    def one_by_one(_):
+        for k, c in enumerate(shapes):
+            made.append(k)
+            yield [k], c[:, None, None], 1.0 + k / 100.0
+
+    shares = 1.0 + np.arange(len(shapes)) / 100.0
+    at_once = Family("effect", lambda _: [(range(len(shapes)), np.stack(shapes, 1)[:, :, None], shares)], lambda *a: a)
+    tangents = Tangent(y, null, base, N), Tangent(y - column, null[:5], base, N)
+    for look, tangent in zip(looks_at(Family("effect", one_by_one, lambda *a: a), *tangents), tangents, strict=True):
+        whole = tangent.look(at_once)
+        assert look.start[0] == whole.start[0]
+        assert look.gain == pytest.approx(whole.gain, rel=1e-9)
+        np.testing.assert_allclose(look.null, whole.null, rtol=1e-9)
+        np.testing.assert_allclose(look.explained, whole.explained, atol=1e-9)
+    assert made == list(range(len(shapes)))
 
 
 def test_the_best_shape_and_its_size_start_the_refit():

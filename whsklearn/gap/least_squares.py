@@ -96,7 +96,8 @@ def least_squares(
         gradient = jac.T @ r
         pinned = ((x <= low) & (gradient > 0)) | ((x >= high) & (gradient < 0))
         free = ~pinned
-        normal = jac[:, free].T @ jac[:, free]
+        moving = jac if free.all() else jac[:, free]
+        normal = moving.T @ moving
         scale = np.maximum(np.diag(normal), 1e-300)
         improved, first_damping = False, damping
         for _ in range(TRIES):

@@ -7,7 +7,7 @@ project the subspace out, and compute how much of each vector the columns explai
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -114,10 +114,11 @@ class Tangent:
         n, s, k = columns.shape
         z = self._weighted(columns, family.rows)
         flat = z.reshape(n, s * k)
-        whole = np.sum(flat**2, axis=0).reshape(s, k).sum(axis=1)
+        own = products(z)
+        whole = np.trace(own, axis1=1, axis2=2)
         inside = (self.plane[family.rows].T @ flat).reshape(-1, s, k)
         cross = (flat.T @ self.rows[family.rows]).reshape(s, k, -1)
-        gram = products(z) - products(inside)
+        gram = own - products(inside)
         seen = np.maximum(np.trace(gram, axis1=1, axis2=2), 0.0)
         visible = np.sqrt(seen / np.maximum(whole, 1e-300))
         ok = visible > VISIBLE
@@ -135,36 +136,76 @@ class Tangent:
 
     def look(self, family: Family) -> Look | None:
         """The family at its best shape; None if it has no shape that the record can show."""
-        best = np.full(self.rows.shape[1], 0.0)
-        found: tuple[Any, Array] | None = None
-        explained = np.zeros(self.left.size)
-        seen, n_shapes, degrees = 0.0, 0, 0.0
-        for shapes, columns, shares in family.blocks(self):
-            if columns.shape[1] == 0 or not np.all(np.isfinite(columns)):
-                continue
-            power, sizes, visible = self.taken(family, columns)
-            # the residual counts as a share of the remaining whole: a limit reduces the drive and everything with it
-            power = self.power - (self.power - power) / np.reshape(shares, (-1, 1)) ** 2
-            seen = max(seen, float(visible.max()))
-            n_shapes += columns.shape[1]
-            degrees = 0.5 if family.positive else float(columns.shape[2])
-            i = int(np.argmax(power[:, 0]))
-            if found is None or power[i, 0] > best[0]:
-                found = shapes[i], sizes[i]
-                explained = np.zeros(self.left.size)
-                explained[family.rows] = self._weighted(columns[:, i] @ sizes[i], family.rows)
-            best = np.maximum(best, power.max(axis=0))
-        if found is None:
+        return looks_at(family, self)[0]
+
+
+class _Scan:
+    """One tangent's look at a family, block by block."""
+
+    def __init__(self, tangent: Tangent, family: Family) -> None:
+        self.tangent, self.family = tangent, family
+        self.best = np.zeros(tangent.rows.shape[1])
+        self.found: tuple[Any, Array] | None = None
+        self.explained = np.zeros(tangent.left.size)
+        self.seen, self.n_shapes, self.degrees = 0.0, 0, 0.0
+
+    def take(self, shapes: Any, columns: Array, shares: Array) -> None:
+        """Some of the shapes; see `Family.blocks`."""
+        family, whole = self.family, self.tangent.power
+        power, sizes, visible = self.tangent.taken(family, columns)
+        # the residual counts as a share of the remaining whole: a limit reduces the drive and everything with it
+        power = whole - (whole - power) / shares[:, None] ** 2
+        self.seen = max(self.seen, float(visible.max()))
+        self.n_shapes += columns.shape[1]
+        self.degrees = 0.5 if family.positive else float(columns.shape[2])
+        i = int(np.argmax(power[:, 0]))
+        if self.found is None or power[i, 0] > self.best[0]:
+            self.found = shapes[i], sizes[i]
+            self.explained[family.rows] = self.tangent._weighted(columns[:, i] @ sizes[i], family.rows)
+        self.best = np.maximum(self.best, power.max(axis=0))
+
+    def look(self) -> Look | None:
+        """What was found; None if there was no shape."""
+        if self.found is None:
             return None
-        gains = -self.n * np.log1p(-best / np.maximum(self.power, 1e-300))
-        start = family.start(*found)
-        size = float(np.sqrt(best[0] / self.left.size))
+        family, tangent = self.family, self.tangent
+        gains = -tangent.n * np.log1p(-self.best / np.maximum(tangent.power, 1e-300))
         return Look(
-            family.name, float(gains[0]), gains[1:], start, family.n_numbers, size, seen, place=family.place,
-            signal=family.signal,
-            degrees=degrees if n_shapes == 1 and not family.offset else 0.0,
-            explained=explained - self.plane @ (self.plane.T @ explained),
+            family.name, float(gains[0]), gains[1:], family.start(*self.found), family.n_numbers,
+            float(np.sqrt(self.best[0] / tangent.left.size)), self.seen, place=family.place, signal=family.signal,
+            degrees=self.degrees if self.n_shapes == 1 and not family.offset else 0.0,
+            explained=self.explained - tangent.plane @ (tangent.plane.T @ self.explained),
         )  # fmt: skip
+
+
+def looks_at(family: Family, *tangents: Tangent) -> list[Look | None]:
+    """The looks of tangents of the same samples at one family, whose columns are made once, for the first of them."""
+    scans = [_Scan(tangent, family) for tangent in tangents]
+    for block in _joined(family.blocks(tangents[0])):
+        for scan in scans:
+            scan.take(*block)
+    return [scan.look() for scan in scans]
+
+
+def _joined(blocks: Iterable[tuple[Any, Array, Array | float]]) -> Iterator[tuple[list[Any], Array, Array]]:
+    """The finite blocks, small ones joined: the null rows are read once for `AT_ONCE` shapes, not for each of them."""
+    held: list[tuple[Any, Array, Array]] = []
+    n = 0
+    for shapes, columns, shares in blocks:
+        if columns.shape[1] == 0 or not np.all(np.isfinite(columns)):
+            continue
+        held.append((shapes, columns, np.broadcast_to(shares, columns.shape[1])))
+        n += columns.shape[1]
+        if n >= AT_ONCE:
+            yield _one(held)
+            held, n = [], 0
+    if held:
+        yield _one(held)
+
+
+def _one(blocks: list[tuple[Any, Array, Array]]) -> tuple[list[Any], Array, Array]:
+    shapes, columns, shares = zip(*blocks, strict=True)
+    return [s for some in shapes for s in some], np.concatenate(columns, axis=1), np.concatenate(shares)
 
 
 def products(columns: Array) -> Array:

@@ -30,6 +30,13 @@ def test_each_experiment_is_filtered_from_rest():
     np.testing.assert_allclose(out, expected, atol=1e-12)
 
 
+def test_without_poles_the_sums_are_the_same_to_the_last_bit_also_in_pieces_shorter_than_the_filter():
+    b, bounds = np.random.default_rng(1).normal(size=7), np.array([0, 3, 20, 50])
+    np.testing.assert_array_equal(
+        filter_rows(b, np.ones(1), ROWS, bounds), filter_rows(b, np.array([1.0, 0.0]), ROWS, bounds)
+    )
+
+
 def test_delays_do_not_reach_over_the_border_of_an_experiment():
     out = delayed_rows(ROWS[0], 3, BOUNDS)
     np.testing.assert_array_equal(out[0], ROWS[0])

@@ -54,7 +54,7 @@ class Scene:
 
     def seen(self, change: Array) -> Array:
         """The change of the errors due to a change of y_hat, shape (n, ...), at the samples that count."""
-        return cm.whiten(np.clip(np.nan_to_num(change), -1e12, 1e12), self.model.ar)[self.record.fit]
+        return cm.whiten(cm.finite(change, 1e12), self.model.ar)[self.record.fit]
 
     def look(self, kind: ChainCandidate) -> Look | None:
         """Look at one candidate with all its shapes."""

@@ -394,8 +394,14 @@ def left(s: Record, m: ChainHypothesis, kappa: float = np.inf) -> Array:
 
 def left_by(s: Record, m: ChainHypothesis, y_hat: Array) -> Array:
     """The same of a given free run."""
-    e = np.clip(np.nan_to_num(s.y - y_hat, nan=1e9), -1e9, 1e9)
-    return whiten(e * s.seen, m.ar) * s.seen
+    return whiten(finite(s.y - y_hat, 1e9, 1e9) * s.seen, m.ar) * s.seen
+
+
+def finite(x: Array, limit: float, unknown: float = 0.0) -> Array:
+    """The numbers held within a limit, with ``unknown`` for NaN: a run may have diverged."""
+    held = np.clip(x, -limit, limit)
+    held[np.isnan(held)] = unknown
+    return held
 
 
 def rms_dx(s: Record, m: ChainHypothesis) -> float:
@@ -546,7 +552,7 @@ def sensitivities(s: Record, m: ChainHypothesis, kappa: float, at: tuple[Array, 
             late = filtered(np.ones(1), d, signal)
             for delay, i in enumerate(range(block.start, block.stop), start=first):
                 out[i, delay:] = late[:-delay]
-    return -whiten(np.clip(np.nan_to_num(out), -1e12, 1e12).T, m.ar)
+    return -whiten(finite(out, 1e12).T, m.ar)
 
 
 def stable(s: Record, m: ChainHypothesis) -> ChainHypothesis:

@@ -38,7 +38,7 @@ from whsklearn.gap.plants.servo_model import ServoHypothesis, ServoTerm
 from whsklearn.gap.plants.servo_own import Own
 from whsklearn.gap.record import Array
 from whsklearn.gap.search import HALF, LEAST_SHARE
-from whsklearn.gap.tangent import AT_ONCE, Family, Look, Tangent, chance, strongest_lines, with_p_values
+from whsklearn.gap.tangent import AT_ONCE, Family, Look, Tangent, chance, looks_at, strongest_lines, with_p_values
 from whsklearn.identification.drive_lead import LATEST, OLDEST
 
 Blocks = Iterator[tuple[Any, Array, Array | float]]
@@ -100,7 +100,7 @@ def looks(
     timed = Tangent(left, own.null, np.column_stack([numbers, rate]), own.n_effective, away)
     other_way = acceleration_tangent(view, model, np.random.default_rng(0))
     asked = [
-        (f, better(timed.look(f), other_way.look(f) if of_place else None, other_way.n, missing))
+        (f, better(looks_at(f, timed, *([other_way] if of_place else [])), other_way.n, missing))
         for f, of_place in families(scene, waves)
     ]
     out = [look for _, look in asked]
@@ -159,12 +159,13 @@ def told_at(view: Any, model: ServoHypothesis) -> Array | None:
     return free if away is None else away * free
 
 
-def better(look: Look | None, other: Look | None, n: float, left: float) -> Look | None:
-    """The first of two looks at one family, one by each regression, unless it explains less than half of the other.
+def better(looks: list[Look | None], n: float, left: float) -> Look | None:
+    """The first of the looks at one family, one by each regression, unless it explains less than half of the other.
 
     Families are compared by what they explain of the drive's residual, of rms ``left``.  The size of a family found by
     the other regression is the same share of it as of the acceleration, with ``n`` independent samples.
     """
+    look, other = (*looks, None)[:2]
     if look is None or other is None:
         return look
     size = left * float(np.sqrt(-np.expm1(-other.gain / n)))

@@ -25,6 +25,16 @@ def filter_rows(b, a, rows, bounds):
     num[: b.size] = b
     den[: a.size] = a
     out = np.empty_like(rows)
+    if a.size == 1:  # the same sums in the same order, tap by tap along the record, which is a third of the time
+        for e in range(bounds.size - 1):
+            first, stop = bounds[e], bounds[e + 1]
+            for i in range(rows.shape[0]):
+                out[i, first:stop] = 0.0
+                for k in range(min(order, stop - first - 1), -1, -1):
+                    later, earlier = out[i, first + k : stop], rows[i, first : stop - k]
+                    for t in range(later.size):
+                        later[t] += num[k] * earlier[t]
+        return out
     state = np.zeros(order + 1)  # transposed direct form II; the last entry stays zero
     for i in range(rows.shape[0]):
         for e in range(bounds.size - 1):
