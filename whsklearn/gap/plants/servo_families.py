@@ -7,6 +7,10 @@ zero, and the force explains hardly anything of the small drive (three of six lo
 acceleration on the drive, a = (u - f) / J, shows that the same force explains nearly everything.  Both describe the
 same model, and a force of the position is tried in both directions.
 
+Noise in the reading of the drive also leaves the acceleration unexplained, and a force of the position explains that
+too, because any swing accelerates towards its middle.  Beside a force that is there, drive and acceleration explain
+each other better (`mutual`); beside one that is not, less is left for them to share.
+
 References
 ----------
 Frisch 1934, Statistical Confluence Analysis by Means of Complete Regression Systems, for the two directions of one
@@ -16,7 +20,7 @@ regression; Haavelmo 1943, The statistical implications of a system of simultane
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import product
 from typing import Any
 
@@ -99,8 +103,16 @@ def looks(
     numbers = own_columns[:, free[: own_columns.shape[1]]]
     timed = Tangent(left, own.null, np.column_stack([numbers, rate]), own.n_effective, away)
     other_way = acceleration_tangent(view, model, np.random.default_rng(0))
+    acceleration, beside_it = regression(view, model)
+
+    def there(look: Look) -> bool:
+        """Whether a force of the place leaves acceleration and drive as much to share, or more, but for chance."""
+        grown = np.column_stack([beside_it, scene.columns(look.start)[:, 0, :]])
+        by_chance = 1.0 / other_way.n  # the mean of a squared correlation
+        return mutual(acceleration, grown) > mutual(acceleration, beside_it) - by_chance
+
     asked = [
-        (f, better(looks_at(f, timed, *([other_way] if of_place else [])), other_way.n, missing))
+        (f, better(looks_at(f, timed, *([other_way] if of_place else [])), other_way.n, missing, there))
         for f, of_place in families(scene, waves)
     ]
     out = [look for _, look in asked]
@@ -159,17 +171,19 @@ def told_at(view: Any, model: ServoHypothesis) -> Array | None:
     return free if away is None else away * free
 
 
-def better(looks: list[Look | None], n: float, left: float) -> Look | None:
+def better(looks: list[Look | None], n: float, left: float, there: Callable[[Look], bool]) -> Look | None:
     """The first of the looks at one family, one by each regression, unless it explains less than half of the other.
 
     Families are compared by what they explain of the drive's residual, of rms ``left``.  The size of a family found by
-    the other regression is the same share of it as of the acceleration, with ``n`` independent samples.
+    the other regression is the same share of it as of the acceleration, with ``n`` independent samples, if it is
+    ``there`` at all.
     """
     look, other = (*looks, None)[:2]
     if look is None or other is None:
         return look
     size = left * float(np.sqrt(-np.expm1(-other.gain / n)))
-    return dataclasses.replace(other, size=size, swapped=True) if look.size**2 < HALF * size**2 else look
+    small = look.size**2 < HALF * size**2
+    return dataclasses.replace(other, size=size, swapped=True) if small and there(other) else look
 
 
 def families(scene: Scene, waves: bool = False) -> Iterator[tuple[Family, bool]]:
@@ -350,10 +364,28 @@ def regression(view: Any, model: ServoHypothesis) -> tuple[Array, Array]:
 
 def acceleration_left(view: Any, model: ServoHypothesis) -> Array:
     """Residual of the acceleration under the model, shape (n,)."""
-    a, columns = regression(view, model)
+    return left_of(*regression(view, model))
+
+
+def left_of(x: Array, columns: Array) -> Array:
+    """Residual of the signals ``x``, shape (n, ...), on the columns."""
     norm = np.linalg.norm(columns, axis=0)
     columns = columns[:, norm > 0.0] / norm[norm > 0.0]
-    return np.asarray(a - columns @ np.linalg.lstsq(columns, a, rcond=1e-10)[0])
+    return np.asarray(x - columns @ np.linalg.lstsq(columns, x, rcond=1e-10)[0])
+
+
+def mutual(acceleration: Array, columns: Array) -> float:
+    """Squared partial correlation of the acceleration and the drive, the first of the columns, beside the others.
+
+    Examples
+    --------
+    >>> force, noise, drive = np.random.default_rng(0).standard_normal((3, 100_000))
+    >>> a = drive - 3.0 * force
+    >>> [round(mutual(a, np.column_stack([drive + 0.1 * noise, *rest])), 2) for rest in ([noise], [noise, force])]
+    [0.1, 1.0]
+    """
+    a, u = left_of(np.column_stack([acceleration, columns[:, 0]]), columns[:, 1:]).T
+    return float(a @ u) ** 2 / max(float(a @ a) * float(u @ u), 1e-300)
 
 
 def acceleration_tangent(view: Any, model: ServoHypothesis, rng: np.random.Generator) -> Tangent:
