@@ -11,6 +11,7 @@ from whsklearn.effects import (
     CableSpring,
     ContactStop,
     Coulomb,
+    DeadZone,
     DisturbanceTone,
     EncoderEccentricity,
     EndStop,
@@ -55,10 +56,11 @@ def test_a_stop_that_the_axis_touches_most_of_the_time_is_a_spring(effect, sprin
 
 @UNITS
 @pytest.mark.parametrize(("rows", "refused"), [(1, True), (20, False)])
-def test_a_limit_that_is_reached_in_single_rows_is_none(rows, refused, unit):
+def test_a_drive_that_chatters_shows_no_limit_and_no_dead_zone(rows, refused, unit):
     """A drive that a controller changes with every row, and one whose values last for ``rows``."""
     drive = -unit * np.repeat(np.random.default_rng(0).standard_normal(T.size // rows), rows)
     assert bool(Saturation(unit).implausible(seen(drive=drive, limit=unit))) == refused
+    assert bool(DeadZone(0.3 * unit).implausible(seen(drive=drive))) == refused
 
 
 @UNITS

@@ -95,6 +95,15 @@ def test_a_row_of_blank_cells_below_the_names_is_no_header(tmp_path):
     assert open_source(tmp_path / "elmo.csv").names == ["Time [sec]", "Position [cnt]", "Active Current [A]"]
 
 
+@pytest.mark.parametrize("word", ["start", "n/a?"])
+def test_a_row_with_a_word_for_its_time_below_the_names_is_no_header(tmp_path, word):
+    lines = text().splitlines()
+    lines.insert(1, ",".join([word, *lines[1].split(",")[1:]]))
+    (tmp_path / "axis.csv").write_text("\n".join(lines) + "\n")
+    log = load_log(tmp_path / "axis.csv", **NAMES)
+    assert len(log.y) == 300
+
+
 def test_a_header_that_does_not_fit_its_rows_is_told_as_it_is(tmp_path):
     rows = text(head=None).splitlines()
     (tmp_path / "wide.csv").write_text("time_s,torque_nm,position_rad\n" + "\n".join(f"{r},7" for r in rows) + "\n")

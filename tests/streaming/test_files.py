@@ -42,6 +42,18 @@ def test_a_file_that_is_not_ours_stays(tmp_path, option, fresh):
     assert diary.read_text() == "years of work\n"
 
 
+def test_a_checkpoint_that_is_cut_off_is_told_and_may_be_replaced(tmp_path):
+    log, kept = write(tmp_path / "log.csv", rows(50)), tmp_path / "log.csv.whs"
+    assert run(log).exit_code == 0
+    kept.write_bytes(kept.read_bytes()[:-100])
+    done = run(log)
+    assert done.exit_code == 1
+    assert "cut off" in done.stderr
+    assert "--fresh" in done.stderr
+    assert run(log, "--fresh").exit_code == 0
+    assert carried(kept)["rows"] == 50
+
+
 def test_two_streams_on_one_checkpoint(tmp_path):
     log = write(tmp_path / "log.csv", rows(50))
     with FileLock(tmp_path / ".log.csv.whs.lock"):

@@ -5,13 +5,31 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from whsklearn.effects import codes
 from whsklearn.effects.base import Effect
 from whsklearn.effects.quantity import number
-from whsklearn.effects.surroundings import Surroundings
+from whsklearn.effects.surroundings import Surroundings, between_rows
 
-HALF = 0.5  # share of the power of what a limit takes: only more than half of it is most of it
+HALF = 0.5  # share of a power: only more than half of it is most of it
+
+
+def unknown_between_rows(taken: NDArray[np.float64]) -> str:
+    """The objection that what an effect takes off the drive, ``taken`` (n,), changes from row to row; empty if not.
+
+    A controller that is faster than the log sends other values between the rows, which move the axis no more than a
+    limit or a dead zone would let it.
+
+    Examples
+    --------
+    >>> chatter = np.random.default_rng(0).standard_normal(900)
+    >>> [bool(unknown_between_rows(np.repeat(chatter, rows))) for rows in (1, 9)]
+    [True, False]
+    """
+    if between_rows(taken) <= HALF:
+        return ""
+    return "what it takes off the drive changes from row to row, and what acts between the rows is unknown"
 
 
 class _DriveEffect(Effect):
@@ -73,6 +91,13 @@ class DeadZone(_DriveEffect):
     column_kind = "at_size"
     code = codes.DEAD_ZONE
 
+    def implausible(self, seen: Surroundings) -> str:
+        """The objection that the drive chatters across the zone.
+
+        ``seen``: see `Effect.implausible`.
+        """
+        return unknown_between_rows(np.clip(seen.drive, -self.width, self.width))
+
 
 class Saturation(_DriveEffect):
     """The amplifier delivers no more than its limit, u_eff = clip(u, -U, U) (Nm).
@@ -107,21 +132,13 @@ class Saturation(_DriveEffect):
             raise ValueError(f"Saturation: limit is {self.limit}, expected a torque above zero; give it in Nm.")
 
     def implausible(self, seen: Surroundings) -> str:
-        """The objection that the drive could not have moved the axis, or that it reaches the limit in single rows.
-
-        A controller that is faster than the log sends other values between the rows, which hold the axis as well as a
-        limit would.
+        """The objection that the drive could not have moved the axis, or that it chatters beyond the limit.
 
         ``seen``: see `Effect.implausible`.
         """
         if seen.never_moved:
             return seen.never_moved
-        taken = seen.drive - np.clip(seen.drive, -self.limit, self.limit)
-        side = np.sign(taken)
-        alone = (side[1:-1] != side[:-2]) & (side[1:-1] != side[2:])
-        if float(np.sum(taken[1:-1][alone] ** 2)) <= HALF * float(taken @ taken):
-            return ""
-        return "the drive reaches it in single rows, and what acts between the rows is unknown"
+        return unknown_between_rows(seen.drive - np.clip(seen.drive, -self.limit, self.limit))
 
 
 class InputDelay(_DriveEffect):

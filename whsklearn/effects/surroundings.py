@@ -77,3 +77,18 @@ class Surroundings(NamedTuple):
         if self.carried or rest < min(float(np.abs(self.drive).max()), self.limit):
             return ""
         return "with as much dry friction at rest, the drive would never have moved the axis"
+
+
+def between_rows(x: Array) -> float:
+    """Share of a signal's power that the rows before and after do not predict, so that no row says what was between.
+
+    ``x`` (n,): the signal, without its mean where that counts for nothing.
+
+    Examples
+    --------
+    >>> t = np.arange(1000.0)
+    >>> between_rows(np.sin(0.1 * t)) < 1e-4, between_rows(np.random.default_rng(0).standard_normal(1000)) > 1.0
+    (True, True)
+    """
+    off = x[1:-1] - 0.5 * (x[:-2] + x[2:])
+    return float(off @ off) / max(float(x @ x), 1e-300)

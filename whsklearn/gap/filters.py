@@ -111,18 +111,3 @@ def whiteness(e: Array, name: str, n_params: int = 0) -> dict[str, Any]:
     found = whiteness_test(e, n_params=n_params)
     return {"test": f"Ljung-Box, {found.lags.size} lags, {name}", "statistic": found.statistic,
             "p_value": found.p_value, "largest": float(np.abs(found.r).max()), "band": found.band}  # fmt: skip
-
-
-def between_rows(x: Array) -> float:
-    """Share of a signal's power that the rows before and after do not predict, so that no row says what was between.
-
-    ``x`` (n,): the signal, without its mean where that counts for nothing.
-
-    Examples
-    --------
-    >>> t = np.arange(1000.0)
-    >>> between_rows(np.sin(0.1 * t)) < 1e-4, between_rows(np.random.default_rng(0).standard_normal(1000)) > 1.0
-    (True, True)
-    """
-    off = x[1:-1] - 0.5 * (x[:-2] + x[2:])
-    return float(off @ off) / max(float(x @ x), 1e-300)

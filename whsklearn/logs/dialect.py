@@ -100,7 +100,7 @@ def _read_as(
     above = [
         _names_apart(lines[i], width) or c if separator == r"\s+" and len(c) > width else c
         for k, (i, c) in enumerate(rows[:start])
-        if not _is_data(c, decimal) or _label(rows, k, decimal)
+        if not _is_data(c, decimal) or (_label(rows, k, decimal) and not _below_names(rows, k, decimal))
     ]
     if all(not c[-1] for c in body):  # every row ends in a separator, which the header may lack
         above = [[*c, ""] if len(c) == width - 1 else c for c in above]
@@ -170,6 +170,13 @@ def _label(rows: list[tuple[int, list[str]]], k: int, decimal: str) -> bool:
         return False
     below = [c[0] for _, c in rows[k + 1 :][-_BODY:]]
     return 2 * sum(is_number(c, decimal) or bool(_DATE.fullmatch(c)) for c in below) > len(below)
+
+
+def _below_names(rows: list[tuple[int, list[str]]], k: int, decimal: str) -> bool:
+    """Whether a row has numbers behind its first cell, and names above it: data with a word in place of the time."""
+    cells = rows[k][1]
+    named = any(len(c) == len(cells) and all(map(is_word, c)) for _, c in rows[:k])
+    return named and len(cells) > 1 and all(is_number(c, decimal) and c != "" for c in cells[1:])
 
 
 def _counts_up(cells: list[str]) -> bool:

@@ -1,5 +1,5 @@
 """State files without pickle."""
 
-from whsklearn.state.files import read_kind, read_state, write_state
+from whsklearn.state.files import is_state, read_state, write_state
 
-__all__ = ["read_kind", "read_state", "write_state"]
+__all__ = ["is_state", "read_state", "write_state"]

@@ -243,23 +243,23 @@ def read_state(path: str | os.PathLike[str], kind: str | None = None) -> tuple[d
         raise ValueError(f"{os.fspath(path)}: {error}") from None
 
 
-def read_kind(path: str | os.PathLike[str]) -> str:
-    """The kind of the state file of a ``path``, such as ``"RMILSRegressor"``; raises as `read_state` does.
+def is_state(path: str | os.PathLike[str]) -> bool:
+    """Whether the file of a ``path`` begins as a state file does, even if it is cut off or of another format.
 
     Examples
     --------
     >>> import pathlib, tempfile
-    >>> from whsklearn.state import read_kind, write_state
+    >>> from whsklearn.state import is_state, write_state
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = pathlib.Path(folder, "axis.whs")
     ...     write_state(path, "Mine", {"p": 4}, {})
-    ...     read_kind(path)
-    'Mine'
+    ...     path.write_bytes(path.read_bytes()[:40])
+    ...     is_state(path)
+    40
+    True
     """
-    try:
-        return str(_header(Path(path).read_bytes())[0]["kind"])
-    except ValueError as error:
-        raise ValueError(f"{os.fspath(path)}: {error}") from None
+    with Path(path).open("rb") as file:
+        return file.read(len(_MAGIC)) == _MAGIC
 
 
 def pack_state(kind: str, params: dict[str, Any], state: dict[str, Any]) -> bytes:

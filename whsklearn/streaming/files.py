@@ -15,7 +15,7 @@ from typing import Any, BinaryIO
 from filelock import FileLock, Timeout
 
 from whsklearn.logs.files import check_writable, is_device
-from whsklearn.state import read_kind
+from whsklearn.state import is_state
 from whsklearn.streaming.monitor import Record
 
 PRINTED = 1 << 16  # bytes at the beginning and before the current position that identify a source
@@ -36,11 +36,8 @@ def check_files(source: str, out: Path | None, kept: Path, fresh: bool) -> None:
     for path in files.values():
         if path in (out, kept) and not is_device(path):
             check_writable(path)
-    if kept.exists() and fresh:
-        try:
-            read_kind(kept)
-        except ValueError as error:
-            raise ValueError(f"{error} --fresh replaces checkpoints only; give another --checkpoint.") from None
+    if fresh and kept.exists() and not is_state(kept):
+        raise ValueError(f"{kept} is no checkpoint, and --fresh replaces checkpoints only; give another --checkpoint.")
 
 
 @contextlib.contextmanager

@@ -19,7 +19,7 @@ from whsklearn._interruption import insisted
 from whsklearn.change import ChangeAlarm
 from whsklearn.logs.errors import LogError
 from whsklearn.logs.units import UNSTATED, unit_of
-from whsklearn.state import read_state, write_state
+from whsklearn.state import is_state, read_state, write_state
 from whsklearn.streaming.files import Out, alone, check_files, fingerprint
 from whsklearn.streaming.monitor import Options, Record, Refused, StreamMonitor
 from whsklearn.streaming.rows import CsvParser, FollowedFile, JsonParser, LineSource, PipedLines, text_of
@@ -398,8 +398,11 @@ class Keeper:
 
 
 def _load(kept: Path, model: Any, columns: list[str]) -> dict[str, Any]:
-    """The state in the checkpoint; raises if it belongs to another model or other columns."""
-    params, state = read_state(kept, KIND)
+    """The state in the checkpoint; raises if it cannot be read, or belongs to another model or other columns."""
+    try:
+        params, state = read_state(kept, KIND)
+    except ValueError as error:
+        raise ValueError(f"{error} Or give --fresh to start over." if is_state(kept) else str(error)) from None
     other = state["place"]["columns"] != columns or repr(params["estimator"]) != repr(model)
     if other and not state["place"]["offset"]:  # of a start that failed before it read a line
         return {}

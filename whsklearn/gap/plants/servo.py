@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 
 from whsklearn.effects import Stribeck, get_effect
 from whsklearn.effects.base import rms
+from whsklearn.effects.surroundings import between_rows
 from whsklearn.gap.calibration import gain
 from whsklearn.gap.data_check import DataProblem, check_servo
 from whsklearn.gap.diagnosis import NamedEffect
-from whsklearn.gap.filters import between_rows, whiteness
+from whsklearn.gap.filters import whiteness
 from whsklearn.gap.localisation import since_reversal, spectra
 from whsklearn.gap.pictures import DRAWN
 from whsklearn.gap.plant import PAYS, QUIET, Figures, Gap, Learned, Linearised, Plant, Reading, Told, quiet
