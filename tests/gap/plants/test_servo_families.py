@@ -249,7 +249,7 @@ def test_bristles_that_only_reversals_show_are_no_play():
 
 def test_a_play_is_found_before_a_load_that_rubs():
     hidden = Backlash(0.01, 0.5, 60.0, 0.3, load_coulomb=0.08)
-    log = make_servo_log([hidden], duration=20.0, random_state=2)
+    log = make_servo_log([hidden], duration=12.0, random_state=2)
     found = GapFinder("servo").fit(log).effects_[0]
     assert found.name == "backlash"
     assert found.effect.gap == pytest.approx(hidden.gap, rel=0.2)
@@ -286,10 +286,10 @@ def test_a_ripple_with_less_than_a_period_in_the_travel_is_one():
 
 def test_a_hardening_spring_is_found_wherever_the_encoder_counts_from():
     log = make_servo_log([HardeningSpring(0.15, 0.6)], duration=12.0, random_state=2)
-    for zero in (0.0, 5.0):
-        found = GapFinder("servo").fit(log.assign(position_rad=log["position_rad"] + zero)).effects_[0]
-        assert found.name == "hardening_spring"
-        assert found.effect.centre == pytest.approx(zero + 0.6, abs=0.01)
+    zero = 5.0  # about zero itself others are found, in `tests/gap/test_finder.py`
+    found = GapFinder("servo").fit(log.assign(position_rad=log["position_rad"] + zero)).effects_[0]
+    assert found.name == "hardening_spring"
+    assert found.effect.centre == pytest.approx(zero + 0.6, abs=0.01)
 
 
 @pytest.mark.parametrize(("stiffness", "centre"), [(0.002, -3.0), (0.001, 4.0)])

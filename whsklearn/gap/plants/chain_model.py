@@ -358,12 +358,15 @@ def _runs(thetas, effects, packed, u, readings, out):
     dims, law, shapes, kappa, dt = packed
     chain, none = PackedChain(dims, law, shapes, kappa, dt), np.zeros(u.size)
     x, v, y = out
+    free = (
+        u.size > 0
+    )  # not a literal, for which Numba would compile `run` once more than `WienerHammersteinSystem` does
     for i in range(thetas.shape[0]):
         if effects is None:
-            run(thetas[i], chain, None, u, readings, none, True, x, v, y[i])
+            run(thetas[i], chain, None, u, readings, none, free, x, v, y[i])
         else:
             rows, codes, own = effects
-            run(thetas[i], chain, Ports(codes, rows[i], own), u, readings, none, True, x, v, y[i])
+            run(thetas[i], chain, Ports(codes, rows[i], own), u, readings, none, free, x, v, y[i])
 
 
 def chain_free_run(s: Record, m: ChainHypothesis) -> Array:
