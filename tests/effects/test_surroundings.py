@@ -126,5 +126,8 @@ def test_bristles_are_springs_in_any_unit_of_torque():
 def test_the_reading_follows_the_axis_and_shows_what_it_is_said_to_show():
     assert EncoderEccentricity(0.1, 9.0).implausible(seen()) == ""
     assert EncoderEccentricity(0.1, 11.0).implausible(seen())
+    for travel, turns, refused in ((0.2, True, True), (1.0, True, False), (1.0, False, True), (4.0, False, False)):
+        here = seen(position=0.5 * travel * np.sin(T), turns=turns)
+        assert bool(EncoderEccentricity(0.01, 2.0).implausible(here)) == refused
     assert Backlash(1e-3).implausible(seen(step=9e-4)) == ""
     assert Backlash(1e-3).implausible(seen(step=2e-3))

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from whsklearn.effects import codes
 from whsklearn.effects.base import Effect
-from whsklearn.effects.quantity import number
+from whsklearn.effects.quantity import A_QUARTER, ONE_PERIOD, number
 from whsklearn.effects.surroundings import Surroundings
 
 
@@ -117,13 +119,18 @@ class EncoderEccentricity(_SensorEffect):
     code = codes.ENCODER_ECCENTRICITY
 
     def implausible(self, seen: Surroundings) -> str:
-        """The objection that the reading would stand still, or run backwards, somewhere in the turn.
+        """The objection that the reading would stand still somewhere in the turn, or that the wave is not seen as one.
+
+        The error of a disc repeats with the turn.  On a slide, which has no turn, the travel itself must show a period:
+        one of 18 mm in a travel of 246 mm, a quarter of a period long, stood beside the spring of a lift.
 
         ``seen``: see `Effect.implausible`.
         """
-        if self.amplitude * self.order <= 1.0:
-            return ""
-        return "with such a steep encoder error the reading would not change while the axis turns"
+        if self.amplitude * self.order > 1.0:
+            return "with such a steep encoder error the reading would not change while the axis turns"
+        least = A_QUARTER if seen.turns else ONE_PERIOD
+        short = 0.5 * float(np.ptp(seen.position)) * self.order < least
+        return "the travel is too short to show such a wave" if short else ""
 
 
 class Quantization(_SensorEffect):

@@ -31,6 +31,8 @@ class Surroundings(NamedTuple):
         Step of the encoder; zero if it is not known.
     dt : float
         Sampling period in s.
+    turns : bool
+        Whether the axis turns, so that what goes round repeats.
     command : ndarray of shape (n,) or None
         Where the drive is not measured, the command whose following error takes its place.
 
@@ -60,6 +62,7 @@ class Surroundings(NamedTuple):
     carried: bool = False
     step: float = 0.0
     dt: float = 1.0
+    turns: bool = True
     command: Array | None = None
 
     def size(self, name: str) -> float:

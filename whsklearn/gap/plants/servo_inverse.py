@@ -461,7 +461,7 @@ def surroundings(view: InverseView, model: ServoHypothesis) -> Surroundings:
     carried = any(t.effect.place in ("position", "time") for t in model.terms)
     return Surroundings(
         record.position, view.motion.velocity, record.drive, model.inertia, sizes, min(limits, default=np.inf), carried,
-        view.quantum, record.dt, record.reference if record.is_following_error else None,
+        view.quantum, record.dt, record.units[1] == "rad", record.reference if record.is_following_error else None,
     )  # fmt: skip
 
 
