@@ -26,7 +26,7 @@ COLUMNS = ["time_s", "torque_nm", "position_rad"]
 
 @pytest.fixture(scope="module")
 def frame():
-    return make_servo_log([Cogging(0.3, 12.0)], duration=12.0, random_state=0)[COLUMNS]
+    return make_servo_log([Cogging(0.3, 12.0)], duration=8.0, random_state=0)[COLUMNS]
 
 
 def run(*arguments):

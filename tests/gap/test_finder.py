@@ -234,9 +234,9 @@ def test_a_repair_that_runs_worse_loses_its_last_effect_only(monkeypatch):
 
 @pytest.mark.parametrize(("effect", "verdict"), [("cogging", "named"), ("friction_drift", "named"), (None, "no_gap")])
 def test_a_log_with_holes_tells_what_the_whole_one_tells(effect, verdict):
-    frame = make_servo_log([effect] if effect else [], duration=24.0, random_state=3)
+    frame = make_servo_log([effect] if effect else [], duration=16.0, random_state=3)
     time = frame["time_s"].to_numpy()
-    kept = np.flatnonzero(~((time >= 8.0) & (time < 8.5) | (time >= 15.0) & (time < 17.0)))
+    kept = np.flatnonzero(~((time >= 5.0) & (time < 5.5) | (time >= 10.0) & (time < 11.5)))
     signals = (frame[c].to_numpy()[kept] for c in ("time_s", "torque_nm", "position_rad"))
     starts = tuple(int(k) + 1 for k in np.flatnonzero(np.diff(kept) > 1))
     holed, whole = GapFinder("servo").fit(ServoRecord(*signals, starts=starts)), GapFinder("servo").fit(frame)
