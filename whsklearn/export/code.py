@@ -84,7 +84,9 @@ def _shown(
 ) -> dict[str, Any]:
     """What the templates of both languages show; ``drive``: the variable with the drive of a chain."""
     names: dict[str, Any] = {"name": name, "lang": lang, "code": None, "chain": None, "torque": None}
-    names |= {"title": _title(model, what), "losses": code_losses(model, what), "largest": LARGEST_DRIVE[real]}
+    kind = "servo axis" if model.axis is not None else "Wiener-Hammerstein chain"
+    title = f"{'Compensator' if what == 'compensator' else 'Free run'} of an identified {kind}."
+    names |= {"title": title, "losses": code_losses(model, what), "largest": LARGEST_DRIVE[real]}
     if what == "compensator":
         names["torque"] = torque_code(model.need_axis("A compensator"), lang, *model.steady_factors)
     elif model.axis is not None:
@@ -122,8 +124,3 @@ def _units(model: Exported, lang: Language, what: str) -> dict[str, str]:
     by = model.factors[0]
     scaled = "drive" if by == 1.0 else f"{lang.number(by)} * drive"
     return {"units": f"Units: {drive}; {answer}; time in s.", "si_drive": scaled}
-
-
-def _title(model: Exported, what: str) -> str:
-    kind = "servo axis" if model.axis is not None else "Wiener-Hammerstein chain"
-    return f"{'Compensator' if what == 'compensator' else 'Free run'} of an identified {kind}."

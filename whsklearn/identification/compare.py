@@ -610,9 +610,5 @@ def _indices(model: Any, log: View, skip: int, past: ArrayLike = ()) -> dict[str
     else:
         before = lead(log.longest.u.size, log.dt)
         error, known = (x[max(skip - before, 0) :] for x in whole_errors(model, log, before))
-    return _of_error(error, known)
-
-
-def _of_error(error: Array, known: Array) -> dict[str, float]:
     rmse = rms_of(error)
     return {"nmse": rmse**2 / max(float(np.var(known)), 1e-300), "rmse": rmse} if np.isfinite(rmse) else {}

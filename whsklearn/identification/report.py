@@ -213,14 +213,10 @@ def _overlay(ax: Axes, found: Identification) -> None:
     ax.plot(seconds, measured, color="0.2", label="measured")
     ax.plot(seconds, measured - error, color="C1", ls="--", label="replayed from the drive alone")
     ax.plot(seconds, error, color="C3", lw=0.8, label="difference")
-    since = f"{model_time(found)} since the state was fitted"
-    ax.set(xlabel=since, ylabel=titled("output", found.model.units.get("output", "")), title="Test, last window")
+    units = found.model.units
+    since = f"{'s' if units.get('time', 's') == 's' else 'samples'} since the state was fitted"
+    ax.set(xlabel=since, ylabel=titled("output", units.get("output", "")), title="Test, last window")
     ax.legend(fontsize=8)
-
-
-def model_time(found: Identification) -> str:
-    """Unit of the time axis."""
-    return "s" if found.model.units.get("time", "s") == "s" else "samples"
 
 
 def blocks(model: Any) -> list[tuple[str, np.ndarray, np.ndarray]]:

@@ -45,7 +45,9 @@ def window_errors(model: Any, log: View, horizon: int, before: int) -> Array:
     if model is None:
         return np.array([_steady(log, s, horizon, before) for s in begins])
     if isinstance(model, AxisModel):
-        return _axis_errors(model, log, begins, horizon, before)
+        theta, form = axis_theta(model)
+        logged = replace(log.in_si, logged=model.logged, steps=model.steps, hold=model.hold)
+        return _theta_errors(theta, form, logged, begins, horizon, before) / log.si[1]  # in the record's unit
     return _response_errors(model, log, begins, horizon, before)
 
 
@@ -74,13 +76,6 @@ def _steady(log: View, start: int, horizon: int, before: int) -> Array:
     m = min(before, 30)
     slope, level = np.polyfit(np.arange(-m, 0), past[-m:], 1)
     return log.y[start : start + horizon] - (level + slope * np.arange(horizon))
-
-
-def _axis_errors(model: AxisModel, log: View, begins: NDArray[np.int64], horizon: int, before: int) -> Array:
-    """In the record's unit; the model and its run are in SI."""
-    theta, form = axis_theta(model)
-    logged = replace(log.in_si, logged=model.logged, steps=model.steps, hold=model.hold)
-    return _theta_errors(theta, form, logged, begins, horizon, before) / log.si[1]
 
 
 def _theta_errors(

@@ -78,7 +78,7 @@ def open_text(path: Path) -> Source:
         if rate:
             notes.append(f"Column {names[column]!r} counts ticks, {rate:g} a second.")
     period = None
-    if not any(is_time(units.get(n) or unit_of(n)) or _is_time(n) for n in names):
+    if not any(is_time(units.get(n) or unit_of(n)) or {*WORDS["time"]} & {*words_of(n)} for n in names):
         period = period_in(above) or increment_in([split(t, layout.separator) for t in above])
     if period:
         notes.append(f"Rows are {period:.6g} s apart, according to the header.")
@@ -125,10 +125,6 @@ def _begin(path: Path) -> tuple[bytes, str, list[str], Dialect | None]:
         what = "is empty" if not head else "contains only blanks or zero bytes"
         raise LogError(f"{path.name} {what}; record the log again, or give another file.")
     return head, encoding, clean, layout
-
-
-def _is_time(name: str) -> bool:
-    return bool(set(WORDS["time"]) & set(words_of(name)))
 
 
 def _is_torn(layout: Dialect) -> bool:

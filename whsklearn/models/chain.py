@@ -118,10 +118,6 @@ _POWERS = {
 }  # fmt: skip
 
 
-def _power(term: Effect) -> int:
-    return int(term.shape["degree"]) if term.name == "power" else _POWERS.get(term.name, 0)
-
-
 @dataclass(frozen=True)
 class ChainModel(IdentifiedModel):
     """x = b1/f1 u, v = law(x, dx), y = b2/f2 v; all polynomials start with the direct path.
@@ -211,7 +207,7 @@ class ChainModel(IdentifiedModel):
             out = f"{out}/s"
         known = UNKNOWN not in self.si
         units = dict.fromkeys(self.parameters, "1")
-        powers = (_power(t) for t in self.law.terms)
+        powers = (int(t.shape["degree"]) if t.name == "power" else _POWERS.get(t.name, 0) for t in self.law.terms)
         return units | {
             k: per(out, into, n) if known else UNKNOWN for k, n in zip(self.law.labels, powers, strict=True)
         }
