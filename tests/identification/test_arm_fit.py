@@ -13,7 +13,7 @@ from whsklearn.cli.arm import document, numbers_table
 from whsklearn.datasets import default_arm, make_arm_log
 from whsklearn.effects import CableSpring, Cogging, Coulomb, InputOffset, LoadFriction, PreslidingHysteresis, Viscous
 from whsklearn.filtering import motion
-from whsklearn.identification import identify_arm
+from whsklearn.identification import arm_fit, identify_arm
 from whsklearn.identification.arm_fit import block_covariance, in_another_order, reversals_of, suspicions, unsure
 from whsklearn.lags import RigidBodyLags
 from whsklearn.lags.arm_rows import records_of
@@ -210,6 +210,34 @@ def test_orders_of_many_joints_are_compared_at_some_instants_only(monkeypatch):
     assert len(asked) <= 1  # of 21 exchanges, the one that leaves least at some instants is tried on all rows
     said = in_another_order(records_of(lags, q[:, other], u[:, other]))[0]
     assert "the columns given for j1, j4 are those of j4, j1" in said
+
+
+@pytest.mark.parametrize(("seed", "pair", "sure"), [(7, [1, 2], False), (4, [4, 5], False), (7, [4, 5], True)])
+def test_where_joints_move_along_one_line_no_wrong_order_is_told_as_sure(seed, pair, sure):
+    arm = drawn_arm(6, seed, slides=0.0, branch=0.0, gravity=(0, 0, -9.81))
+    arm = arm.with_effects({j: (Viscous(0.5), Coulomb(0.5)) for j in arm.joints})
+    t, rng = np.arange(20 * RATE)[:, None] / RATE, np.random.default_rng(seed)
+    size = rng.uniform(0.2, 0.6, 6) * rng.choice([-1, 1], 6)
+    q = size * np.sin(2 * np.pi * (0.1 * t + 0.02 * t**2)) + 0.005 * np.sin(t * rng.uniform(1, 3, 6))
+    moved = [motion(x, RATE, 50.0) for x in q.T]
+    u = arm.inverse_dynamics(q, np.column_stack([m[1] for m in moved]), np.column_stack([m[2] for m in moved]))
+    u += 0.02 * u.std(axis=0) * rng.standard_normal(u.shape)
+    order = np.arange(6)
+    order[pair] = pair[::-1]
+    said = in_another_order(records_of(RigidBodyLags(arm, RATE), q[:, order], u[:, order]))[0]
+    given, owner = (", ".join(f"j{k}" for k in which) for which in (pair, pair[::-1]))
+    assert ("others fit about as well" in said) != sure
+    assert not sure or f"if the columns given for {given} are those of {owner}, in this order" in said
+
+
+def test_the_search_for_an_order_ends_after_so_many_numbers(monkeypatch):
+    arm, asked, columns = drawn_arm(7, 3, slides=0.0, branch=0.0, gravity=(0, 0, -9.81)), [], RigidBodyLags.columns
+    q, u = smooth_log(arm, seconds=6.0)
+    rows = records_of(RigidBodyLags(arm, RATE), q, u + u.std(axis=0) * np.sin(np.arange(len(u)) / 40)[:, None])
+    monkeypatch.setattr(arm_fit, "TRIED", 10 * len(rows.lags.base_.names))
+    monkeypatch.setattr(RigidBodyLags, "columns", lambda *args: asked.append(args) or columns(*args))
+    in_another_order(rows)
+    assert 5 < len(asked) < 20
 
 
 @pytest.mark.parametrize("joint", ARM.joints)

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import solve_triangular
+from scipy.linalg import solve, solve_triangular
 from scipy.optimize import linear_sum_assignment, minimize
 from sklearn.base import clone
 from threadpoolctl import threadpool_limits
@@ -587,8 +587,12 @@ CLEARLY = 0.25  # of the drives' residual: half the error at the joints affected
 MUCH, SOME = 0.005, 6000
 FEW = 5  # rows per number at the instants at which all orders are compared before the best one is judged on all rows
 LESS = 0.7  # of what is left at a joint: for an order to be better, each joint that it moves has to have this or less
-# Drawn orders from which one is sought, about half of which lead to the right one; and orders tried before it is over.
-DRAWN, TRIED = 16, 1000
+# By which the order told has to lead every other one tried.  Where six joints move along one line to 0.2 to 2 %, wrong
+# orders led by up to 0.4, and so did right ones (`python -m benchmarks.joint_order --line 0.005`).
+DOUBT = 0.5
+# Drawn orders from which one is sought, about half of which lead to the right one; and numbers fitted, over all orders
+# tried, before it is over: all 720 orders of six joints may be tried, and of 20 joints as many as 10 s of CPU allow.
+DRAWN, TRIED = 16, 100_000
 
 
 def suspicions(arm: Arm, q: Array, torque: Array) -> list[str]:
@@ -621,24 +625,26 @@ def suspicions(arm: Arm, q: Array, torque: Array) -> list[str]:
     return out
 
 
+@threadpool_limits.wrap(limits=1, user_api="blas")
 def in_another_order(rows: ArmRows) -> list[str]:
     """A sentence if the drives fit far better with the columns of the joints in another order, else none.
 
     A joint's own columns explain its own drive best, whatever the others are.  If the numbers that all joints share
     then leave much of a drive, the positions are in another order, too, and it is sought.  What is found has to be no
     worse for any joint that it moves, and far better for all of them together: a large effect that one joint lacks is
-    no such order.
+    no such order.  It is an example only if another order fits about as well, as where all joints move along one line.
     """
     lags, q, torque = rows.lags, rows.position, rows.drive
     names, triple = lags.arm_.joints, (rows.phi, rows.target, rows.keep)
     given = places = np.arange(len(names))
     before = _left(*triple)
     drives, left = _ordered(*triple)
-    if (left > MUCH).any():
+    if (left > MUCH).any() or (drives != given).any():
         trial, whole = clone(lags).set_params(cutoff=lags.cutoff_), max(experiments(rows.groups, len(q)), key=_length)
         middle = whole.start + max((_length(whole) - SOME) // 2, 0)
         part = slice(middle, min(middle + SOME, whole.stop))
-        other = _Instants(trial.fit(q[part]), q[part], torque[part], drives).sought()
+        instants = _Instants(trial.fit(q[part]), q[part], torque[part], drives)
+        other = instants.sought()
         with warnings.catch_warnings(), suppress(ValueError):  # nothing may move in this part
             warnings.simplefilter("ignore", UserWarning)
             paid, rest = _ordered(*trial.joint_rows(q[part][:, other], torque[part]))
@@ -654,7 +660,13 @@ def in_another_order(rows: ArmRows) -> list[str]:
         f"{', '.join(names[k] for k in np.argsort(order)[order != given])}"
         for what, order in orders if (order != given).any()
     ]  # fmt: skip
-    return [f"The drives fit far better if {' and '.join(told)}, in this order; name the columns with --joints."]
+    what = f"{' and '.join(told)}, in this order"
+    if instants.lead(places, drives) < DOUBT:
+        return [
+            f"The drives fit far better in another order of the columns, for example if {what}; "
+            "others fit about as well, so check all columns and name them with --joints."
+        ]
+    return [f"The drives fit far better if {what}; name the columns with --joints."]
 
 
 class _Instants:
@@ -674,7 +686,7 @@ class _Instants:
         self.drive = zero_phase(torque, rate, lags.cutoff_)[some]
         self.moved = Motion(*(np.column_stack([x[some] for x in xs]) for xs in zip(*each, strict=True)))
         self.fast = np.abs(self.moved.velocity) > lags.slow * speeds
-        self.tried: dict[tuple[int, ...], float] = {}
+        self.tried: dict[tuple[int, ...], dict[tuple[int, ...], float]] = {}
 
     def left(self, places: NDArray[np.int64]) -> float:
         """What remains with the positions in this order, by the likelihood of joints with errors of their own.
@@ -686,29 +698,42 @@ class _Instants:
         if key not in self.tried:
             given = np.arange(len(places))
             phi = self.lags.columns(Motion(*(x[:, places] for x in self.moved)), self.drive[:, places], self.time)
-            ways = [places] if (self.paid == given).all() else [self.paid[places], places, given]
-            self.tried[key] = min(
-                float(np.log(MUCH + _left(phi, self.drive[:, way], self.fast[:, places])).sum())
-                - float(np.log(LESS)) * int(((places != given) | (way != given)).sum())
-                for way in ways
-            )
-        return self.tried[key]
+            shared = _Shared(phi, self.fast[:, places])
+            ways = {tuple(way.tolist()): way for way in (self.paid[places], places, given)}
+            self.tried[key] = {
+                way: float(np.log(MUCH + shared.left(self.drive[:, at])).sum())
+                - float(np.log(LESS)) * int(((places != given) | (at != given)).sum())
+                for way, at in ways.items()
+            }
+        return min(self.tried[key].values())
+
+    def lead(self, places: NDArray[np.int64], drives: NDArray[np.int64]) -> float:
+        """By how much this order of positions and drives leaves less than every other one tried."""
+        each = {(p, way): x for p, ways in self.tried.items() for way, x in ways.items()}
+        own = each.pop((tuple(places.tolist()), tuple(drives.tolist())), np.inf)
+        return min(each.values()) - own
 
     def sought(self) -> NDArray[np.int64]:
         """The order of the positions that leaves least, from several starts."""
         given, rng = np.arange(len(self.paid)), np.random.default_rng(0)
-        starts = sorted((given, given[::-1], np.roll(given, 1), np.roll(given, -1)), key=self.left)
-        best, little = starts[0], len(given) * np.log(2.0 * MUCH)
-        for start in (*starts, *(rng.permutation(given) for _ in range(DRAWN))):
-            if self.left(best) > little and len(self.tried) < TRIED:
+        usual = given, np.argsort(self.paid), given[::-1], np.roll(given, 1), np.roll(given, -1)
+        starts = sorted(usual, key=self.left)
+        best, little = self._descended(starts[0]), len(given) * np.log(2.0 * MUCH)  # its neighbours are rivals of it
+        for start in (*starts[1:], *(rng.permutation(given) for _ in range(DRAWN))):
+            if self.left(best) > little and not self._over():
                 best = min(best, self._descended(start), key=self.left)
         return best
+
+    def _over(self) -> bool:
+        return len(self.tried) * len(self.lags.base_.names) > TRIED
 
     def _descended(self, places: NDArray[np.int64]) -> NDArray[np.int64]:
         """The order reached by exchanges, as long as they leave less: the best one, or many at once by assignment."""
         while True:
             cost, now = np.full((len(places),) * 2, self.left(places)), places
             for i, j in itertools.combinations(range(len(places)), 2):
+                if self._over():
+                    return places
                 other = now.copy()
                 other[[i, j]] = now[[j, i]]
                 cost[i, j] = cost[j, i] = self.left(other)
@@ -741,15 +766,39 @@ def _length(s: slice) -> int:
     return int(s.stop - s.start)
 
 
+class _Shared:
+    """Rows of all joints, and what the numbers that they share leave of drives.
+
+    Normal equations are summed by joint, so that further orders of the drives cost little.  ``phi`` and ``keep`` are as
+    `RigidBodyLags.joint_rows` makes them.
+    """
+
+    def __init__(self, phi: Array, keep: NDArray[np.bool_]):
+        self.rows, self.keep, self.count = np.where(keep[:, :, None], phi, 0.0), keep, np.maximum(keep.sum(axis=0), 1)
+        self.squares = np.zeros((phi.shape[1], phi.shape[2], phi.shape[2]))
+        for j, square in enumerate(self.squares):
+            own = np.flatnonzero(np.any(self.rows[:, j] != 0.0, axis=0))
+            rows = self.rows[:, j, own]
+            square[np.ix_(own, own)] = rows.T @ rows
+
+    def left(self, target: Array) -> Array:
+        """The share of each drive's variance that is left, (n_joints,); ``target`` (m, n_joints) are the drives."""
+        drives = np.where(self.keep, target, 0.0)
+        power = np.sum(np.where(self.keep, drives - drives.sum(axis=0) / self.count, 0.0) ** 2, axis=0)
+        power = np.where(power > 0.0, power, 1.0)
+        weights = self.count / power
+        # the weak prior is that of drives near one, and a log may be in counts
+        gram = np.tensordot(weights, self.squares, 1) + np.eye(self.rows.shape[2]) * weights.min() / PRIOR
+        unit = np.sqrt(np.diag(gram))
+        scaled = gram / np.outer(unit, unit) + ROUNDING * np.eye(len(unit))
+        cross = np.tensordot(drives * weights, self.rows, 2) / unit
+        theta = solve(scaled, cross, assume_a="pos") / unit
+        return np.asarray(np.sum((drives - self.rows @ theta) ** 2, axis=0) / power)
+
+
 def _left(phi: Array, target: Array, keep: NDArray[np.bool_]) -> Array:
-    """What the numbers that all joints share leave of each drive, as a share of its variance, (n_joints,)."""
-    count = np.maximum(keep.sum(axis=0), 1)
-    size = np.sum(np.where(keep, target - np.sum(np.where(keep, target, 0.0), axis=0) / count, 0.0) ** 2, axis=0)
-    unit = np.sqrt(size / count)
-    unit = np.where(unit > 0.0, unit, 1.0)
-    largest = float(unit.max())  # the weak prior of the fit is that of drives near one, and a log may be in counts
-    error = target - largest * (phi @ fitted(phi, target / largest, keep, largest / unit)[0])
-    return np.asarray(np.sum(np.where(keep, error, 0.0) ** 2, axis=0) / np.where(size > 0.0, size, 1.0))
+    """`_Shared.left` of one order of the drives."""
+    return _Shared(phi, keep).left(target)
 
 
 def _ordered(phi: Array, target: Array, keep: NDArray[np.bool_]) -> tuple[NDArray[np.int64], Array]:
