@@ -85,10 +85,10 @@ bench: setup  ## speed against peers, accuracy on 20 seeds, real records
 	    $(PY) -m uv pip install --quiet --python .venv-bench/bin/python -e '.[all,bench]' 2>/dev/null || \
 	    $(PYTHON) -m pip --python .venv-bench/bin/python install --quiet -e '.[all,bench]'; \
 	    cp pyproject.toml .venv-bench/installed.toml; }
-	OMP_NUM_THREADS=1 .venv-bench/bin/python benchmarks/speed.py
+	OMP_NUM_THREADS=1 .venv-bench/bin/python -m benchmarks.speed
 	OMP_NUM_THREADS=1 .venv-bench/bin/python benchmarks/streaming.py --rows 3e5
 	OMP_NUM_THREADS=1 .venv-bench/bin/python benchmarks/accuracy.py --section example --runs 20
-	OMP_NUM_THREADS=1 .venv-bench/bin/python benchmarks/real_data.py
+	OMP_NUM_THREADS=1 .venv-bench/bin/python -m benchmarks.real_data
 
 docs: setup  ## the documentation, into docs/_build/html
 	$(PY) -m sphinx -b html -W --keep-going docs docs/_build/html

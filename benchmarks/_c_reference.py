@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from _peers import P0, Answer, Array
+
+from benchmarks._peers import P0, Answer, Array
 
 FLAGS = ("-O3", "-march=native", "-ffp-contract=off", "-shared", "-fPIC")  # no fused products: the same rounding
 

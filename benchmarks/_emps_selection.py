@@ -21,8 +21,8 @@ tell: what decides is the zero that each fit happens to carry (0.1 N is 13 mm), 
 from __future__ import annotations
 
 import numpy as np
-from _emps_forward import FOUR, fit, rmse_mm
 
+from benchmarks._emps_forward import FOUR, fit, rmse_mm
 from whsklearn.effects import (
     AsymmetricViscous,
     CableSpring,

@@ -1,7 +1,7 @@
 """Our row on the single-input single-output tasks of IdentiBench: its splits, its metrics, `identify` as it stands.
 
     pip install identibench
-    python benchmarks/identi.py [--only EMPS] [--root FOLDER] [--data FOLDER]
+    python -m benchmarks.identi [--only EMPS] [--root FOLDER] [--data FOLDER]
 
 With the network the package fetches its records into its own folder (``--root``).  Without it ``--data`` (or
 WHSKLEARN_DATA) is written in its layout: the published files of nonlinearbenchmark.org, the records of EMPS, the
@@ -27,8 +27,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from _twins import make_coupled_drives, make_silverbox
 
+from benchmarks._twins import make_coupled_drives, make_silverbox
 from whsklearn.datasets import (
     fetch_cascaded_tanks,
     fetch_coupled_drives,

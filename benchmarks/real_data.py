@@ -1,6 +1,6 @@
 """Measured axes: how well the inverse and the forward model do, against what others published.
 
-Run ``python benchmarks/real_data.py`` with the records in ``WHSKLEARN_DATA`` or ``../shared/data``; it prints
+Run ``python -m benchmarks.real_data`` with the records in ``WHSKLEARN_DATA`` or ``../shared/data``; it prints
 tables, and with ``--json FILE`` writes the same figures. Everything is fitted to the identification record;
 what a row takes from the validation record besides its drive is said in the row.
 
@@ -17,10 +17,10 @@ from pathlib import Path
 
 import click
 import numpy as np
-from _emps_forward import forward_rows, sensitivity
-from _emps_selection import selection_rows
-from _kr300_inverse import kr300_rows, two_sides
 
+from benchmarks._emps_forward import forward_rows, sensitivity
+from benchmarks._emps_selection import selection_rows
+from benchmarks._kr300_inverse import kr300_rows, two_sides
 from whsklearn import RLSRegressor
 from whsklearn.datasets import fetch_emps, fetch_kr300
 from whsklearn.effects import AsymmetricViscous, Coulomb, PositionFriction, QuadraticDrag, Stribeck, Viscous

@@ -1,6 +1,6 @@
 """Speed beside other packages: same machine, same problem, same answer, medians of several runs.
 
-Run ``make bench`` or ``python benchmarks/speed.py``, with OMP_NUM_THREADS=1 as nothing here gains from more.
+Run ``make bench`` or ``python -m benchmarks.speed``, with OMP_NUM_THREADS=1 as nothing here gains from more.
 Where there is a compiler, `reference.c` is compiled (plain C, gcc -O3) and does the same arithmetic in the same run.
 Peers that are not installed are left out and named; sysidentpy wants an older NumPy than the newest, so a virtual
 environment of its own is the place to have them all.  Times are of the CPU; where two threads work, half of what both
@@ -22,8 +22,9 @@ from typing import Any
 
 import click
 import numpy as np
-from _c_reference import c_axes, c_calls, c_rmils, c_rows
-from _peers import (
+
+from benchmarks._c_reference import c_axes, c_calls, c_rmils, c_rows
+from benchmarks._peers import (
     P0,
     Answer,
     Array,
@@ -36,7 +37,6 @@ from _peers import (
     statsmodels,
     sysidentpy,
 )
-
 from whsklearn import RLSRegressor, RMILSRegressor, WienerHammersteinLags
 from whsklearn.datasets import make_wiener_hammerstein
 from whsklearn.estimators._model import paper_vector

@@ -244,3 +244,13 @@ def test_the_design_page_states_the_figures_that_the_benchmark_prints():
         every = [house.lines_of(house.LIBRARY / name)[:2] for name in names]
         for told, is_now in zip(counts, map(sum, zip(*every, strict=True)), strict=True):
             assert int(told.replace(",", "")) == pytest.approx(is_now, rel=NEAR, abs=100), names
+
+
+def test_benchmarks_import_each_other_from_their_package():
+    # A bare import of a file beside it works as a script only, not as `python -m benchmarks.X`
+    bare = [
+        f"{p.name}: {line}"
+        for p in sorted((ROOT / "benchmarks").rglob("*.py"))
+        for line in re.findall(r"^(?:from|import) _[a-z]\w*.*$", p.read_text(), flags=re.MULTILINE)
+    ]
+    assert not bare, f"write 'from benchmarks._x import y': {bare}"
