@@ -25,7 +25,7 @@ from whsklearn.effects import (
 from whsklearn.gap import GapFinder
 from whsklearn.gap.plants.arm import ArmPlant, ArmRecord, arm_plant
 from whsklearn.gap.plants.arm_families import families
-from whsklearn.gap.plants.arm_terms import JointTerm, candidates, present
+from whsklearn.gap.plants.arm_terms import JointTerm, Load, candidates, present
 from whsklearn.gap.standard_errors import p_of_zero
 from whsklearn.identification import identify_arm
 
@@ -541,3 +541,6 @@ def test_what_only_the_contact_with_a_stop_shows_is_no_further_effect(elsewhere,
     assert bool(ArmPlant._against_its_stop(plant, model, grown)) == refused
     turned = SimpleNamespace(terms=(stop, SimpleNamespace(joint="turn", kind=other.kind)), left=after)
     assert ArmPlant._against_its_stop(plant, model, turned) == "", "a joint without a stop"
+    load = SimpleNamespace(joint="lift", kind=SimpleNamespace(cls=Load))
+    carried = SimpleNamespace(terms=(stop, load), left=after)
+    assert ArmPlant._against_its_stop(plant, model, carried) == "", "a mass, which the other joint carries, too"

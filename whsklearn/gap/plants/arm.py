@@ -317,7 +317,7 @@ class ArmPlant(Plant):
         """
         view, joint = self.view, grown.terms[-1].joint
         stop = next((t for t in model.terms if t.joint == joint and t.kind.cls is ContactStop), None)
-        if stop is None:
+        if stop is None or grown.terms[-1].kind.cls is Load:  # a mass is felt at every joint that carries it
             return ""
         j = view.arm.joints.index(joint)
         before, after = (view.left(view.fit(m))[:, j] ** 2 for m in (model, grown))
