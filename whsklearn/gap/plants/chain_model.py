@@ -358,9 +358,8 @@ def _runs(thetas, effects, packed, u, readings, out):
     dims, law, shapes, kappa, dt = packed
     chain, none = PackedChain(dims, law, shapes, kappa, dt), np.zeros(u.size)
     x, v, y = out
-    free = (
-        u.size > 0
-    )  # not a literal, for which Numba would compile `run` once more than `WienerHammersteinSystem` does
+    # not a literal, for which Numba would compile `run` once more than `WienerHammersteinSystem` does
+    free = u.size > 0
     for i in range(thetas.shape[0]):
         if effects is None:
             run(thetas[i], chain, None, u, readings, none, free, x, v, y[i])
