@@ -78,6 +78,8 @@ def conclude(plant: Any, found: Found, rng: np.random.Generator, say: Callable[[
     diagnosis.units = {role: own.get(u, u) for role, u in zip(("drive", "position"), plant.units, strict=True) if u}
     told = plant.told(found.base, found.model)
     diagnosis.residual_tests, diagnosis.notes, diagnosis.joints = told.tests, told.notes, told.joints
+    if diagnosis.verdict in UNFINISHED and not diagnosis.shortfall:
+        diagnosis.next_experiment = told.experiment or diagnosis.next_experiment
     diagnosis.pictures = pictures_in(told.pictures | {"units": plant.units}, gap, own)
     diagnosis.horizon, diagnosis.horizon_unit = plant.headline, plant.horizon_unit
     before, after, floor = (x / plant.scale for x in plant.figures(found.base, found.model)[:3])

@@ -205,6 +205,7 @@ class Told:
     pictures: dict[str, Any]  # series that the page draws (`whsklearn.gap.pictures`)
     # for an arm, what is missing from each drive, before and after
     joints: list[dict[str, Any]] = field(default_factory=list)
+    experiment: str = ""  # that this record calls for, where the verdict leaves something open
 
 
 class Plant(Protocol):

@@ -93,4 +93,7 @@ def test_noise_in_the_reading_of_the_drive_is_no_gravity(seed):
     plant = ServoPlant(ServoRecord.from_frame(log), LAW, None, 0.004)
     looks = plant.looks(plant.base(rng), rng)
     assert not any(look.swapped for look in looks), "less is left of the acceleration for the drive to explain"
-    assert not GapFinder("servo").fit(log).effects_
+    found = GapFinder("servo").fit(log).diagnosis_
+    assert not found.effects
+    assert "changes from row to row" in " ".join(found.notes)
+    assert "rate of the controller" in found.next_experiment

@@ -63,6 +63,10 @@ MOST_ORDERS = 12  # of one family; each costs a scan
 # Independent samples in motion for each number, below which no name is certain: the usual rule of regression (Harrell
 # 2015, Regression Modeling Strategies, section 4.4).
 PER_NUMBER = 10
+FASTER = (
+    "Log at the rate of the controller, or log the mean of the drive over a row: this drive changes from row to row, "
+    "and what acted between the rows is unknown."
+)
 
 
 class ServoPlant(Plant):
@@ -466,7 +470,14 @@ class ServoPlant(Plant):
         tests = [whiteness(view.whitened(view.gap(m), on="all"), name) for name, m in both]
         runs = {name: servo_run.restarted_run(view, m, self.headline) for name, m in both}
         drawn = pictures(self.inverse, base, model, self.units, self.gap_word) | {"floor": self.own.floor}
-        return Told(tests, self._notes(model), drawn | {"runs": runs, "held": servo_run.held_out(view)})
+        drawn |= {"runs": runs, "held": servo_run.held_out(view)}
+        return Told(tests, self._notes(model), drawn, experiment=FASTER if self._chatters(model) else "")
+
+    def _chatters(self, model: ServoHypothesis) -> bool:
+        """Whether the drive changes from row to row, and the model leaves more than noise."""
+        changing = between_rows(self.record.drive - self.record.drive.mean()) > HALF
+        left = self.rms(self.errors(model))
+        return changing and not quiet(left, self.own.floor, self.tolerance * self.scale)
 
     def _notes(self, model: ServoHypothesis) -> list[str]:
         """Remarks on how the record was used."""
@@ -481,12 +492,10 @@ class ServoPlant(Plant):
                 f"Dry friction reverses about {1e3 * model.early.lead:.1f} ms before the velocity does, as in a solver "
                 "of contacts (MuJoCo: solreffriction); the model includes this (early_reversal)."
             )
-        left = self.rms(self.errors(model))
-        changing = between_rows(self.record.drive - self.record.drive.mean()) > HALF
-        if changing and not quiet(left, self.own.floor, self.tolerance * self.scale):
+        if self._chatters(model):
             notes.append(
                 "The drive changes from row to row. If its controller is faster than the log, other values acted "
-                "between the rows, and what they add is in the gap: log at the rate of the controller, or means."
+                "between the rows, and what they add is in the gap."
             )
         return [
             *notes,
