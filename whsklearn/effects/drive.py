@@ -5,31 +5,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from whsklearn.effects import codes
 from whsklearn.effects.base import Effect
 from whsklearn.effects.quantity import number
-from whsklearn.effects.surroundings import Surroundings, between_rows
+from whsklearn.effects.surroundings import Surroundings, chatters
 
-HALF = 0.5  # share of a power: only more than half of it is most of it
-
-
-def unknown_between_rows(taken: NDArray[np.float64]) -> str:
-    """The objection that what an effect takes off the drive, ``taken`` (n,), changes from row to row; empty if not.
-
-    A controller that is faster than the log sends other values between the rows, which move the axis no more than a
-    limit or a dead zone would let it.
-
-    Examples
-    --------
-    >>> chatter = np.random.default_rng(0).standard_normal(900)
-    >>> [bool(unknown_between_rows(np.repeat(chatter, rows))) for rows in (1, 9)]
-    [True, False]
-    """
-    if between_rows(taken) <= HALF:
-        return ""
-    return "what it takes off the drive changes from row to row, and what acts between the rows is unknown"
+# A controller that is faster than the log sends other values between the rows, which move the axis no more than a
+# limit or a dead zone would let it.
+BETWEEN_ROWS = "what it takes off the drive changes from row to row, and what acts between the rows is unknown"
 
 
 class _DriveEffect(Effect):
@@ -96,7 +80,7 @@ class DeadZone(_DriveEffect):
 
         ``seen``: see `Effect.implausible`.
         """
-        return unknown_between_rows(np.clip(seen.drive, -self.width, self.width))
+        return BETWEEN_ROWS if chatters(np.clip(seen.drive, -self.width, self.width)) else ""
 
 
 class Saturation(_DriveEffect):
@@ -136,9 +120,8 @@ class Saturation(_DriveEffect):
 
         ``seen``: see `Effect.implausible`.
         """
-        if seen.never_moved:
-            return seen.never_moved
-        return unknown_between_rows(seen.drive - np.clip(seen.drive, -self.limit, self.limit))
+        beyond = seen.drive - np.clip(seen.drive, -self.limit, self.limit)
+        return seen.never_moved or (BETWEEN_ROWS if chatters(beyond) else "")
 
 
 class InputDelay(_DriveEffect):

@@ -437,6 +437,18 @@ def test_beside_a_found_effect_what_the_arms_own_record_leaves_has_no_name(empty
     assert set(found) == {1.0}  # nor does it keep a name at another joint from being enough
 
 
+def test_an_effect_says_at_a_joint_as_on_an_axis_that_it_cannot_be_there(empty):
+    plant = arm_plant(empty.model, record(), law=None, tolerance=0.004)
+    plant.check()
+    model = plant.base(np.random.default_rng(0))
+    base = dict(zip(plant.lags.base_.names, model.numbers, strict=True))
+    kinds = {
+        k.name: k for k in candidates(plant.view.arm, present({"pitch": ("viscous",)}, ()), frozen=False, weight=0)
+    }
+    driven = JointTerm(kinds["asymmetric_viscous at pitch"], (base["pitch.viscous"] + 100.0,))
+    assert "driven by its own friction" in plant.objection(model, model.with_term(driven))
+
+
 def test_an_effect_of_one_number_is_not_refused_for_a_friction_of_one(empty):
     r = record()
     late = ArmRecord(r.time, r.position, np.vstack([r.drive[4:], np.repeat(r.drive[-1:], 4, axis=0)]))

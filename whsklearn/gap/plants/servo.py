@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from whsklearn.effects import Stribeck, get_effect
 from whsklearn.effects.base import rms
-from whsklearn.effects.surroundings import between_rows
+from whsklearn.effects.surroundings import chatters
 from whsklearn.gap.calibration import gain
 from whsklearn.gap.data_check import DataProblem, check_servo
 from whsklearn.gap.diagnosis import NamedEffect
@@ -475,9 +475,9 @@ class ServoPlant(Plant):
 
     def _chatters(self, model: ServoHypothesis) -> bool:
         """Whether the drive changes from row to row, and the model leaves more than noise."""
-        changing = between_rows(self.record.drive - self.record.drive.mean()) > HALF
         left = self.rms(self.errors(model))
-        return changing and not quiet(left, self.own.floor, self.tolerance * self.scale)
+        more = not quiet(left, self.own.floor, self.tolerance * self.scale)
+        return more and chatters(self.record.drive - self.record.drive.mean())
 
     def _notes(self, model: ServoHypothesis) -> list[str]:
         """Remarks on how the record was used."""
