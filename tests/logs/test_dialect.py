@@ -74,3 +74,33 @@ def test_rows_of_a_date_and_words_are_not_one_column_of_dates(decimal):
     found = dialect_of([sep.join(["utc", "axis_arcsec", "motor_ma", "mode", "state"]), *rows])
     assert (found.separator, found.decimal, found.width) == (sep, decimal, 5)
     assert found.names == ["utc", "axis_arcsec", "motor_ma", "mode", "state"]
+
+
+@pytest.mark.parametrize(("beside", "row_7"), [("", ""), ("\t", "\t"), ("", "\tgripper closed")])
+@pytest.mark.parametrize("clocks", ["One", "No", "Multi"])
+@pytest.mark.parametrize("decimal", ".,")
+def test_every_form_of_a_labview_measurement_file_gives_the_same_numbers(tmp_path, decimal, clocks, beside, row_7):
+    # NI's specification: X_Columns tells who has a time column, the last name is Comment, and rows may lack its cell.
+    of = {"One": ["{t}", "{u}", "{q}"], "No": ["", "{u}", "{q}"], "Multi": ["{t}", "{u}", "{t}", "{q}"]}[clocks]
+    names = {"{t}": "X_Value", "": "X_Value", "{u}": "Torque", "{q}": "Position"}
+
+    def said(key, u, q):
+        return "\t".join([key, *({"{u}": u, "{q}": q}.get(c, "") for c in of[1:]), ""])
+
+    lines = [
+        "LabVIEW Measurement\t", "Writer_Version\t2", "Separator\tTab", f"Decimal_Separator\t{decimal}",
+        f"X_Columns\t{clocks}", f"Time\t10:00:00{decimal}0", "***End_of_Header***\t", "\t",
+        said("Channels", "2", ""), said("Samples", "300", "300"), said("Date", "2026/03/03", "2026/03/03"),
+        said("Y_Unit_Label", "Nm", "rad"), said("X_Dimension", "Time", "Time"),
+        said("X0", f"0{decimal}0E+0", f"0{decimal}0E+0"), said("Delta_X", f"5{decimal}0E-3", f"5{decimal}0E-3"),
+        said("***End_of_Header***", "", ""), "\t".join([*(names[c] for c in of), "Comment"]),
+    ]  # fmt: skip
+    for k, values in enumerate(zip(*TABLE.values(), strict=True)):
+        t, u, q = (f"{v:.9f}".replace(".", decimal) for v in values)
+        lines.append("\t".join(c.format(t=t, u=u, q=q) for c in of) + (row_7 if k == 7 else beside))
+    (tmp_path / "axis.lvm").write_text("\n".join(lines))  # without a line end after the last row, which is whole
+    log = load_log(tmp_path / "axis.lvm")
+    assert np.allclose(log.X[:, 0], TABLE["torque_nm"], rtol=0, atol=1e-8)
+    assert np.allclose(log.y, TABLE["position_rad"], rtol=0, atol=1e-8)
+    assert log.sample_rate == pytest.approx(200.0)
+    assert log.units == {"time": "s", "drive": "Nm", "position": "rad"}

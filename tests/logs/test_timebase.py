@@ -258,3 +258,18 @@ def test_samples_that_jitter_keep_their_stamps(jitter, count, seed):
     stamps, _, position = jittered(count, jitter, seed, samples=True)
     done = even(stamps, {"position": position, "drive": np.cos(stamps)}, np.zeros(3000, dtype=np.int64))
     assert "Onto an even grid" in done.finding.explanation
+
+
+@pytest.mark.parametrize("rate", [50, 100, 200, 500, 1000])
+@pytest.mark.parametrize("digits", [12, 15])
+def test_days_of_a_spreadsheet_are_read_in_as_many_digits_as_it_saves(tmp_path, rate, digits):
+    # Of a day after 2023, twelve digits resolve 9 ms and fifteen 9 us.
+    n = 8 * rate
+    t = np.arange(n) / rate
+    rows = zip((45000.5 + t / 86400).tolist(), np.sin(3 * t).tolist(), np.cos(2 * t).tolist(), strict=True)
+    text = "Time,torque_nm,position_rad\n" + "".join(f"{d:.{digits}g},{u:.9f},{q:.9f}\n" for d, u, q in rows)
+    (tmp_path / "days.csv").write_text(text)
+    log = load_log(tmp_path / "days.csv", time="Time", drive="torque_nm", position="position_rad")
+    assert log.sample_rate == pytest.approx(rate, rel=1e-4)
+    assert len(log.y) == n
+    assert np.allclose(log.y, np.cos(2 * t), rtol=0, atol=1e-8)  # rows as logged, none interpolated

@@ -104,6 +104,8 @@ def _read_as(
     ]
     if all(not c[-1] for c in body):  # every row ends in a separator, which the header may lack
         above = [[*c, ""] if len(c) == width - 1 else c for c in above]
+    elif above and len(above[-1]) == width + 1 and above[-1][-1].lower() == "comment":
+        width += 1  # LabVIEW names a column that a row has only if someone wrote a comment beside it
     else:  # or only the header does, as in the Silverbox files
         above = [c[:-1] if len(c) == width + 1 and not c[-1] else c for c in above]
     if start == 0 and width > 1 and _counts_up(cells) and len(rows) > 1:  # pandas names unnamed columns 0, 1, 2

@@ -19,18 +19,20 @@ _NAMES |= {"tracename"}
 _UNITS = {"unit", "units", "einheit", "einheiten", "dimension", "y_unit_label"}
 _UNITS |= {"vunit", "vert_units", "vertical unit", "vertical units"}  # of oscilloscopes and recorders
 _TIME = {"time", "timestamp", "timestamps", "zeit", "zeitstempel", "t"}
+_X_VALUE = "x_value"  # LabVIEW's name of the time
 _TICKS = {"tick", "ticks"}
 _ODRIVE = 8000.0  # Hz; control rate of an ODrive v3, whose scripts log its ticks
-_SECONDS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+_SECONDS = {"s": 1.0, "sec": 1.0, "time": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _HERTZ = {"hz": 1.0, "khz": 1e3, "mhz": 1e6, "1/s": 1.0, "s/s": 1.0, "sps": 1.0}
 _RATE = re.compile(r"(\d+(?:[.,]\d+)?)\s*([kM]?)Hz\b", re.IGNORECASE)
 _PERIOD = re.compile(
     r"\W*(?:(?:sampl\w*|cycle|task|scan|trace|rec|recording|abtast|zyklus)[\s_-]*"
-    r"(?:time|period|interval\w*|zeit|rate|frequen\w*)|d?ts?|fs|interval)"
+    r"(?:time|period|interval\w*|zeit|rate|frequen\w*)|d?ts?|fs|interval|delta_x)"
     r"\s*(?:[\[(]\s*([^\])]+?)\s*[\])])?\s*[;:=,\t ]\s*(?=\S)",
     re.IGNORECASE,
 )
-_AXIS = re.compile(r"\W*(?:h|horz|horizontal|x)[\s_-]?units?\W+([a-z]+)\b", re.IGNORECASE)  # of an oscilloscope's time
+# The unit of an oscilloscope's time; LabVIEW calls it the dimension, and counts time in s
+_AXIS = re.compile(r"\W*(?:h|horz|horizontal|x)[\s_-]?(?:units?|dimension)\W+([a-z]+)\b", re.IGNORECASE)
 _OF_RATE = re.compile(r"rate|frequen|fs", re.IGNORECASE)
 _INCREMENT = {"increment", "xincrement", "x increment", "tinc", "t_inc"}
 _VALUE = re.compile(r"\"?(\d+(?:[.,]\d+)?(?:e[+-]?\d+)?)\s*([a-z1µμ/]+)?\"?", re.IGNORECASE)
@@ -87,6 +89,8 @@ def headings(above: list[list[str]], width: int, apart: bool = False) -> Head | 
         names, units = _stacked(rows[: k + 1]), rows[last]
     else:
         names, units = rows[-1], []
+    if apart and names[0].lower() == _X_VALUE:  # LabVIEW names a time column that it left blank
+        names = ["", *names[1:]]
     return Head(unique(names), [_unit(u) for u in units] or None, _clocks(_times(names), width))
 
 
@@ -216,7 +220,7 @@ def _all_units(cells: list[str]) -> bool:
 
 def _times(names: list[str]) -> list[int]:
     """The time columns if each column or group has its own: one repeated name, or every other column."""
-    times = [i for i, n in enumerate(names) if _TIME & set(_words(n))]
+    times = [i for i, n in enumerate(names) if _TIME & set(_words(n)) or n.lower() == _X_VALUE]
     again = len({names[i] for i in times}) == 1 < len(times)
     return times if again or (len(times) > 1 and times == list(range(0, len(names), 2))) else []
 

@@ -153,7 +153,7 @@ def _is_cut(last: str, lines: list[str], layout: Dialect) -> bool:
     # behind the decimal sign: 9.50 below rows of 10.20 is whole; a number without the sign that all others have is not
     behind = [len(c.lstrip("+-").rpartition(layout.decimal)[2]) for c in (*ends, cells[-1])]
     signless = layout.decimal not in cells[-1] and all(layout.decimal in c for c in ends)
-    short = len(cells) < layout.width or (bool(ends) and (signless or behind[-1] < min(behind[:-1])))
+    short = len(cells) < len(layout.sample) or (bool(ends) and (signless or behind[-1] < min(behind[:-1])))
     return short or (bool(ends) and not is_number(cells[-1], layout.decimal))
 
 

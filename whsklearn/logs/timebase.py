@@ -25,6 +25,7 @@ _SINCE_1970 = (  # stamps between 2001 and 2100, by the unit that they count
     ("s", 1e9, 4.2e9, 1.0), ("ms", 1e12, 4.2e12, 1e-3), ("us", 1e15, 4.2e15, 1e-6), ("ns", 1e18, 4.2e18, 1e-9),
 )  # fmt: skip
 _DAYS = (2e4, 8e4)  # days since 1900, as in spreadsheets, between 1954 and 2119
+_DIGITS = 10  # behind the point of such a day, of the fifteen digits that Excel keeps
 _FASTEST = 2e-6  # s; smaller steps are counted in a longer unit
 _COUNTERS = (2.0**16, 2.0**24, 2.0**32)  # ticks at which a counter overflows
 _DAY = (86400.0, 86400e3, 86400e6)  # s, ms and us of a day, whose count begins again at midnight
@@ -70,9 +71,11 @@ def to_seconds(values: NDArray[Any], unit: str, column: str) -> tuple[Array, tup
             # Subtract before scaling: 1.7e18 ns as a double has a resolution of 256 ns.
             return (values - start).astype(float) * factor, (Finding("LOG015", "info", note),)
     values = values.astype(float)
-    if _DAYS[0] <= first < _DAYS[1] and 0.0 < np.nanmedian(np.abs(np.diff(values))) < _FASTEST:
+    step = np.abs(np.diff(values)) if _DAYS[0] <= first < _DAYS[1] else np.empty(0)
+    # Excel saves twelve digits, so stamps of ten ms and less repeat: then their mean step counts.
+    if step.size and 0.0 < (np.nanmedian(step) or np.nanmean(step)) < _FASTEST:
         note = f"Column {column!r} holds days, as spreadsheets count them; time begins at 0 with the first row."
-        return (values - first) * 86400.0, (Finding("LOG015", "info", note),)
+        return np.round(values - first, _DIGITS) * 86400.0, (Finding("LOG015", "info", note),)
     values, found = _unwound(values, column)
     if unit == UNKNOWN:
         unit, told = _whole_numbers(values, column)
@@ -412,7 +415,8 @@ def even(time: Array, signals: dict[str, Array], segment: NDArray[np.int64]) -> 
     inside = np.diff(segment) == 0
     period = float(np.median(step[inside])) if inside.any() else float(np.median(step))
     if np.all(np.abs(step[inside] / period - 1.0) <= ALLOWED_JITTER):
-        return Even(time, signals, segment, period, None, False)
+        usual = float(np.mean(step[inside])) if inside.any() else period  # the median of stamps is a whole tick
+        return Even(time, signals, segment, usual, None, False)
     bounds = np.r_[0, np.flatnonzero(~inside) + 1, time.size].tolist()
     spans = [slice(a, b) for a, b in itertools.pairwise(bounds) if b - a >= 3]
     why, straight = "rounded", [line for part in spans if (line := _line(time[part])) is not None]
@@ -454,9 +458,10 @@ def _line(t: Array) -> Array | None:
     # Rounding gives two step lengths, both whole ticks and one tick apart, and both frequent; lost samples are rare.
     if tick < 0.1 * steps.mean() or not np.all((steps == short) | (steps == long)) or not 0.02 < often < 0.98:
         return None
-    line = t[0] + (t[-1] - t[0]) / (t.size - 1) * np.arange(t.size)
+    slope, start = np.polyfit(np.arange(t.size), t, 1)
+    line = start + slope * np.arange(t.size)
     off = t - line
-    if abs(short / tick - round(short / tick)) > 1e-3 or np.ptp(off) > 1.01 * tick:
+    if abs(short / tick - round(short / tick)) > 1e-3 or np.ptp(off) > ROUNDED * tick:
         return None
     return line + 0.5 * (off.max() + off.min())
 
