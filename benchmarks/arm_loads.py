@@ -29,7 +29,7 @@ from whsklearn.datasets import make_arm_log
 from whsklearn.effects import Coulomb, LoadFriction, Viscous
 from whsklearn.export.robots import arm_mjcf
 from whsklearn.identification import gains_from_load
-from whsklearn.identification.arm_fit import N_LEFT_OUT
+from whsklearn.identification.joint_least_squares import N_LEFT_OUT
 from whsklearn.systems.arm_files import body_numbers
 
 RATE, GROWS, NOISE = 250.0, 0.07, 0.03

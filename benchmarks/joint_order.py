@@ -4,12 +4,16 @@
 
 Arms of `benchmarks.blind_arms`, one record of each, or a measured record of `benchmarks.arms`.  Columns are given in
 other orders, as a wrong list of columns does: two joints exchanged (or with ``--drawn 20`` as many drawn orders), all
-reversed, turned round by one and by two; ``--what positions`` or ``drives`` does it to these only.  With ``--line`` all
-joints move along one line but for this share, and drives have 2 % of noise.  "told" warns
-(`whsklearn.identification.arm_fit.in_another_order`), "doubt" says that the order is an example, "right" names the true
-one.  The other columns are what the rule's numbers are compared with: "left" is the largest share of a drive's variance
-that the shared numbers leave (sought above MUCH), "clearly" what all moved joints leave in the true order as a share of
-that in the given one (told below CLEARLY), "s" the CPU time.
+reversed, turned round by one and by two; ``--what positions`` or ``drives`` does it to these only. With ``--line`` all
+joints move along one line but for this share, and drives have 2 % of noise. "told" warns
+(`whsklearn.identification.arm_checks.in_another_order`), "doubt" says that the order is an example, "right" names the
+true one. The other columns are what the rule's numbers are compared with: "left" is the largest share of a drive's
+variance that the shared numbers leave (sought above MUCH), "clearly" what all moved joints leave in the true order as a
+share of that in the given one (told below CLEARLY), "s" the CPU time.
+
+With ``--scale 2`` no order is wrong, but the drives of one joint after the other are multiplied by it: who is told by
+the others' drives or by the masses given (`whsklearn.identification.arm_checks.in_another_scale`), and with which
+factor?  "none" is the record as it is.
 """
 
 from __future__ import annotations
@@ -26,7 +30,7 @@ from benchmarks import arms as measured
 from benchmarks.blind_arms import RATE, REDRAWN, drawn, follows, made, record, reference
 from whsklearn import Arm, RigidBodyLags
 from whsklearn.filtering import motion
-from whsklearn.identification.arm_fit import CLEARLY, MUCH, _left, in_another_order
+from whsklearn.identification.arm_checks import CLEARLY, MUCH, _left, in_another_order, in_another_scale
 from whsklearn.lags.arm_rows import records_of
 
 Row = tuple[str, bool, bool, bool, float, float, float]
@@ -88,6 +92,14 @@ def reordered(arm: Any, q: np.ndarray, u: np.ndarray, dt: float, count: int, wha
     return rows
 
 
+def scaled(arm: Any, q: np.ndarray, u: np.ndarray, dt: float, scale: float) -> None:
+    """Print what is told of drives of which one is multiplied by a factor."""
+    for j in (-1, *range(arm.n_joints)):
+        factors = np.where(np.arange(arm.n_joints) == j, scale, 1.0)
+        seen = records_of(RigidBodyLags(arm, 1.0 / dt), q, u * factors)
+        print(f"{arm.joints[j] if j >= 0 else 'none':10}", " ".join(in_another_scale(seen)) or "nothing")
+
+
 @click.command()
 @click.option("--arms", default=10)
 @click.option("--seed", default=7000, help="Of the first arm.")
@@ -96,12 +108,19 @@ def reordered(arm: Any, q: np.ndarray, u: np.ndarray, dt: float, count: int, wha
 @click.option("--drawn", "count", default=0, help="Drawn orders in place of exchanges.")
 @click.option("--line", default=0.0, help="Share of the joints' own motion beside one line.")
 @click.option("--what", default="columns", type=click.Choice(["columns", "positions", "drives"]))
-def main(arms: int, seed: int, joints: int, rig: str | None, count: int, line: float, what: str) -> None:
+@click.option("--scale", type=float, help="Factor of one drive after the other, in place of other orders.")
+def main(
+    arms: int, seed: int, joints: int, rig: str | None, count: int, line: float, what: str, scale: float | None
+) -> None:
     if rig:
         logs = [(Arm.from_file(measured.folder() / f"{rig}.urdf"), *measured.record(rig))]
     else:
         logs = [drawn_record(seed + i, joints) for i in range(arms)]
         logs = [in_line(log, line, seed + i) for i, log in enumerate(logs)] if line else logs
+    if scale is not None:
+        for log in logs:
+            scaled(*log, scale)
+        return
     found = [reordered(*log, count, what) for log in logs]
     print(f"MUCH {MUCH}, CLEARLY {CLEARLY}\n{'order':12} told doubt right of          left       clearly         s")
     for rows in zip(*found, strict=True):

@@ -11,10 +11,11 @@ from tests.lags.test_rigid_body import RATE, smooth_log
 from tests.systems.drawn_arms import drawn_arm
 from whsklearn.cli.arm import document, numbers_table
 from whsklearn.datasets import default_arm, make_arm_log
-from whsklearn.effects import CableSpring, Cogging, Coulomb, InputOffset, LoadFriction, PreslidingHysteresis, Viscous
+from whsklearn.effects import Cogging, Coulomb, InputOffset, LoadFriction, PreslidingHysteresis, Viscous
 from whsklearn.filtering import motion
-from whsklearn.identification import arm_fit, identify_arm
-from whsklearn.identification.arm_fit import block_covariance, in_another_order, reversals_of, suspicions, unsure
+from whsklearn.identification import identify_arm
+from whsklearn.identification.arm_fit import reversals_of, unsure
+from whsklearn.identification.joint_least_squares import block_covariance
 from whsklearn.lags import RigidBodyLags
 from whsklearn.lags.arm_rows import records_of
 
@@ -117,13 +118,6 @@ def test_intervals_hold_the_spread_of_numbers_whose_errors_last():
     np.testing.assert_allclose(np.mean(wide, axis=0), np.std(found, axis=0), rtol=0.4)
 
 
-def test_joints_that_all_move_along_one_line_are_told():
-    phase = np.linspace(0.0, 20.0, 4000)
-    one = np.column_stack([np.sin(phase), 0.3 - 0.5 * np.sin(phase)])
-    assert ["one line" in text for text in suspicions(ARM, one, np.ones_like(one))] == [True]
-    assert not suspicions(ARM, np.column_stack([np.sin(phase), np.sin(phase + 0.3)]), np.ones_like(one))
-
-
 def test_nothing_is_nominal_where_the_file_names_no_mass(found):
     bare = dataclasses.replace(ARM, inertial=None)
     assert identify_arm(Q[:5000], TORQUE[:5000], dt=DT, robot=bare).nominal == {}
@@ -138,112 +132,11 @@ def test_weights_of_an_arm_and_the_arm_of_weights_are_inverse():
     assert again.effects[0][1].torque == pytest.approx(0.3, rel=1e-3)
 
 
-@pytest.mark.parametrize(
-    ("q", "torque", "said"),
-    [
-        (np.rad2deg(Q), TORQUE, "The travel of yaw, pitch exceeds two turns"),
-        (Q, 1e3 * TORQUE, "currents in mA"),
-    ],
-)
-def test_what_looks_wrong_is_told_in_a_sentence(q, torque, said):
-    assert any(said in text for text in suspicions(ARM, q, torque))
-
-
 def test_experiments_are_filtered_on_their_own():
     other, drive = make_arm_log(duration=6.0, random_state=8, return_arrays=True)
     groups = np.repeat([0, 1], [len(Q), len(other)])
     found = identify_arm(np.vstack([Q, other]), np.vstack([TORQUE, drive]), dt=DT, robot=ARM, groups=groups)
     assert max(found.missing.values()) < 0.02  # the jump between them is no motion
-
-
-def test_a_log_as_it_should_be_raises_no_suspicion():
-    assert suspicions(ARM, Q, TORQUE) == []
-    assert order_told(Q, TORQUE) == []
-
-
-def order_told(q, torque):
-    return in_another_order(records_of(RigidBodyLags(ARM, 1 / DT), q, torque))
-
-
-def test_joints_in_another_order_are_told_by_what_is_left_of_their_drives():
-    told = "if the {} given for yaw, pitch are those of pitch, yaw, in this order"
-    assert told.format("drives") in order_told(Q, TORQUE[:, ::-1])[0]
-    assert told.format("positions") in order_told(Q[:, ::-1], TORQUE)[0]
-    assert told.format("columns") in order_told(Q[:, ::-1], TORQUE[:, ::-1])[0]
-    assert told.format("columns") in order_told(Q[:, ::-1], 1e5 * TORQUE[:, ::-1])[0]  # in counts
-
-
-@pytest.mark.parametrize("what", ["columns", "positions"])
-@pytest.mark.parametrize("order", [[2, 3, 4, 5, 0, 1], [1, 2, 0, 3, 4, 5], [3, 0, 5, 1, 2, 4]])
-def test_any_order_of_six_joints_is_told(order, what):
-    arm = drawn_arm(6, 3, slides=0.0, branch=0.0, gravity=(0, 0, -9.81))
-    q, u = smooth_log(arm, seconds=20.0)
-    u += 0.02 * u.std(axis=0) * np.random.default_rng(0).standard_normal(u.shape)
-    lags, moved = RigidBodyLags(arm, RATE), [k for k in range(6) if order[k] != k]
-    said = in_another_order(records_of(lags, q[:, order], u[:, order] if what == "columns" else u))
-    given, owner = (", ".join(f"j{k}" for k in which) for which in (moved, [order[k] for k in moved]))
-    assert f"if the {what} given for {given} are those of {owner}, in this order" in said[0]
-
-
-@pytest.mark.parametrize("seed", [3, 5])
-def test_two_exchanged_joints_are_told_beside_a_third_whose_drive_is_half_noise(seed):
-    arm = drawn_arm(3, seed, slides=0.0, branch=0.0, gravity=(0, 0, -9.81))
-    size = smooth_log(arm, seconds=6.0)[1].std(axis=0)
-    arm = arm.with_effects({j: (Viscous(float(x)),) for j, x in zip(arm.joints, size, strict=True)})
-    q, u = smooth_log(arm, seconds=6.0)
-    noise = np.convolve(np.random.default_rng(0).standard_normal(len(u)), np.ones(40) / 40**0.5, "same")
-    u[:, 2] += u[:, 2].std() * noise
-    lags = RigidBodyLags(arm, RATE)
-    for order, told in (([0, 1, 2], 0), ([1, 0, 2], 1)):
-        assert len(in_another_order(records_of(lags, q[:, order], u[:, order]))) == told
-
-
-def test_orders_of_many_joints_are_compared_at_some_instants_only(monkeypatch):
-    arm = drawn_arm(7, 3, slides=0.0, branch=0.0, gravity=(0, 0, -9.81))
-    q, u = smooth_log(arm, seconds=6.0)
-    noisy = u + 0.3 * u.std(axis=0) * np.random.default_rng(0).standard_normal(u.shape).cumsum(axis=0) / len(u) ** 0.5
-    lags, rows = RigidBodyLags(arm, RATE), RigidBodyLags.joint_rows
-    other = np.array([0, 4, 2, 3, 1, 5, 6])
-    asked = []
-    monkeypatch.setattr(RigidBodyLags, "joint_rows", lambda *args: asked.append(args) or rows(*args))
-    assert in_another_order(records_of(lags, q, noisy)) == []
-    assert len(asked) <= 1  # of 21 exchanges, the one that leaves least at some instants is tried on all rows
-    said = in_another_order(records_of(lags, q[:, other], u[:, other]))[0]
-    assert "the columns given for j1, j4 are those of j4, j1" in said
-
-
-@pytest.mark.parametrize(("seed", "pair", "sure"), [(7, [1, 2], False), (4, [4, 5], False), (7, [4, 5], True)])
-def test_where_joints_move_along_one_line_no_wrong_order_is_told_as_sure(seed, pair, sure):
-    arm = drawn_arm(6, seed, slides=0.0, branch=0.0, gravity=(0, 0, -9.81))
-    arm = arm.with_effects({j: (Viscous(0.5), Coulomb(0.5)) for j in arm.joints})
-    t, rng = np.arange(20 * RATE)[:, None] / RATE, np.random.default_rng(seed)
-    size = rng.uniform(0.2, 0.6, 6) * rng.choice([-1, 1], 6)
-    q = size * np.sin(2 * np.pi * (0.1 * t + 0.02 * t**2)) + 0.005 * np.sin(t * rng.uniform(1, 3, 6))
-    moved = [motion(x, RATE, 50.0) for x in q.T]
-    u = arm.inverse_dynamics(q, np.column_stack([m[1] for m in moved]), np.column_stack([m[2] for m in moved]))
-    u += 0.02 * u.std(axis=0) * rng.standard_normal(u.shape)
-    order = np.arange(6)
-    order[pair] = pair[::-1]
-    said = in_another_order(records_of(RigidBodyLags(arm, RATE), q[:, order], u[:, order]))[0]
-    given, owner = (", ".join(f"j{k}" for k in which) for which in (pair, pair[::-1]))
-    assert ("others fit about as well" in said) != sure
-    assert not sure or f"if the columns given for {given} are those of {owner}, in this order" in said
-
-
-def test_the_search_for_an_order_ends_after_so_many_numbers(monkeypatch):
-    arm, asked, columns = drawn_arm(7, 3, slides=0.0, branch=0.0, gravity=(0, 0, -9.81)), [], RigidBodyLags.columns
-    q, u = smooth_log(arm, seconds=6.0)
-    rows = records_of(RigidBodyLags(arm, RATE), q, u + u.std(axis=0) * np.sin(np.arange(len(u)) / 40)[:, None])
-    monkeypatch.setattr(arm_fit, "TRIED", 10 * len(rows.lags.base_.names))
-    monkeypatch.setattr(RigidBodyLags, "columns", lambda *args: asked.append(args) or columns(*args))
-    in_another_order(rows)
-    assert 5 < len(asked) < 20
-
-
-@pytest.mark.parametrize("joint", ARM.joints)
-def test_a_large_effect_at_one_joint_is_no_other_order(joint):
-    q, torque = make_arm_log(effects={joint: [CableSpring(1.0), Cogging(0.5, 3.0)]}, duration=12.0, return_arrays=True)
-    assert order_told(q, torque) == []
 
 
 @pytest.mark.parametrize("n", [7, 20])
@@ -272,19 +165,6 @@ def test_friction_that_surely_grows_only_while_it_is_taken_to_jump_is_taken_back
     effects = {j: (InputOffset(), *((LoadFriction(),) if j == "j1" else ())) for j in arm.joints}
     lags = RigidBodyLags(arm, RATE, effects=effects, reversals=dict.fromkeys(arm.joints, (0.15, 0.0)))
     assert unsure(records_of(lags, q, u), effects) == ([] if grows else ["j1"])
-
-
-@pytest.mark.parametrize(("seed", "pair", "unit"), [(3, [2, 0], 2.2), (7, [0, 1], 1.9)])
-def test_an_exchange_is_told_where_one_drive_is_in_a_unit_of_its_own(seed, pair, unit):
-    arm = drawn_arm(3, seed, slides=0.0, branch=0.0, gravity=(0, 0, -9.81))
-    q, u = smooth_log(arm, seconds=6.0)
-    u[:, pair[0]] /= unit  # so no order is right for the numbers that the joints share, and one joint gains little
-    lags, order = RigidBodyLags(arm, RATE), np.arange(3)
-    assert in_another_order(records_of(lags, q, u)) == []
-    order[pair] = pair[::-1]
-    said = in_another_order(records_of(lags, q[:, order], u[:, order]))[0]
-    low, high = sorted(pair)
-    assert f"the columns given for j{low}, j{high} are those of j{high}, j{low}" in said
 
 
 def test_numbers_that_act_on_no_drive_of_the_record_are_told():

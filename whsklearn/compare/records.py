@@ -22,7 +22,8 @@ from whsklearn.compare.hypotheses import LEAST, OF_ZERO, Difference, between, ch
 from whsklearn.compare.rows import Array, Regression
 from whsklearn.gap.data_check import FEWEST_SAMPLES, SHORTEST_RECORD, check_servo
 from whsklearn.gap.record import KINDS, MOTIONS, ServoRecord
-from whsklearn.identification.arm_fit import N_LEFT_OUT, identify_arm
+from whsklearn.identification.arm_fit import identify_arm
+from whsklearn.identification.joint_least_squares import N_LEFT_OUT
 from whsklearn.identification.payload import find_payload
 from whsklearn.logs.units import UNKNOWN, factor_between, factor_of, integral_of, unit_of
 from whsklearn.models.files import as_arm

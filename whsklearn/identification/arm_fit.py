@@ -2,47 +2,33 @@
 
 from __future__ import annotations
 
-import itertools
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import solve, solve_triangular
-from scipy.optimize import linear_sum_assignment, minimize
+from scipy.optimize import minimize
 from sklearn.base import clone
 from threadpoolctl import threadpool_limits
 
 from whsklearn.effects import Coulomb, Effect, InputOffset, LoadFriction, PreslidingHysteresis, Viscous
 from whsklearn.effects.base import Array
-from whsklearn.filtering.records import Motion, motion, zero_phase
+from whsklearn.identification.arm_checks import enough_rows, in_another_order, in_degrees, suspicions
+from whsklearn.identification.joint_least_squares import BLOCKS, GROWS, ROUNDING, SAME, fitted, held_out, with_blocks
 from whsklearn.lags.arm_rows import ArmRows, records_of
-from whsklearn.lags.axis_rows import DRY, experiments
+from whsklearn.lags.axis_rows import DRY
 from whsklearn.lags.rigid_body import RigidBodyLags
 from whsklearn.models.arm import ArmModel
 from whsklearn.systems.arm import Arm, direction_of
 
-# Blocks of a record, each omitted once for the spread of the numbers. Between two records of 14 unchanged arms of six
-# joints, numbers differ by 0.9 standard errors (rms), or by 1.9 if errors are taken to be white, with one in 37 beyond
-# five (`benchmarks.blind_arms --numbers`).
-N_LEFT_OUT = 20
-# Standard errors above zero at which friction is said to grow with the torque, or to act along two joints: Student's t
-# over 20 blocks is beyond it once in 25,000 joints that have none.
-GROWS = 5.0
-SAME = 1e-9  # of the largest singular value: below it, columns are combinations of each other
-DIGITS = 4  # of the numbers of a model without standard errors
-ROUNDING = 1e-12  # of the largest eigenvalue of a correlation matrix
 # Range of the logarithm of the speed over which dry friction reverses, in a joint's rms speed, and largest lead (s):
 # MuJoCo's leads by 10 ms, and the memory of lubricated contacts reaches as far.
 REVERSES, LEADS = (np.log(0.003), np.log(0.5)), 0.03
 WIDTHS, N_LEADS, EVALUATIONS = (0.01, 0.05, 0.2), 11, 40  # where the search begins, and its steps
 DISTANCES = PreslidingHysteresis.quantities["distance"].starts  # over which dry friction may reverse instead
-PRIOR = 1e6  # variance of a number that no row tells, in units of the residual's: as that of `RLSRegressor`
-BLOCKS = 10  # blocks of a record; every second one is held out, and then the others
 
 
 @dataclass(frozen=True)
@@ -130,7 +116,7 @@ def identify_arm(
             rows = records_of(lags.set_params(effects=effects), q, torque, groups)
     if wrong := in_degrees(rows) or in_another_order(rows):
         raise ValueError(wrong[0])
-    for text in suspicions(lags.arm_, q, torque):
+    for text in suspicions(rows):
         warnings.warn(text, UserWarning, stacklevel=3)
     if "reversals" not in settings and (reversals := reversals_of(rows)):
         rows = records_of(lags.set_params(reversals=reversals), q, torque, groups)
@@ -140,7 +126,7 @@ def identify_arm(
     lags.weights_ = rows.weights
     names, joints = lags.base_.names, lags.arm_.joints
     aged, moving = with_ages(rows)
-    theta, covariance = _with_blocks(aged, rows.weights)
+    theta, covariance = with_blocks(aged, rows.weights)
     ages = dict(zip([joints[int(j)] for j in moving], theta[len(names) :].tolist(), strict=True))
     theta, covariance = theta[: len(names)], covariance[: len(names), : len(names)]
     errors = dict(zip(names, np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist(), strict=True))
@@ -253,14 +239,6 @@ class Others:
         return error
 
 
-def enough_rows(rows: ArmRows) -> None:
-    """Raise ValueError if the log gives fewer rows than the arm has numbers."""
-    there, needed = int(rows.keep.sum()), len(rows.lags.base_.names)
-    if there < needed:
-        seconds = len(rows.position) / rows.lags.sample_rate
-        raise ValueError(f"The log of {seconds:.3g} s gives {there} rows for {needed} numbers; record longer.")
-
-
 def _frictions(rows: ArmRows) -> dict[str, tuple[Effect, ...]]:
     """Offsets, and friction that the record surely shows: along sums of neighbours, and growing with the torque."""
     arm = rows.lags.arm_
@@ -305,7 +283,7 @@ def _shown(rows: ArmRows, more: dict[str, tuple[Effect, ...]]) -> list[str]:
             if len(growing) < asked:  # errors by blocks are no smaller, and take longer
                 break
             less = held_out(aged.phi, target, keep, weights) < before
-            known = _with_blocks(aged, weights)
+            known = with_blocks(aged, weights)
             growing = [a for a, i in at.items() if less[direction[a] != 0.0].all() and _sure(*known, i)]
             if len(growing) < asked:
                 break
@@ -316,7 +294,7 @@ def unsure(rows: ArmRows, effects: Mapping[str, tuple[Effect, ...]]) -> list[str
     """Joints whose friction was told to grow with the torque, and surely does not where it is known how it reverses."""
     names = rows.lags.base_.names
     asked = [j for j, row in effects.items() if any(isinstance(e, LoadFriction) for e in row)]
-    known = _with_blocks(with_ages(rows)[0], rows.weights) if asked else None
+    known = with_blocks(with_ages(rows)[0], rows.weights) if asked else None
     return [j for j in asked if known and not _sure(*known, [names.index(f"{j}.{LoadFriction.name}")])]
 
 
@@ -346,212 +324,6 @@ def with_ages(rows: ArmRows) -> tuple[ArmRows, NDArray[np.int64]]:
     return _aged(rows, rate), np.flatnonzero(np.any(rows.keep & (rate != 0.0), axis=0))
 
 
-def _with_blocks(rows: ArmRows, weights: Array) -> tuple[Array, Array]:
-    """Weights of the columns, and their covariance by leaving out blocks of the record."""
-    keep = rows.keep
-    theta, white = fitted(rows.phi, rows.target, keep, weights)
-    error = (rows.target - rows.phi @ theta) * weights
-    return theta, block_covariance((rows.phi * weights[:, None])[keep], error[keep], blocks_of(keep), white)
-
-
-def blocks_of(keep: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """The block of the record, of `N_LEFT_OUT`, to which each used row belongs."""
-    block = np.arange(len(keep)) * N_LEFT_OUT // len(keep)
-    return np.broadcast_to(block[:, None], keep.shape)[keep]
-
-
-def fitted(
-    phi: Array, target: Array, keep: NDArray[np.bool_], weights: Array, known: Array | None = None
-) -> tuple[Array, Array]:
-    """Weights of the columns and their covariance, by weighted least squares over the used rows.
-
-    ``known`` (r, p) are further rows with target zero (`Known`).
-    """
-    rows = (np.concatenate([phi, target[:, :, None]], axis=2) * weights[:, None])[keep]
-    if known is not None:
-        rows = np.vstack([rows, np.pad(known, ((0, 0), (0, 1)))])
-    p, prior = phi.shape[2], np.eye(phi.shape[2], phi.shape[2] + 1) / np.sqrt(PRIOR)
-    r: Array = np.asarray(np.linalg.qr(np.vstack([rows, prior]), mode="r"))
-    inverse = solve_triangular(r[:p, :p], np.eye(p))
-    variance = float(r[p, p] ** 2) / (len(rows) - p) if len(rows) > p else np.nan
-    return inverse @ r[:p, p], variance * inverse @ inverse.T
-
-
-def block_covariance(rows: Array, error: Array, block: NDArray[np.int64], white: Array) -> Array:
-    """Covariance of least-squares weights for errors that are neither white nor normal, because those of a real arm
-    repeat.
-
-    Each block of rows is omitted in turn, and the covariance is the spread of the fits to the others. It is at least
-    ``white`` in every direction, because there are fewer blocks than weights.
-
-    ``rows`` (m, p): weighted. ``error`` (m,): residuals of the fit. ``block`` (m,): to which each row belongs.
-    ``white`` (p, p): covariance if the errors were independent.
-
-    References
-    ----------
-    Kunsch 1989, The jackknife and the bootstrap for general stationary observations, Annals of Statistics 17(3),
-    1217-1241.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> rng = np.random.default_rng(0)
-    >>> x, slow = np.ones((4000, 1)), np.repeat(rng.standard_normal(80), 50)
-    >>> white = np.array([[slow.var() / 4000]])
-    >>> wide = block_covariance(x, slow - slow.mean(), np.arange(4000) // 200, white)
-    >>> bool(20.0 < wide[0, 0] / white[0, 0] < 100.0)  # 80 independent errors, not 4000
-    True
-    """
-    deviation = np.sqrt(error @ error / max(len(error) - rows.shape[1], 1))
-    scale = 1.0 / deviation if deviation > 0.0 else 0.0
-    unit = _root(white)  # with these weights the rows are orthonormal
-    return _wider(unit, _spread(rows @ unit * scale, error * scale, block))
-
-
-def _root(covariance: Array) -> Array:
-    """A matrix whose product with its transpose is the covariance, (p, p)."""
-    size = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
-    values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
-    return np.asarray(size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
-
-
-def _spread(rows: Array, error: Array, block: NDArray[np.int64]) -> Array:
-    """Covariance (p, p) of weights whose total information is the identity, by leaving out each block of rows in
-    turn.
-    """
-    moved = []
-    for b in np.unique(block):
-        own = rows[block == b]
-        others = np.eye(rows.shape[1]) - own.T @ own
-        moved.append(np.linalg.lstsq(others, -own.T @ error[block == b], rcond=1e-9)[0])
-    apart = np.array(moved) - np.mean(moved, axis=0)
-    return np.asarray(apart.T @ apart * (len(moved) - 1.0) / len(moved))
-
-
-def _wider(unit: Array, spread: Array) -> Array:
-    """The covariance ``unit unit'``, widened in every direction in which ``spread`` exceeds one."""
-    values, turned = np.linalg.eigh(spread)
-    half = unit @ turned * np.sqrt(np.maximum(values, 1.0))
-    return np.asarray(half @ half.T)
-
-
-class Known(NamedTuple):
-    """Prior knowledge of the weights from another record: ``root`` (r, p) times (weights - values) has unit variance.
-
-    ``covariance`` (p, p) is that of the values, zero where nothing is known; ``unexplained`` the rms of what they left
-    of each joint's drive in that record (Nm or N), by joint, and ``varied`` the standard deviation of that drive.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from whsklearn.datasets import default_arm
-    >>> numbers = {"pitch.coulomb": 1.0, "pitch.input_offset": 5.0}
-    >>> model = ArmModel(default_arm(), numbers, dt=0.01, logged="position", covariance=np.diag([0.04, 1.0]))
-    >>> Known.of(model, list(numbers)).root.round(1).tolist()
-    [[5.0, 0.0]]
-    """
-
-    values: Array
-    covariance: Array
-    root: Array
-    unexplained: Mapping[str, float]
-    varied: Mapping[str, float]
-
-    @classmethod
-    def of(cls, model: ArmModel, names: Sequence[str]) -> Known:
-        """From a model, in the order of ``names``; nothing is known of drive offsets, which differ between records.
-
-        A model without a covariance is taken to be correct in its first `DIGITS` digits.
-        """
-        own = list(model.numbers)
-        if missing := [n for n in names if n not in model.numbers]:
-            raise ValueError(
-                f"The model has no number {missing[0]!r}; give one that identify wrote of this robot and law."
-            )
-        at, values = [own.index(n) for n in names], np.array([model.numbers[n] for n in names], dtype=float)
-        c = np.diag((10.0**-DIGITS * np.maximum(np.abs(values), ROUNDING)) ** 2)
-        if model.covariance is not None:
-            c = np.asarray(model.covariance, dtype=float)[np.ix_(at, at)]
-        kept = np.array([not n.endswith(f".{InputOffset.name}") for n in names])
-        c = c * np.outer(kept, kept)
-        size = np.sqrt(np.diag(c)[kept])
-        power, vectors = np.linalg.eigh(c[np.ix_(kept, kept)] / np.outer(size, size))
-        root = np.zeros((int(kept.sum()), len(c)))
-        root[:, kept] = (vectors / np.sqrt(np.maximum(power, ROUNDING * power[-1]))).T / size
-        return cls(values, c, root, model.unexplained, model.varied)
-
-
-def updated(rows: Array, target: Array, block: NDArray[np.int64], known: Array) -> tuple[Array, Array, float]:
-    """Weights of the columns of a record combined with the prior knowledge from another record; their covariance; its
-    inflation.
-
-    The inflation is the factor of the variances over those of independent errors that agree with the other record.
-
-    A number that this record determines better is moved, and one that it hardly determines is kept. Errors that repeat
-    within the record reduce the effective number of rows. If the two records disagree by more than their errors, all
-    errors are widened.
-
-    ``rows`` (m, p): weighted. ``target`` (m,): minus the prediction from the other record. ``block`` (m,): to which
-    each row belongs. ``known`` (r, p): its product with the weights is zero with unit variance (`Known`).
-
-    References
-    ----------
-    Theil and Goldberger 1961, On pure and mixed statistical estimation in economics, Int. Economic Review 2(1), 65-78;
-    Birge 1932, The calculation of errors by the method of least squares, Physical Review 40, 207-227.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> rng = np.random.default_rng(0)
-    >>> rows = rng.standard_normal((400, 3)) * [1.0, 1.0, 0.0]  # the third moves nothing
-    >>> target = rows @ [1.0, 2.0, 3.0] + 0.1 * rng.standard_normal(400)
-    >>> x, c, _ = updated(rows, target, np.arange(400) // 20, np.array([[0.0, 0.0, 2.0]]))
-    >>> x.round(1).tolist(), float(np.sqrt(c[2, 2]).round(2))  # it stays where it was, +- 1/2
-    ([1.0, 2.0, 0.0], 0.5)
-    """
-    scale = np.linalg.norm(np.vstack([rows, known]), axis=0)
-    scale = np.where(scale > 0.0, scale, 1.0)
-    rows, known = rows / scale, known / scale
-    x = np.linalg.lstsq(rows, target, rcond=SAME)[0]
-    left = target - rows @ x
-    variance, repeats = max(float(left @ left) / max(len(left) - rows.shape[1], 1), 1e-300), 1.0
-    for _ in range(2):  # errors taken as independent, and then as they repeat
-        variance *= repeats
-        all_rows = np.vstack([rows / np.sqrt(variance), known])
-        u, s, vt = np.linalg.svd(all_rows, full_matrices=False)
-        s = np.where(s > SAME * s[0], s, np.inf)
-        x = (vt.T / s) @ (u[: len(rows)].T @ (target / np.sqrt(variance)))
-        unit = vt.T / s
-        seen, left = u[: len(rows)], (target - rows @ x) / np.sqrt(variance)
-        spread = _spread(seen, left, block)
-        repeats = max(repeats, float(np.trace(spread)) / max(float(np.sum(seen**2)), 1e-300))
-    beside = u[len(rows) :]
-    tested = len(known) - float(np.sum(beside**2))  # directions in which both records carry information
-    apart = max(float(np.sum((known @ x) ** 2)) / max(tested, 1.0), 1.0)
-    return x / scale, apart * _wider(unit, spread) / np.outer(scale, scale), apart * repeats
-
-
-def held_out(
-    phi: Array, target: Array, keep: NDArray[np.bool_], weights: Array, drive: Array | None = None,
-    known: Array | None = None,
-) -> Array:  # fmt: skip
-    """For each joint the rms error on blocks that were not fitted, as a share of its rms drive there; (n_joints,).
-
-    NaN for a joint without used rows, because it does not move.
-
-    ``phi``, ``target``, ``keep``, ``weights``: rows of all joints, as `RigidBodyLags.joint_rows` makes them. ``drive``
-    (m, n_joints): the drives, if ``target`` is only a part of them. ``known`` (r, n_columns): see `fitted`.
-    """
-    block = np.arange(len(phi)) * BLOCKS // len(phi)
-    whole = np.sum(np.where(keep, target if drive is None else drive, 0.0) ** 2, axis=0)
-    left = np.zeros(target.shape[1])
-    for fold in range(2):
-        test = block % 2 == fold
-        theta, _ = fitted(phi[~test], target[~test], keep[~test], weights, known)
-        left += np.sum(np.where(keep, target - phi @ theta, 0.0)[test] ** 2, axis=0)
-    return np.asarray(np.sqrt(left / np.where(whole > 0.0, whole, np.nan)))
-
-
 def one_axis(rows: ArmRows, joint: int) -> float:
     """`held_out` of one joint as a single axis, behind the same filter; NaN if it does not move."""
     lags, arm = rows.lags, rows.lags.arm_
@@ -572,250 +344,3 @@ def nominal_numbers(lags: RigidBodyLags) -> dict[str, float]:
     if not arm.inertial[:, 0].any():
         return {}
     return dict(zip(lags.base_.names, lags.weights_of(arm).tolist(), strict=True))
-
-
-# Smallest absolute correlation between the positions of all joints at which they are taken to move along one line:
-# 0.997 on the AIRBOT; random sines and the other records here are below 0.7.
-ONE_LINE = 0.97
-FAR = 4.0 * np.pi  # rad: no limb turns further, while degrees exceed it at once
-UNLIKE = 30.0  # times the drive that the file's masses require: amperes logged in mA give 1,000, gear ratios up to 300
-# Columns given to other joints (`python -m benchmarks.joint_order` prints what these are compared with).
-CLEARLY = 0.25  # of the drives' residual: half the error at the joints affected by another order
-# Of a drive's variance, left by a fit of all joints: then other orders of the positions are tried, on some samples.
-# Simulated arms in order leave 0.0003, and with two joints exchanged 0.03 to 0.9; real ones in order leave 0.01, with a
-# wrist turned by its neighbour 0.2.
-MUCH, SOME = 0.005, 6000
-FEW = 5  # rows per number at the instants at which all orders are compared before the best one is judged on all rows
-LESS = 0.7  # of what is left at a joint: for an order to be better, each joint that it moves has to have this or less
-# By which the order told has to lead every other one tried.  Where six joints move along one line to 0.5 %, 26 of 33
-# orders that were told led by as much, and were right; of the other seven one was wrong (`python -m
-# benchmarks.joint_order --arms 2 --seed 1420001 --line 0.005`).
-DOUBT = 0.5
-# Drawn orders from which one is sought, about half of which lead to the right one; and numbers fitted, over all orders
-# tried, before it is over: all 720 orders of six joints may be tried, and of 20 joints as many as 10 s of CPU allow.
-DRAWN, TRIED = 16, 100_000
-
-
-def suspicions(arm: Arm, q: Array, torque: Array) -> list[str]:
-    """Warnings about a log that looks wrong: degrees, mA, all joints moving as one.
-
-    ``q``, ``torque`` are (n, n_joints).
-    """
-    out = []
-    far = [j for j, x, slides in zip(arm.joints, q.T, arm.slides, strict=True) if not slides and np.ptp(x) > FAR]
-    if far:
-        out.append(f"The travel of {', '.join(far)} exceeds two turns; for degrees, give --unit position=deg.")
-    moving = q[:, np.ptp(q, axis=0) > 0.0]
-    if moving.shape[1] > 1 and np.abs(np.corrcoef(moving.T)).min() > ONE_LINE:
-        out.append(
-            "All joints move along one line, so the log says little of how they act on each other, and free runs off "
-            "that line are the file's; let joints move at different times or frequencies."
-        )
-    if not arm.inertial[:, 0].any():
-        return out
-    rest = np.zeros_like(q)
-    gravity = arm.inverse_dynamics(q, rest, rest, effects=False)
-    needed, there = np.sqrt(np.mean(gravity**2, axis=0)), np.sqrt(np.mean(torque**2, axis=0))
-    heavy = needed > 0.2 * needed.max() if needed.max() > 0 else np.zeros(len(needed), dtype=bool)
-    if not far and heavy.any() and np.median(there[heavy] / needed[heavy]) > UNLIKE:
-        times = float(np.median(there[heavy] / needed[heavy]))
-        out.append(
-            f"The drives are {times:.0f} times what gravity requires with the file's masses; "
-            "if they are currents in mA, give --unit drive=mA and --gains; if they are counts, convert them to Nm."
-        )
-    return out
-
-
-@threadpool_limits.wrap(limits=1, user_api="blas")
-def in_another_order(rows: ArmRows) -> list[str]:
-    """A sentence if the drives fit far better with the columns of the joints in another order, else none.
-
-    A joint's own columns explain its own drive best, whatever the others are.  If the numbers that all joints share
-    then leave much of a drive, the positions are in another order, too, and it is sought.  What is found has to be no
-    worse for any joint that it moves, and far better for all of them together: a large effect that one joint lacks is
-    no such order.  It is an example only if another order fits about as well, as where all joints move along one line.
-    """
-    lags, q, torque = rows.lags, rows.position, rows.drive
-    names, triple = lags.arm_.joints, (rows.phi, rows.target, rows.keep)
-    given = places = np.arange(len(names))
-    before = _left(*triple)
-    drives, left = _ordered(*triple)
-    if (left > MUCH).any() or (drives != given).any():
-        trial, whole = clone(lags).set_params(cutoff=lags.cutoff_), max(experiments(rows.groups, len(q)), key=_length)
-        middle = whole.start + max((_length(whole) - SOME) // 2, 0)
-        part = slice(middle, min(middle + SOME, whole.stop))
-        instants = _Instants(trial.fit(q[part]), q[part], torque[part], drives)
-        other = instants.sought()
-        with warnings.catch_warnings(), suppress(ValueError):  # nothing may move in this part
-            warnings.simplefilter("ignore", UserWarning)
-            paid, rest = _ordered(*trial.joint_rows(q[part][:, other], torque[part]))
-            if np.log(MUCH + rest).sum() < np.log(MUCH + left).sum():
-                places, drives, left = other, paid, rest
-    moved = (places != given) | (drives != given)
-    better = left[moved] <= before[moved]
-    if not moved.any() or not better.all() or left[moved].sum() > CLEARLY * before[moved].sum():
-        return []
-    orders = [("positions", places), ("drives", drives)] if (places != drives).any() else [("columns", places)]
-    told = [
-        f"the {what} given for {', '.join(names[k] for k in given[order != given])} are those of "
-        f"{', '.join(names[k] for k in np.argsort(order)[order != given])}"
-        for what, order in orders if (order != given).any()
-    ]  # fmt: skip
-    what = f"{' and '.join(told)}, in this order"
-    if instants.lead(places, drives) < DOUBT:
-        return [
-            f"The drives fit far better in another order of the columns, for example if {what}; "
-            "others fit about as well, so check all columns and name them with --joints."
-        ]
-    return [f"The drives fit far better if {what}; name the columns with --joints."]
-
-
-class _Instants:
-    """Some instants of a record, behind one filter, at which orders of the joints are compared.
-
-    Columns are taken of the filtered motion and not filtered themselves, so that an order of six joints costs a
-    millisecond.  ``drives`` are those that each joint's own columns explain best in the order given.
-    """
-
-    def __init__(self, lags: RigidBodyLags, q: Array, torque: Array, drives: NDArray[np.int64]):
-        rate, n = lags.sample_rate, q.shape[1]
-        rows = lags.samples_of(len(q))
-        some = rows[:: max(len(rows) * n // (FEW * len(lags.base_.names)), 1)]
-        each = [motion(x, rate, lags.cutoff_) for x in q.T]
-        speeds = np.sqrt(np.mean(np.column_stack([m.velocity for m in each]) ** 2, axis=0))
-        self.lags, self.time, self.paid = lags, some / rate, drives
-        self.drive = zero_phase(torque, rate, lags.cutoff_)[some]
-        self.moved = Motion(*(np.column_stack([x[some] for x in xs]) for xs in zip(*each, strict=True)))
-        self.fast = np.abs(self.moved.velocity) > lags.slow * speeds
-        self.tried: dict[tuple[int, ...], dict[tuple[int, ...], float]] = {}
-
-    def left(self, places: NDArray[np.int64]) -> float:
-        """What remains with the positions in this order, by the likelihood of joints with errors of their own.
-
-        Each position keeps the drive that its columns explain, or that of its own name, or drives are right as given.
-        A joint in another place has to gain what chance does not give.
-        """
-        key = tuple(places.tolist())
-        if key not in self.tried:
-            given = np.arange(len(places))
-            phi = self.lags.columns(Motion(*(x[:, places] for x in self.moved)), self.drive[:, places], self.time)
-            shared = _Shared(phi, self.fast[:, places])
-            ways = {tuple(way.tolist()): way for way in (self.paid[places], places, given)}
-            self.tried[key] = {
-                way: float(np.log(MUCH + shared.left(self.drive[:, at])).sum())
-                - float(np.log(LESS)) * int(((places != given) | (at != given)).sum())
-                for way, at in ways.items()
-            }
-        return min(self.tried[key].values())
-
-    def lead(self, places: NDArray[np.int64], drives: NDArray[np.int64]) -> float:
-        """By how much this order of positions and drives leaves less than every other one tried."""
-        each = {(p, way): x for p, ways in self.tried.items() for way, x in ways.items()}
-        own = each.pop((tuple(places.tolist()), tuple(drives.tolist())), np.inf)
-        return min(each.values()) - own
-
-    def sought(self) -> NDArray[np.int64]:
-        """The order of the positions that leaves least, from several starts."""
-        given, rng = np.arange(len(self.paid)), np.random.default_rng(0)
-        usual = given, np.argsort(self.paid), given[::-1], np.roll(given, 1), np.roll(given, -1)
-        starts = sorted(usual, key=self.left)
-        best, little = self._descended(starts[0]), len(given) * np.log(2.0 * MUCH)  # its neighbours are rivals of it
-        for start in (*starts[1:], *(rng.permutation(given) for _ in range(DRAWN))):
-            if self.left(best) > little and not self._over():
-                best = min(best, self._descended(start), key=self.left)
-        return best
-
-    def _over(self) -> bool:
-        return len(self.tried) * len(self.lags.base_.names) > TRIED
-
-    def _descended(self, places: NDArray[np.int64]) -> NDArray[np.int64]:
-        """The order reached by exchanges, as long as they leave less: the best one, or many at once by assignment."""
-        while True:
-            cost, now = np.full((len(places),) * 2, self.left(places)), places
-            for i, j in itertools.combinations(range(len(places)), 2):
-                if self._over():
-                    return places
-                other = now.copy()
-                other[[i, j]] = now[[j, i]]
-                cost[i, j] = cost[j, i] = self.left(other)
-                places = min(places, other, key=self.left)
-            places = min(places, now[linear_sum_assignment(cost)[1]], key=self.left)
-            if (places == now).all():
-                return now
-
-
-def in_degrees(rows: ArmRows) -> list[str]:
-    """A sentence if the drives of joints that turn fit far better with their positions taken as degrees, else none.
-
-    Those of half of them have to, and all no worse in sum: the drive of a wrist is mostly friction, in any unit.
-    """
-    lags, q = rows.lags, rows.position
-    turns = ~np.asarray(lags.arm_.slides, dtype=bool)
-    if not (np.ptp(q[:, turns], axis=0) > FAR).any():
-        return []
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)
-        trial = clone(lags).set_params(cutoff=lags.cutoff_)
-        left = _left(*trial.joint_rows(np.where(turns, np.radians(q), q), rows.drive, rows.groups))
-    before = _left(rows.phi, rows.target, rows.keep)
-    if 2 * np.sum((left <= CLEARLY * before)[turns]) < turns.sum() or left.sum() > before.sum():
-        return []
-    return ["The drives fit far better with the positions taken as degrees; give --unit position=deg."]
-
-
-def _length(s: slice) -> int:
-    return int(s.stop - s.start)
-
-
-class _Shared:
-    """Rows of all joints, and what the numbers that they share leave of drives.
-
-    Normal equations are summed by joint, so that further orders of the drives cost little.  ``phi`` and ``keep`` are as
-    `RigidBodyLags.joint_rows` makes them.
-    """
-
-    def __init__(self, phi: Array, keep: NDArray[np.bool_]):
-        self.rows, self.keep, self.count = np.where(keep[:, :, None], phi, 0.0), keep, np.maximum(keep.sum(axis=0), 1)
-        self.squares = np.zeros((phi.shape[1], phi.shape[2], phi.shape[2]))
-        for j, square in enumerate(self.squares):
-            own = np.flatnonzero(np.any(self.rows[:, j] != 0.0, axis=0))
-            rows = self.rows[:, j, own]
-            square[np.ix_(own, own)] = rows.T @ rows
-
-    def left(self, target: Array) -> Array:
-        """The share of each drive's variance that is left, (n_joints,); ``target`` (m, n_joints) are the drives."""
-        drives = np.where(self.keep, target, 0.0)
-        power = np.sum(np.where(self.keep, drives - drives.sum(axis=0) / self.count, 0.0) ** 2, axis=0)
-        power = np.where(power > 0.0, power, 1.0)
-        weights = self.count / power
-        # the weak prior is that of drives near one, and a log may be in counts
-        gram = np.tensordot(weights, self.squares, 1) + np.eye(self.rows.shape[2]) * weights.min() / PRIOR
-        unit = np.sqrt(np.diag(gram))
-        scaled = gram / np.outer(unit, unit) + ROUNDING * np.eye(len(unit))
-        cross = np.tensordot(drives * weights, self.rows, 2) / unit
-        theta = solve(scaled, cross, assume_a="pos") / unit
-        return np.asarray(np.sum((drives - self.rows @ theta) ** 2, axis=0) / power)
-
-
-def _left(phi: Array, target: Array, keep: NDArray[np.bool_]) -> Array:
-    """`_Shared.left` of one order of the drives."""
-    return _Shared(phi, keep).left(target)
-
-
-def _ordered(phi: Array, target: Array, keep: NDArray[np.bool_]) -> tuple[NDArray[np.int64], Array]:
-    """The drive that each joint's own columns explain best, and what all together leave in that order."""
-    order = np.asarray(linear_sum_assignment(_left_of_drives(phi, target, keep))[1])
-    return order, _left(phi, target[:, order], keep)
-
-
-def _left_of_drives(phi: Array, target: Array, keep: NDArray[np.bool_]) -> Array:
-    """What the columns of each joint (row) leave of each drive (column), as a share of its power, (n, n)."""
-    left = np.ones((target.shape[1],) * 2)
-    for j in range(len(left)):
-        rows = phi[keep[:, j], j]
-        rows = rows[:, np.any(rows != 0.0, axis=0)]
-        if len(rows) > 2 * rows.shape[1]:
-            scaled, drives = rows / np.linalg.norm(rows, axis=0), target[keep[:, j]]
-            error = drives - scaled @ np.linalg.lstsq(scaled, drives, rcond=1e-9)[0]
-            left[j] = np.sum(error**2, axis=0) / np.sum(drives**2, axis=0)
-    return left

@@ -20,16 +20,8 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.base import clone
 
 from whsklearn.effects.base import Array
-from whsklearn.identification.arm_fit import (
-    N_LEFT_OUT,
-    SAME,
-    ArmFit,
-    Known,
-    block_covariance,
-    blocks_of,
-    updated,
-    with_ages,
-)
+from whsklearn.identification.arm_fit import ArmFit, with_ages
+from whsklearn.identification.joint_least_squares import N_LEFT_OUT, SAME, Known, block_covariance, blocks_of, updated
 from whsklearn.lags.arm_rows import records_of
 from whsklearn.lags.rigid_body import RigidBodyLags
 from whsklearn.systems._arm_kernels import N_BODY
@@ -128,7 +120,7 @@ class Beside:
 
     rows: Array  # (m, p): weighted columns of the arm's parameters and of other free parameters
     error: Array  # (m,): weighted residual with the other record's numbers
-    known: Array  # (r, p): see `whsklearn.identification.arm_fit.updated`
+    known: Array  # (r, p): see `whsklearn.identification.joint_least_squares.updated`
     block: NDArray[np.int64]  # block, joint (m,): to which each row belongs
     joint: NDArray[np.int64]
 

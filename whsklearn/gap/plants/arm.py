@@ -45,18 +45,9 @@ from whsklearn.gap.plants.servo_run import OWN_MOTION
 from whsklearn.gap.record import SPLIT, Array, held_out_blocks
 from whsklearn.gap.search import LEAST_SHARE, STILL
 from whsklearn.gap.tangent import Family, Look, Tangent
-from whsklearn.identification.arm_fit import (
-    SAME,
-    Known,
-    blocks_of,
-    enough_rows,
-    fitted,
-    in_another_order,
-    in_degrees,
-    reversals_of,
-    suspicions,
-    updated,
-)
+from whsklearn.identification.arm_checks import enough_rows, in_another_order, in_degrees, suspicions
+from whsklearn.identification.arm_fit import reversals_of
+from whsklearn.identification.joint_least_squares import SAME, Known, blocks_of, fitted, updated
 from whsklearn.identification.payload import ALIKE, FURTHEST, Beside
 from whsklearn.lags.rigid_body import RigidBodyLags
 from whsklearn.models.arm import ArmModel
@@ -114,8 +105,7 @@ class ArmPlant(Plant):
 
     # --- the base model ----------------------------------------------------------------------
     def check(self) -> list[DataProblem]:
-        """Check for degrees, mA, a wrong order of the columns, and joints that do not move."""
-        arm, q, u = as_arm(self.lags.robot), self.record.position, self.record.drive
+        """Check for degrees, a wrong order of the columns, gain or sign, and joints that do not move."""
         with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always", UserWarning)
             try:
@@ -126,12 +116,15 @@ class ArmPlant(Plant):
         v = self.view
         if v.arm.slides.any():
             self.units = self.logged = ("N", "m") if v.arm.slides.all() else ("Nm", "")
-        texts = [*(str(w.message) for w in said if w.category is UserWarning), *suspicions(arm, q, u)]
-        problems = [DataProblem("data-arm", "Check the log", text, fatal=False) for text in texts]
         if turned := in_degrees(v):
             return [DataProblem("data-units", "The positions are in degrees", turned[0])]
-        wrong = in_another_order(v)
-        return [*(DataProblem("data-order", "The joints are in another order", x) for x in wrong), *problems]
+        if wrong := in_another_order(v):
+            return [DataProblem("data-order", "The joints are in another order", wrong[0])]
+        texts = [
+            *(str(w.message) for w in said if w.category is UserWarning),
+            *suspicions(v, masses=self.known is None),
+        ]
+        return [DataProblem("data-arm", "Check the log", text, fatal=False) for text in texts]
 
     def base(self, rng: np.random.Generator) -> ArmState:
         """The rigid arm with its law, fitted; or the given arm, within what is known of it."""

@@ -25,8 +25,8 @@ from whsklearn.gap.plants.arm_terms import AtJoint, JointInertia, JointTerm, Loa
 from whsklearn.gap.plants.servo_candidates import ColumnSignals
 from whsklearn.gap.plants.servo_own import N_RECORDS
 from whsklearn.gap.record import MAD, Array, Segmented
-from whsklearn.identification.arm_fit import SAME, Known, held_out
 from whsklearn.identification.drive_lead import OLDEST
+from whsklearn.identification.joint_least_squares import SAME, Known, held_out
 from whsklearn.identification.payload import MASS
 from whsklearn.lags.arm_rows import ArmRows, records_of, turning
 from whsklearn.lags.axis_rows import DRY
