@@ -85,7 +85,7 @@ def test_every_long_segment_of_a_log_counts(log, tmp_path):
         (["--drive", "volts"], 2, "no column 'volts'"),
         (["--columns", "0,1,2,3,4"], 1, "expected two"),
         (["--columns", "1,2"], 2, "names no time; add --rate"),
-        (["--unit", "position"], 1, "expected ROLE=UNIT"),
+        (["--unit", "position"], 2, "expected ROLE=UNIT"),
         (["--law", "sticky"], 1, "'sticky'"),
         (["--law", "cogging"], 1, "cannot be part of the base law"),
     ],
@@ -114,6 +114,19 @@ def test_a_report_folder_that_cannot_be_written_is_told_before_the_work(log, tmp
     done = run(log, "--no-track", "--report", tmp_path / "taken" / "gap")
     assert done.exit_code == 1
     assert "Cannot write to" in done.output
+
+
+def test_an_effective_current_is_asked_about_and_a_unit_that_no_axis_has_is_a_wrong_option(log, tmp_path):
+    # as Kollmorgen's Workbench names its columns
+    head = "Time (ms),IL.CMD (Arms),IL.FB (Arms),PL.FB (deg),VL.FB (rpm)\n"
+    rows = "".join(f"{k},{k % 7},{k % 5},{k % 9},{k % 3}\n" for k in range(200))
+    (tmp_path / "akd.csv").write_text(head + rows)
+    asked = run(tmp_path / "akd.csv", "--no-track", "--report", tmp_path / "r")
+    assert asked.exit_code == 2
+    assert "'IL.FB (Arms)' is a current, not a torque. For results in Nm add --torque-constant" in asked.output
+    wrong = run(log, "--unit", "position=banana", "--no-track", "--report", tmp_path / "r")
+    assert wrong.exit_code == 2
+    assert "The unit of position is 'banana'; expected one of rad, mrad, urad, deg" in wrong.output
 
 
 def test_columns_that_name_themselves_are_taken_and_said(log, tmp_path):

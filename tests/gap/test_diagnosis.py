@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from whsklearn.effects import Backlash, Cogging, EncoderEccentricity, Stribeck, Viscous
+from whsklearn.effects import Backlash, Cogging, EncoderEccentricity, EndStop, Stribeck, Viscous
 from whsklearn.gap import Diagnosis, NamedEffect, Place
 from whsklearn.gap.diagnosis import Curve, curve_in, in_units, place_in, rows_in
 from whsklearn.gap.pictures import pictures_in
@@ -73,6 +73,12 @@ ONES = np.ones(3)
 def test_a_number_is_told_in_the_unit_that_its_name_says(effect, label, value):
     named = NamedEffect(effect, {}, 50.0, 1.0, units=("mNm", "deg"))
     assert named.parameters[label] == pytest.approx(value, rel=1e-12)
+
+
+@pytest.mark.parametrize(("motion", "place"), [("mm", "position"), ("deg", "angle")])
+def test_the_place_of_a_stop_is_an_angle_only_where_the_axis_turns(motion, place):
+    told = NamedEffect(EndStop(10.0, angle=0.02), {}, 50.0, 1.0, units=("N", motion)).told
+    assert [unit for name, _, _, unit in told if name == place] == [motion]
 
 
 def test_a_standard_error_and_a_map_go_with_the_number():

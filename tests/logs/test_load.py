@@ -3,13 +3,16 @@ from __future__ import annotations
 import json
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from tests.logs.rig import NAMES, RATE
 from tests.logs.rig import columns as table
 from whsklearn import InverseDynamicsLags, RLSRegressor
 from whsklearn.datasets import load_turntable, make_servo_log
+from whsklearn.gap.plants.from_log import taken_from
 from whsklearn.logs import ColumnError, LogError, LogWarning, check_log, load_log, slips_in
+from whsklearn.logs.units import inertia_unit
 
 
 def test_a_clean_log_comes_back_as_it_is(write):
@@ -249,3 +252,40 @@ def test_columns_that_are_not_named_are_found_by_their_names_and_none_is_taken_f
     axis["temperature"] = axis.pop("torque_nm")
     with pytest.raises(ColumnError, match=r"clearly the drive; it has: time_s, speed_rpm, temperature"):
         load_log(write(axis))
+
+
+@pytest.mark.parametrize("drive", ["Torque [p.u.]", "Torque"])
+def test_a_stated_unit_that_is_not_known_is_quoted_and_never_taken_for_another(tmp_path, drive):
+    logged = table(300)
+    units = ["s;p.u.;rad"] if drive == "Torque" else []
+    rows = [";".join(f"{v:.9f}" for v in row) for row in zip(*logged.values(), strict=True)]
+    (tmp_path / "axis.csv").write_text("\n".join([f"t;{drive};angle", *units, *rows, ""]))
+    log = load_log(tmp_path / "axis.csv", time="t", drive=drive, position="angle")
+    assert log.units["drive"] == "p.u."
+    assert any("states the unit 'p.u.', which is not known: results are in it, not in SI" in n for n in log.notes)
+    record = taken_from(log, "servo")[0]
+    assert record.units[0] == "p.u."
+    assert "kg" not in inertia_unit(*record.units)
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"), [("torque (joint 1)", "as logged"), ("torque [raw]", "as logged"), ("Strom", "A")]
+)
+def test_a_word_in_brackets_may_tell_which_signal_it_is_and_a_current_is_in_amperes(tmp_path, name, unit):
+    logged = table(300)
+    pd.DataFrame({"t_s": logged["time_s"], name: logged["torque_nm"], "q_rad": logged["position_rad"]}).to_csv(
+        tmp_path / "axis.csv", index=False
+    )
+    log = load_log(tmp_path / "axis.csv", time="t_s", drive=name, position="q_rad")
+    assert log.units["drive"] == unit
+    assert not any("is not known: results" in n for n in log.notes)
+    assert any("taken to be in A" in n for n in log.notes) == (unit == "A")
+
+
+def test_a_unit_that_contradicts_the_name_of_its_column_is_used_and_told(tmp_path):
+    pd.DataFrame(table(300)).to_csv(tmp_path / "axis.csv", index=False)
+    log = load_log(tmp_path / "axis.csv", **NAMES, units={"position": "deg", "drive": "Nm"})
+    told = [n for n in log.notes if "was given for" in n]
+    assert log.units["position"] == "deg"
+    assert len(told) == 1
+    assert "Column 'position_rad' states rad, and deg was given for position: that is used." in told[0]

@@ -45,6 +45,14 @@ def test_a_duty_cycle_drives_where_nothing_else_is_logged_though_it_is_commanded
     assert guess(source("t", "pwm_limit", "angle"), "drive") is None
 
 
+def test_a_torque_that_is_only_commanded_is_the_drive():
+    assert guess(source("time_s", "torque_cmd_Nm", "roll_rad"), "drive") == "torque_cmd_Nm"
+    assert guess(source("t", "iq_setpoint", "vel_setpoint", "pos_estimate"), "drive") == "iq_setpoint"
+    assert guess(source("t", "PWM", "target_force [N]", "x [mm]"), "drive") == "target_force [N]"
+    assert guess(source("t", "torque_cmd_nm", "torque_nm", "q_rad"), "drive") == "torque_nm"
+    assert guess(source("t", "torque_limit_cmd", "position_cmd_V", "velocity_cmd [A]", "q_rad"), "drive") is None
+
+
 def test_a_unit_tells_where_no_word_does_and_outweighs_one_letter():
     s = source("t_ms", "phi_deg", "soll_deg", "M1_mNm")
     assert [guess(s, r) for r in ("time", "drive", "position", "reference")] == [

@@ -13,6 +13,7 @@ from whsklearn.logs.units import (
     factor_of,
     inertia_unit,
     integral_of,
+    of_an_axis,
     readable,
     respelled,
     stated,
@@ -51,6 +52,16 @@ def test_factors_lead_to_si(unit, si, factor):
         ("gyro_z (dps)", "deg/s", math.pi / 180),
         ("torque_permille", "permille", 0.1),
         ("Drehmoment [‰]", "permille", 0.1),
+        ("IL.FB (Arms)", "Arms", 1.0),  # Kollmorgen Workbench
+        ("i_q [A rms]", "Arms", 1.0),
+        ("Strom [mA_rms]", "mArms", 1e-3),
+        ("Iq (A peak)", "Apk", 1.0),
+        ("Torque Actual (% rated)", "%", 1.0),
+        ("M_ist [%MN]", "%", 1.0),
+        ("Torque actual value [per thousand of rated torque]", "permille", 0.1),  # CiA 402, 6077h
+        ("Torque actual value [‰ of rated torque]", "permille", 0.1),
+        ("torque_pct", "%", 1.0),
+        ("Torque [0.1% rated]", "0.1 %", 0.1),  # AX5000
         ("time [min]", "min", 60.0),
         ("time_h", "h", 3600.0),
         ("torque_min", "as logged", 1.0),
@@ -183,3 +194,14 @@ def test_inertia_has_a_name_where_the_drive_is_a_torque_or_a_force():
 @pytest.mark.parametrize(("logged", "told"), [("deg", "deg"), ("counts/16384", "rad"), ("mm/s", "mm"), ("", "rad")])
 def test_people_are_told_of_motions_and_not_of_counts(logged, told):
     assert readable(logged, "rad") == told
+
+
+@pytest.mark.parametrize(
+    ("role", "unit"), [("position", "banana"), ("position", "Nm"), ("drive", "Nn"), ("velocity", "V")]
+)
+def test_an_axis_takes_only_units_of_the_table(role, unit):
+    with pytest.raises(ValueError, match=f"The unit of {role} is '{unit}'; expected one of"):
+        of_an_axis(stated({role: unit}))
+    of_an_axis(
+        stated({"position": "nm", "drive": "0.01 Arms", "velocity": "rpm", "time": "ticks/8000", "reference": "deg"})
+    )

@@ -24,7 +24,10 @@ DRIVES = ("current", "currents", "iq", "i", "strom"), (
     "kraft",
 )  # fmt: skip
 POSITIONS = ("enc", "encoder"), ("position", "positions", "pos", "angle", "angles", "theta", "q", "winkel", "lage")
-UNITS = {"position": ("rad", "m", "counts"), "drive": ("Nm", "N", "A")}  # SI; they tell a column without a word
+UNITS = {
+    "position": ("rad", "m", "counts"),
+    "drive": ("Nm", "N", "A", "Arms", "Apk"),
+}  # SI; they tell a column without a word
 ASKED = {"target", "desired", "des", "d", "reference", "ref", "command", "commanded", "cmd", "setpoint", "goal", "soll"}
 NEITHER = {
     "velocity", "velocities", "vel", "speed", "dot", "acceleration", "acc", "error", "ext", "external", "hat", "limit",
@@ -179,10 +182,11 @@ def to_si(joint: str, slides: bool, position: str, drive: str, gains: Mapping[st
     >>> [round(x, 4) for x in to_si("hip", False, "deg", "mA", {"hip": (11.0, 0.2)})]
     [0.0175, 0.011]
     """
-    from whsklearn.logs.units import UNSTATED, factor_between
+    from whsklearn.logs.current import AMPERES
+    from whsklearn.logs.units import UNSTATED, factor_between, factor_of
 
     place, force = ("m", "N") if slides else ("rad", "Nm")
-    ampere = drive not in UNSTATED and drive.endswith("A")
+    ampere = factor_of(drive)[1] in AMPERES
     if joint in gains and drive not in UNSTATED and not ampere:
         raise ColumnError(
             f"The drive of {joint} is in {drive}, so no gain in {force} per A applies to it; leave out --gains, or "
@@ -193,7 +197,7 @@ def to_si(joint: str, slides: bool, position: str, drive: str, gains: Mapping[st
             f"The drive of {joint} is a current in {drive}; give the {force} per A of every joint, "
             f'--gains "{joint}:{force.upper()}_PER_AMPERE;...".'
         )
-    gain, target = (gains[joint][0], "A") if joint in gains else (1.0, force)
+    gain, target = (gains[joint][0], factor_of(drive)[1] if ampere else "A") if joint in gains else (1.0, force)
     try:
         return factor_between(position, place), gain * factor_between(drive, target)
     except ValueError as error:

@@ -243,9 +243,12 @@ def read_log(options: dict[str, Any], second: str | None = None) -> Bunch:
     from whsklearn.logs import open_source
     from whsklearn.logs.errors import ColumnError
     from whsklearn.logs.roles import by_number
+    from whsklearn.logs.units import of_an_axis, stated
 
-    source = open_source(second or options["log_file"])
     servo = options["kind"] == "servo"
+    if servo:
+        of_an_axis(stated(records.units_of(options["units"])))
+    source = open_source(second or options["log_file"])
     if options["columns"]:
         given: dict[str, str | None] = {**by_number(options["columns"], chain=not servo)}
         if servo and "time" not in given and options["rate"] is None and not _own_clock(source):

@@ -117,11 +117,13 @@ def given(options: Mapping[str, Any]) -> dict[str, Any]:
 
 def units_of(given: tuple[str, ...]) -> dict[str, str]:
     """Units by role from texts such as ``position=deg``."""
+    from whsklearn.logs.errors import ColumnError
+
     out = {}
     for text in given:
         role, sign, unit = text.partition("=")
         if not (role and sign and unit):
-            raise ValueError(f"--unit is {text!r}; expected ROLE=UNIT such as position=deg.")
+            raise ColumnError(f"--unit is {text!r}; expected ROLE=UNIT such as position=deg.")
         out[role.strip()] = unit.strip()
     return out
 

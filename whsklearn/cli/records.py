@@ -39,7 +39,7 @@ def roles_of(
     from whsklearn.logs.current import doubt, is_current
     from whsklearn.logs.errors import ColumnError
     from whsklearn.logs.roles import guess
-    from whsklearn.logs.units import unit_of
+    from whsklearn.logs.units import unit_in
 
     roles = {r: source.resolve(c, r) for r, c in given.items() if c is not None}
     for role in needed:
@@ -58,7 +58,7 @@ def roles_of(
                 f"Name it with --{role}{instead.get(role, '')}, or by number with --columns."
             )
         if role == "drive" and found != usual.get(role) and not units_of(options.get("units", ())).get("drive"):
-            unit = source.units.get(found) or unit_of(found)
+            unit = unit_in(source.units.get(found, ""), found)
             if (text := doubt(found, unit)) and not (options.get("torque_constant") and is_current(found, unit)):
                 raise ColumnError(f"{source.name} has no column that is clearly a torque. {text}")
         if found != usual.get(role):
@@ -74,7 +74,7 @@ def read_system(path: str | Path, options: Mapping[str, Any], logged: str = "") 
     """
     from whsklearn.logs import open_source
     from whsklearn.logs.roles import by_number, guess
-    from whsklearn.logs.units import integral_of, unit_of
+    from whsklearn.logs.units import integral_of, unit_in
 
     source = open_source(path)
     named = {"time": "time_column", "drive": "input_column", "position": "output_column"}
@@ -88,7 +88,8 @@ def read_system(path: str | Path, options: Mapping[str, Any], logged: str = "") 
     roles = roles_of(source, given, ("drive", "position"), {}, options)
     output = roles.pop("velocity", None) or roles.pop("position")
     assert output is not None
-    unit = units_of(options.get("units", ())).get("position") or source.units.get(output) or unit_of(output)
+    unit = units_of(options.get("units", ())).get("position")
+    unit = unit or unit_in(source.units.get(output, ""), output, "position")
     if logged == "position" and integral_of(unit)[1] != unit:
         units = (*(u for u in options.get("units", ()) if not u.startswith("position")), f"velocity={unit}")
         return read(source, {**options, "units": units}, **roles, velocity=output)

@@ -17,6 +17,7 @@ import numpy as np
 
 from whsklearn.effects import Effect, LearnedTorque
 from whsklearn.export.chain_code import CodedChain
+from whsklearn.logs.current import AMPERES
 from whsklearn.logs.files import atomic_write
 from whsklearn.logs.units import UNKNOWN, UNSTATED, factor_of, integral_of, respelled
 from whsklearn.systems.servo import ServoAxis
@@ -163,7 +164,7 @@ class Exported:
                 out.append(Loss(f"unit of the {what}", "not stated", f"taken to be {wanted[0]}, as in the format"))
             elif symbol not in wanted:
                 constant = "force" if wanted[0] == "N" else "torque"
-                how = f"by the {constant} constant" if symbol == "A" else f"to {wanted[0]} for each {symbol}"
+                how = f"by the {constant} constant" if symbol in AMPERES else f"to {wanted[0]} for each {symbol}"
                 text = (
                     f"the format is in {wanted[0]}: numbers that have it are in {symbol} here, and right for a {what}"
                 )

@@ -20,6 +20,7 @@ from whsklearn.effects import Effect
 from whsklearn.effects.base import Array, rms
 from whsklearn.export.axis_code import compensated
 from whsklearn.export.model import Exported, Loss, losses_of, parts_of
+from whsklearn.logs.current import AMPERES
 from whsklearn.logs.files import atomic_write
 from whsklearn.systems.servo import ServoAxis
 
@@ -153,7 +154,7 @@ class _Tabled(NamedTuple):
     def _rated(self) -> float | None:
         """The rated torque in the unit of the tables: a current if the drive is a current."""
         torque, constant, _ = self.ratings
-        if torque is None or self.unit != "A":
+        if torque is None or self.unit not in AMPERES:
             return torque
         return None if constant is None else torque / constant
 
@@ -193,7 +194,7 @@ class _Tabled(NamedTuple):
 
     def servo_one(self) -> tuple[list[str], list[Left]]:
         rated, top = self._rated, self._top
-        ampere = 1.0 if self.unit == "A" else self.ratings.constant
+        ampere = 1.0 if self.unit in AMPERES else self.ratings.constant
         lines: list[str] = []
         left: list[Left] = []
         if self.waves and ampere is not None:

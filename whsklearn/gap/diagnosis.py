@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn import __version__
-from whsklearn.logs.units import respelled
+from whsklearn.logs.units import factor_of, respelled
 
 VERDICTS = ("no_gap", "named", "ambiguous", "partial", "unknown", "coloured_noise", "not_testable", "data_problem")
 CURVE_UNITS = {"velocity": "{1}/s", "speed": "{1}/s", "drive": "{0}"}  # of a signal by drive and motion; else a motion
@@ -116,6 +116,8 @@ class NamedEffect:
         for name, q in getattr(self.effect, "quantities", {}).items():
             label = in_units(q.labelled(name), self.units) if any(self.units) else name
             unit = q.unit if name.startswith("phase") else respelled(q.unit, self._spelled)[1]
+            if name == "angle" and factor_of(self.units[1])[1] == "m":  # the place of a stop along a line
+                name = "position"
             known[label] = name.replace("_", " "), "" if unit == "1" or not any(self.units) else unit
         rows = ((known.get(k, (k.replace("_", " "), "")), v, self.errors.get(k)) for k, v in self.parameters.items())
         return [(name, value, error, unit) for (name, unit), value, error in rows]

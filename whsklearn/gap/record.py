@@ -26,7 +26,7 @@ NOISE_KEPT, NOISE_MADE_UP = 0.98, 1.06
 
 
 SPLIT = "60 % of the record in five parts is used for fitting, the 40 % between them for judging."
-KINDS = {"time": ("s",), "drive": ("Nm", "N", "V", "A", "%", "counts")}  # SI symbols that a role may have
+KINDS = {"time": ("s",), "drive": ("Nm", "N", "V", "A", "Arms", "Apk", "Vrms", "%", "counts")}  # SI symbols of a role
 MOTIONS = ("rad", "m", "counts")
 
 

@@ -23,7 +23,7 @@ LEAST_MOTION = (
 LEAST_FITTED = 60  # samples
 LEAST_SEGMENT = 30  # samples; a shorter one has less information than its initial state needs
 DRIVES, RATES = (
-    ("Nm", "N", "A", "V", "%"),
+    ("Nm", "N", "A", "Arms", "Apk", "V", "Vrms", "%"),
     ("rad/s", "m/s", "counts/s"),
 )  # SI units of what moves an axis; of a velocity
 SMOOTHING = 0.03  # s, width of the parabola for the velocity of a logged position

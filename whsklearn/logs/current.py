@@ -11,6 +11,7 @@ from whsklearn.logs.roles import words_of
 from whsklearn.logs.units import UNKNOWN, factor_of
 
 _CURRENT = {"current", "strom", "iq", "ampere", "amps"}
+AMPERES = ("A", "Arms", "Apk")  # SI symbols of a current
 _EFFORT = {"effort", "load", "pwm"}
 _FORM = re.compile(r"\s*([0-9.]+(?:e[+-]?\d+)?)\s*(?:(?:\+-|\+/-|±)\s*([0-9.]+(?:e[+-]?\d+)?))?\s*", re.IGNORECASE)
 
@@ -61,7 +62,7 @@ def factor_to_torque(constant: TorqueConstant, unit: str, column: str) -> float:
     0.00012
     """
     factor, si = factor_of(unit)
-    if si not in ("A", UNKNOWN):
+    if si not in (*AMPERES, UNKNOWN):
         raise ColumnError(
             f"A torque constant was given, and the drive, column {column!r}, is in {unit}; leave the constant out, or "
             "name the column of the current."
@@ -76,7 +77,7 @@ def is_current(column: str, unit: str) -> bool:
     (True, True, False)
     """
     si = factor_of(unit)[1]
-    return si == "A" or (si == UNKNOWN and bool(_CURRENT & set(words_of(column))))
+    return si in AMPERES or (si == UNKNOWN and bool(_CURRENT & set(words_of(column))))
 
 
 def doubt(column: str, unit: str) -> str:

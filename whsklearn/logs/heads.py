@@ -11,7 +11,7 @@ import re
 from typing import NamedTuple
 
 from whsklearn.logs.cells import is_number
-from whsklearn.logs.units import symbol_of
+from whsklearn.logs.units import multiple_of, states_a_unit, symbol_of
 
 COMMENTS = ("#", "%", "//", "!")
 _NAMES = {"name", "names", "signal", "signals", "channel", "channels", "variable", "variables", "kanal", "signalname"}
@@ -208,7 +208,8 @@ def _words(text: str) -> list[str]:
 
 
 def _unit(text: str) -> str:
-    return symbol_of(text.partition(" (")[0].strip("[]() ")) or ""
+    text = text.partition(" (")[0].strip("[]() ")
+    return symbol_of(text) or multiple_of(text) or (text if states_a_unit(text) else "")
 
 
 def _all_units(cells: list[str]) -> bool:

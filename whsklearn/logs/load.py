@@ -29,11 +29,10 @@ from whsklearn.logs.units import (
     UNSTATED,
     factor_of,
     integral_of,
+    is_known,
     stated,
-    symbol_of,
     time_unit_of,
-    unit_for,
-    unit_of,
+    unit_in,
     written_unit,
 )
 
@@ -225,7 +224,15 @@ def _as_torque(table: _Table, constant: TorqueConstant | None) -> None:
             Finding("LOG022", "info", f"Column {column!r} was turned into a torque by {told}{taken}.")
         )
     elif is_current(column, unit):
+        taken = (
+            " It states no unit and is taken to be in A; --unit drive=UNIT states another." if unit == UNKNOWN else ""
+        )
+        table.units["drive"] = "A" if unit == UNKNOWN else unit
+        table.findings[:] = [
+            f for f in table.findings if f.code != "LOG019" or f"column {column!r}" not in f.explanation
+        ]
         text = f"Column {column!r} is a current: sizes are in its unit, not in Nm, unless a torque constant is given."
+        text += taken
         table.findings.append(Finding("LOG022", "info", text))
 
 
@@ -294,9 +301,17 @@ def read_columns(
             told += f"--unit {role}=UNIT states another unit."
         elif units[role] == UNKNOWN or (role == "time" and doubtful):
             told = f"The unit of {role}, column {column!r}, is not known; --unit {role}=UNIT states it."
+        elif role != "time" and not is_known(units[role]):
+            told = f"Column {column!r} states the unit {units[role]!r}, which is not known: results are in it, not in "
+            told += f"SI. --unit {role}=UNIT states another unit."
         else:
             continue
         found.append(Finding("LOG019", "info", told))
+    for role in given.keys() & columns.keys():
+        own = unit_in(source.units.get(columns[role], ""), columns[role], role)
+        if is_known(own) and own != "counts" and factor_of(own) != factor_of(given[role]):
+            told = f"Column {columns[role]!r} states {own}, and {given[role]} was given for {role}: that is used."
+            found.append(Finding("LOG019", "info", told))
     return _Table(time=clock, signals=values, columns=dict(columns), units=units, findings=found)
 
 
@@ -346,8 +361,8 @@ def _unit(role: str, column: str, read: Column, source: Source, given: Mapping[s
     """The unit from the call, the file, or the end of the column's name."""
     if role in given:
         return given[role]
-    inside = symbol_of(source.units.get(column, "") or read.unit or "") or unit_of(column, UNKNOWN)
-    return time_unit_of(column, inside) if role == "time" else unit_for(role, inside)
+    unit = unit_in(source.units.get(column, "") or read.unit or "", column, role)
+    return time_unit_of(column, unit) if role == "time" else unit
 
 
 def _floats(values: NDArray[Any], column: str, name: str) -> Array:

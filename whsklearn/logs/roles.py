@@ -9,7 +9,7 @@ import numpy as np
 
 from whsklearn.logs.errors import ColumnError
 from whsklearn.logs.source import Source
-from whsklearn.logs.units import factor_of, symbol_of, unit_of
+from whsklearn.logs.units import factor_of, unit_in
 
 # In order of preference; one word of the column's name must equal one of these.
 WORDS: dict[str, tuple[str, ...]] = {
@@ -49,12 +49,14 @@ _NOT_MEASURED = {
     "limit", "lim",
 }  # fmt: skip
 _TICKS = {"ticks", "tick"}  # of a clock, or of an encoder
+_COMMANDED = {*WORDS["reference"], "command", "commanded", "cmd"}
+_NO_TORQUE = (_NOT_MEASURED - _COMMANDED) | {*WORDS["position"], "max", "min", "pwm", "duty"}
 # A share of the supply: it is only ever commanded, and taken where no torque, current or voltage is logged.
 _DUTY, _NO_DUTY = {"pwm", "duty"}, {"limit", "lim", "max", "min", "error"}
 
 # Roles by unit, if no word decides. A unit also outweighs a word of one letter: "i_q [A]" is not a position.
 _ROLE_OF_UNIT = {
-    **dict.fromkeys(("Nm", "N", "V", "A"), "drive"),
+    **dict.fromkeys(("Nm", "N", "V", "A", "Arms", "Apk", "Vrms"), "drive"),
     **dict.fromkeys(("rad", "m", "counts"), "position"),
     **dict.fromkeys(("rad/s", "m/s", "counts/s"), "velocity"),
     "s": "time",
@@ -77,6 +79,10 @@ def guess(source: Source, role: str) -> str | None:
         [n for n in free if word in words_of(n) and (len(word) > 1 or units[n] in (role, None))] for word in WORDS[role]
     )
     found = next(filter(None, by_word), [n for n in free if units[n] == role])
+    if not found and role == "drive":  # a torque that is only commanded drives, too
+        torques = {w for w in WORDS["drive"] if len(w) > 1}
+        found = [n for n in source.names if _COMMANDED & set(words_of(n)) and not _NO_TORQUE & set(words_of(n))]
+        found = [n for n in found if torques & set(words_of(n)) or _role_of_unit(source, n) == "drive"]
     if not found and role == "drive":
         found = [n for n in source.names if _DUTY & set(words_of(n)) and not _NO_DUTY & set(words_of(n))]
     if len(found) > 1:
@@ -113,8 +119,7 @@ def words_of(column: str) -> list[str]:
 
 def _role_of_unit(source: Source, column: str) -> str | None:
     """The role that a column's unit implies; the unit is from the file or the end of the name."""
-    unit = symbol_of(source.units.get(column, "")) or unit_of(column)
-    return _ROLE_OF_UNIT.get(factor_of(unit)[1])
+    return _ROLE_OF_UNIT.get(factor_of(unit_in(source.units.get(column, ""), column))[1])
 
 
 def _other(role: str, column: str) -> bool:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from whsklearn.logs.check import ALLOWED_JITTER, GAP
 from whsklearn.logs.errors import LogError
 from whsklearn.logs.findings import Array, Finding
-from whsklearn.logs.units import UNKNOWN, seconds_of
+from whsklearn.logs.units import UNKNOWN, is_time, seconds_of
 
 LONG_GAP = 5.0  # periods; four lost samples can be interpolated, within more an axis may have reversed
 TURNED = 0.9  # share of steps backwards above which a log is written newest first
@@ -77,7 +77,7 @@ def to_seconds(values: NDArray[Any], unit: str, column: str) -> tuple[Array, tup
         note = f"Column {column!r} holds days, as spreadsheets count them; time begins at 0 with the first row."
         return np.round(values - first, _DIGITS) * 86400.0, (Finding("LOG015", "info", note),)
     values, found = _unwound(values, column)
-    if unit == UNKNOWN:
+    if not is_time(unit):
         unit, told = _whole_numbers(values, column)
         found += told
     return values * seconds_of(unit), found

@@ -10,6 +10,8 @@ import math
 import re
 from collections.abc import Mapping
 
+from whsklearn.logs.errors import ColumnError
+
 UNKNOWN = "as logged"
 UNSTATED = frozenset({"", UNKNOWN})  # a unit that is not stated
 ROLES = ("time", "drive", "position", "reference", "command", "velocity")  # of columns
@@ -46,8 +48,13 @@ _KNOWN: dict[str, tuple[float, str, tuple[str, ...]]] = {
     "kgf": (9.80665, "N", ()), "lbf": (4.4482216152605, "N", ()),
     "V": (1.0, "V", ("volt", "volts")), "mV": (1e-3, "V", ()),
     "A": (1.0, "A", ("amp", "amps", "ampere", "amperes", "安", "а")), "mA": (1e-3, "A", ()),
+    # Effective and peak values are units of their own: which of the two a torque constant is for, no log tells.
+    "Arms": (1.0, "Arms", ("a_rms", "aeff", "a_eff")), "mArms": (1e-3, "Arms", ("ma_rms", "maeff")),
+    "Apk": (1.0, "Apk", ("a_pk", "apeak", "a_peak")), "Vrms": (1.0, "Vrms", ("v_rms", "veff")),
     "rpm": (math.pi / 30, "rad/s", ("turns/min", "1/min", "u/min", "min1", "转/分", "об/мин")),
-    "%": (1.0, "%", ("percent",)), "permille": (0.1, "%", ("‰", "promille", "permil")),
+    "%": (1.0, "%", ("percent", "pct", "prozent")), "permille": (0.1, "%", (
+        "‰", "promille", "permil", "perthousand", "1/1000",
+    )),
 }  # fmt: skip
 # Motion per second. A ratio of other units is another quantity: its unit is not known.
 _MOTIONS = ("rad", "m", "counts")
@@ -56,6 +63,8 @@ for _rate, _short in (("turns/s", "rps"), ("m/s", "mps"), ("deg/s", "dps")):
     _KNOWN[_rate] = (*_KNOWN[_rate][:2], (_short,))
 _PER_TURN = re.compile(r"(?:counts|ticks)/(\d+\.?\d*(?:e\+?\d+)?)")
 _MULTIPLE = re.compile(r"(\d*\.?\d+(?:e[+-]?\d+)?)\s*[·*]?\s*([^\d\s./].*)", re.IGNORECASE)
+# A share of a torque or a current that the drive knows: `% rated`, `%MN`, `‰ of rated current`
+_SHARE = re.compile(r"(%|percent|prozent|‰|per ?mill?e?|promille|per ?thousand|1/1000)(?:$|\s*[a-z][^/]*|\s*\(.*)")
 _NANOMETRE = (1e-9, "m")  # "nm" for a position; for a drive, "nm" in column names means Nm
 _WIDE = str.maketrans("\uff08\uff09\uff3b\uff3d", "()[]")  # the brackets of Chinese and Japanese keyboards
 _TIMES = {"s", "ms", "us", "ns", "min", "h"}
@@ -67,6 +76,11 @@ _MARKS = {"in", "time", "t", "zeit"}
 _WHICH = frozenset(
     "filtered filt raw measured meas actual act ist set setpoint soll ref reference desired des target cmd command "
     "demand value val".split()
+)
+# Words in brackets that state no unit
+_NO_UNIT = frozenset(
+    "none null na nan nil unknown undefined raw unitless dimensionless unit units user axis joint motor load side left "
+    "right encoder sensor drive channel ch feedback fb abs".split()
 )
 
 
@@ -166,12 +180,16 @@ def symbol_of(text: str) -> str | None:
 
     >>> symbol_of("NM"), symbol_of("deg/s"), symbol_of("counts/4096"), symbol_of("oz-in"), symbol_of("furlong")
     ('Nm', 'deg/s', 'counts/4096', 'ozf in', None)
+    >>> symbol_of("A rms"), symbol_of("% of rated torque"), symbol_of("‰ rated"), symbol_of("%/s")
+    ('Arms', '%', 'permille', None)
     """
     word = text.strip().lower()
     if (of := _PER_TURN.fullmatch(word)) is not None:
         return word if float(of[1]) > 0 else None
     if symbol := _SPELLED.get(_plain(word)):
         return symbol
+    if (share := _SHARE.fullmatch(word)) is not None:
+        return "%" if share[1][:4] in ("%", "perc", "proz") else "permille"
     rate = re.fullmatch(r"(.+?)[\s·⋅*]*(?:(?:/| per )\s*(\w+)|\b(s|sec|min)\s*\^?\s*(?:-1|⁻¹))", word)
     return _ratio(rate[1], rate[2] or rate[3]) if rate is not None else None
 
@@ -185,6 +203,42 @@ def multiple_of(text: str) -> str | None:
     found = _MULTIPLE.fullmatch(text.strip())
     symbol = symbol_of(found[2]) if found is not None and float(found[1]) > 0 else None
     return None if found is None or symbol is None else f"{found[1]} {symbol}"
+
+
+def unit_in(stated: str, column: str, role: str = "drive") -> str:
+    """The unit of a column of a file, by what the file states about it or else by its name.
+
+    A unit that is stated and not known is returned as it is written, so that nobody takes the numbers to be in SI.
+
+    >>> unit_in("mNm", "torque_nm"), unit_in("", "Position [deg]"), unit_in("", "torque"), unit_in("", "tau (axis 2)")
+    ('mNm', 'deg', 'as logged', 'as logged')
+    >>> unit_in("", "IL.FB (Arms)"), unit_in("", "gain [Nm/A]"), unit_in("furlong", "x"), unit_in("-", "x_mm")
+    ('Arms', 'Nm/A', 'furlong', 'mm')
+    """
+    found = symbol_of(stated) or multiple_of(stated) or unit_of(column)
+    if found == UNKNOWN and role != "time":
+        found = next((t for t in (stated, written_unit(column)) if states_a_unit(t)), UNKNOWN)
+    return unit_for(role, found)
+
+
+def states_a_unit(text: str) -> bool:
+    """Whether a text in the place of a unit may be one: a word that does not just tell which signal it is.
+
+    >>> states_a_unit("furlong"), states_a_unit("axis 2"), states_a_unit("-")
+    (True, False, False)
+    """
+    words = [w for w in re.findall(r"[^\W\d_]+", text.lower()) if w not in _WHICH]
+    return bool(words) and _NO_UNIT.isdisjoint(words)
+
+
+def is_known(symbol: str) -> bool:
+    """Whether a symbol is that of a unit of the table, a multiple of one, or counts of a turn.
+
+    >>> is_known("0.01 A"), is_known("counts/4096"), is_known("furlong"), is_known(UNKNOWN)
+    (True, True, False, False)
+    """
+    factor, si = factor_of(symbol)
+    return si in _KNOWN or factor != 1.0
 
 
 def unit_for(role: str, symbol: str) -> str:
@@ -351,18 +405,37 @@ def seconds_of(symbol: str) -> float:
 def stated(units: dict[str, str] | None) -> dict[str, str]:
     """Units by role, with roles and symbols in the spelling of the library.
 
-    Raises ValueError if a unit's role is not known.
+    Raises ColumnError if a unit's role is not known.
     """
     out = {}
     for role, unit in (units or {}).items():
         name = OTHER_NAMES.get(role, role)
         if name not in ROLES:
-            raise ValueError(
+            raise ColumnError(
                 f"A unit was given for {role!r}; expected one of {', '.join(ROLES)}, such as --unit position=deg."
             )
-        out[name] = unit_for(name, symbol_of(unit) or multiple_of(unit) or unit)
+        symbol = symbol_of(unit) or multiple_of(unit) or unit
+        out[name] = symbol if unit.startswith("N") else unit_for(name, symbol)  # who writes Nm does not mean nm
         if name == "time" and not is_time(out[name]):
-            raise ValueError(
+            raise ColumnError(
                 f"The unit of time is {unit!r}; expected s, ms, us, ns, min, h or, for ticks of 8 kHz, ticks/8000."
             )
     return out
+
+
+def of_an_axis(units: dict[str, str]) -> None:
+    """Raise ColumnError if a unit by role, as `stated` gives it, cannot be that of the role in the log of an axis.
+
+    >>> of_an_axis({"drive": "Arms", "position": "0.001 deg"})
+    """
+    for role, unit in units.items():
+        si = factor_of(unit)[1]
+        kinds = {"time": ("s",), "drive": tuple(_KNOWN), "velocity": tuple(f"{u}/s" for u in _MOTIONS)}
+        fits = kinds.get(role, (*_MOTIONS, *kinds["velocity"]))
+        if is_known(unit) and (si in fits or role == "time"):
+            continue
+        known = [u for u, (_, kind, _) in _KNOWN.items() if kind in fits and kind != "s"]
+        raise ColumnError(
+            f"The unit of {role} is {unit!r}; expected one of {', '.join(known)}, or a multiple of one, such as "
+            f"'0.01 {known[0]}'."
+        )

@@ -248,3 +248,12 @@ def test_the_noise_that_a_complete_model_leaves_is_that_of_its_own_inertia(inert
         rms=lambda e: e, errors=lambda model: 1.2,
     )  # fmt: skip
     assert ServoPlant.complete(plant, None, SimpleNamespace(inertia=inertia)) is complete
+
+
+@pytest.mark.parametrize(
+    ("unit", "word"), [("Nm", "torque"), ("mA", "current"), ("Arms", "current"), ("mV", "voltage"), ("%", "drive")]
+)
+def test_what_is_missing_is_called_by_what_the_drive_is(unit, word):
+    t = np.arange(400) / 100
+    record = ServoRecord(t, np.cos(t), np.sin(t), units=(unit, "deg"))
+    assert ServoPlant(record, ("viscous", "coulomb"), None, 0.004).gap_word == f"missing {word}"

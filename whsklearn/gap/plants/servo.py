@@ -49,8 +49,11 @@ from whsklearn.gap.plants.servo_start import (
 from whsklearn.gap.record import SPLIT, Array, ServoRecord
 from whsklearn.gap.search import HALF, LEAST_SHARE, SAME
 from whsklearn.gap.standard_errors import covariance
+from whsklearn.logs.current import AMPERES
 from whsklearn.logs.units import inertia_unit
 
+# What a drive in this SI unit is
+DRIVEN_BY = {"Nm": "torque", "N": "force", **dict.fromkeys(AMPERES, "current"), "V": "voltage", "Vrms": "voltage"}
 OVER_LITTLE_TRAVEL = {"input_offset": ("gravity_imbalance",), "asymmetric_coulomb": ("gravity_imbalance",),
                       "cable_spring": ("gravity_imbalance",), "gravity_imbalance": ("cable_spring",)}  # fmt: skip
 
@@ -92,7 +95,7 @@ class ServoPlant(Plant):
     def __init__(self, record: ServoRecord, law: tuple[str, ...], given_model: Any, tolerance: float):
         self.record, self.law, self.given_model, self.tolerance = record, law, given_model, tolerance
         self.units, self.own_units, self.logged = record.units, record.shown, record.logged
-        self.gap_word = {"Nm": "missing torque", "N": "missing force"}.get(record.units[0], "missing drive")
+        self.gap_word = f"missing {DRIVEN_BY.get(record.units[0], 'drive')}"
         self.scale = rms(record.drive) if len(record) else 0.0
         self._folded: tuple[ObserverView, ServoHypothesis] | None = None
         self.lead = 0.0
