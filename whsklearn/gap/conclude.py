@@ -58,6 +58,8 @@ def conclude(plant: Any, found: Found, rng: np.random.Generator, say: Callable[[
     diagnosis.floor, diagnosis.closure = headline["floor"], headline["closure"]
     diagnosis.interrupted = found.interrupted
     diagnosis.candidates = candidates(found, diagnosis, plant, alpha)
+    before, after, floor = (x / plant.scale for x in plant.figures(found.base, found.model)[:3])
+    diagnosis.figures = (before, after, floor)
     say("locate")
     _located(plant, found, diagnosis, gap, rng)
     rounds = [
@@ -82,8 +84,6 @@ def conclude(plant: Any, found: Found, rng: np.random.Generator, say: Callable[[
         diagnosis.next_experiment = told.experiment or diagnosis.next_experiment
     diagnosis.pictures = pictures_in(told.pictures | {"units": plant.units}, gap, own)
     diagnosis.horizon, diagnosis.horizon_unit = plant.headline, plant.horizon_unit
-    before, after, floor = (x / plant.scale for x in plant.figures(found.base, found.model)[:3])
-    diagnosis.figures = (before, after, floor)
     diagnosis.sentence = summary(diagnosis, plant)
     return diagnosis
 

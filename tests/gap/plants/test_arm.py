@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 from types import SimpleNamespace
 
 import numpy as np
@@ -147,6 +148,8 @@ def test_a_load_is_named_against_the_numbers_without_it(empty):
     found = GapFinder(empty.model).fit(loaded)
     assert names(found)[0] == "payload at pitch"
     assert found.effects_[0].effect.mass == pytest.approx(0.3, rel=0.15)
+    told = re.match(r"Of the rms drive of (\w+)", found.diagnosis_.sentence)[1]
+    assert found.diagnosis_.pictures["output"] == f"position of {told}"
     assert GapFinder(empty.model).fit(record(random_state=3)).verdict_ == "no_gap"
 
 

@@ -93,6 +93,7 @@ class ArmPlant(Plant):
     horizons: tuple[float, ...] = (0.1, 0.2, 0.5)
     headline = 0.5
     looked: Sequence[Look] = ()
+    joint = 0  # that the first sentence of the report is about, and so its pictures
 
     def __init__(
         self, record: ArmRecord, lags: RigidBodyLags, given_model: Any, tolerance: float, known: Known | None = None
@@ -588,7 +589,7 @@ class ArmPlant(Plant):
             here = frozenset(np.array(self.view.arm.joints)[named] if model.terms else ())
             sizes = [k.size for k in self.looked if not k.name and (k.size >= self.tolerance or k.place & here)]
             still = max((size for size in sizes if size <= nameless), default=0.0)
-        self.subject = f" of {self.view.arm.joints[j]}"
+        self.joint, self.subject = j, f" of {self.view.arm.joints[j]}"
         return Figures(float(before[j]), float(after[j]), float(floor[j]), still)
 
     def _acting(self, *models: ArmState) -> NDArray[np.bool_]:
@@ -623,15 +624,9 @@ class ArmPlant(Plant):
             for joint, shares in zip(self.view.arm.joints, missing, strict=True)
         ]  # fmt: skip
 
-    def _worst(self, model: ArmState) -> int:
-        """The joint to report first: of those of the first term, or of all, the one farthest above the floor."""
-        shares = np.nan_to_num(self._shares(self.errors(model)) / self.floor)
-        first = next((np.flatnonzero(t.kind.direction) for t in model.terms if t.kind.place), np.arange(shares.size))
-        return int(first[np.argmax(shares[first])])
-
     def gap(self, model: ArmState) -> Gap:
-        """The gap of the joint with the largest one, as a share of its drive; no constant is freed on its own."""
-        view, j = self.view, self._worst(model)
+        """The gap of the joint of `figures`, as a share of its drive; no constant is freed on its own."""
+        view, j = self.view, self.joint
         left = np.asarray(view.left(view.fit(model))[:, j] / max(view.drive_rms[j], 1e-300))
         return Gap(left, view.step, self._signals(j), {})
 
@@ -670,7 +665,7 @@ class ArmPlant(Plant):
 
     def _pictures(self, base: ArmState, model: ArmState) -> dict[str, Any]:
         """Series of the joint that is reported first, and of all joints."""
-        view, j = self.view, self._worst(model)
+        view, j = self.view, self.joint
         n = view.n_joints
         gaps = [view.left(view.fit(m)) for m in (base, model)]
         runs = {name: self.simulate(m, self.headline) for name, m in (("before", base), ("after", model))}
