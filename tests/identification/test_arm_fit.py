@@ -14,10 +14,11 @@ from whsklearn.datasets import default_arm, make_arm_log
 from whsklearn.effects import Cogging, Coulomb, InputOffset, LoadFriction, PreslidingHysteresis, Viscous
 from whsklearn.filtering import motion
 from whsklearn.identification import identify_arm
-from whsklearn.identification.arm_fit import reversals_of, unsure
+from whsklearn.identification.arm_fit import nominal_numbers, reversals_of, unsure
 from whsklearn.identification.joint_least_squares import block_covariance
 from whsklearn.lags import RigidBodyLags
 from whsklearn.lags.arm_rows import records_of
+from whsklearn.systems import Arm
 
 DT = 0.002
 ARM = default_arm()
@@ -40,6 +41,15 @@ def test_coupled_it_misses_little_and_one_axis_at_a_time_much(found):
     assert list(found.missing) == ["yaw", "pitch"]
     assert max(found.missing.values()) < 0.02
     assert min(found.alone.values()) > 3.0 * max(found.missing.values())
+
+
+@pytest.mark.parametrize("motors", [None, (0.05, 0.03)])
+def test_links_stay_those_of_the_file_and_a_motor_is_what_exceeds_them(motors):
+    arm = dataclasses.replace(ARM, armature=motors)
+    q, torque = make_arm_log(arm, duration=12.0, return_arrays=True)
+    fitted = identify_arm(q, torque, dt=DT, robot=dataclasses.replace(ARM, armature=None))
+    np.testing.assert_allclose(fitted.model.arm.armature, motors or (0.0, 0.0), atol=0.002)
+    np.testing.assert_allclose(fitted.model.arm.inertial[:, [0, 9]], ARM.inertial[:, [0, 9]], rtol=0.05)
 
 
 def test_the_model_is_physical_and_gives_the_drives(found):
@@ -130,6 +140,14 @@ def test_weights_of_an_arm_and_the_arm_of_weights_are_inverse():
     np.testing.assert_allclose(lags.weights_of(again), weights, atol=1e-3)
     assert isinstance(again.effects[0][1], Coulomb)
     assert again.effects[0][1].torque == pytest.approx(0.3, rel=1e-3)
+
+
+def test_what_is_nothing_but_rounding_is_zero():
+    table = Arm.from_dh([(0.0, np.pi / 2, 0.25, 0.0), (0.0, 0.0, 0.0, 0.0)])
+    table = table.with_body("joint2", 5.0, (0.0, 0.0, 0.0), 0.08 * np.eye(3))  # Ixx - Iyy is a number
+    numbers = nominal_numbers(RigidBodyLags(table).fit(np.zeros((9, 2))))
+    assert numbers["joint2.Izz"] == pytest.approx(0.08)
+    assert [k for k, x in numbers.items() if 0.0 < abs(x) < 1e-9] == []
 
 
 def test_experiments_are_filtered_on_their_own():

@@ -43,6 +43,7 @@ EDGE = 3
 # so that two laws of one robot keep the same parameters of its links.
 DRAWN = 200
 AT_ONCE = 128  # samples of links, or columns behind the filter: of all, each step would hold a copy (GB for 20 joints)
+ROUNDING = 1e-12  # of the sum of the absolute terms of a number
 NOISY = 5.0  # times the velocity's noise: a joint with a lower rms speed counts as not moving
 
 
@@ -479,7 +480,9 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
             for term in self.axes_[axis][1]:
                 given = there.get(term.name)
                 parts.append(np.zeros(len(term.coefficients)) if given is None else np.asarray(given.coefficients))
-        return self.base_.mapping @ np.concatenate(parts)
+        numbers = np.concatenate(parts)
+        out, size = self.base_.mapping @ numbers, np.abs(self.base_.mapping) @ np.abs(numbers)
+        return np.where(np.abs(out) > ROUNDING * size, out, 0.0)
 
     def _beside(self, arm: Arm, theta: Array, covariance: ArrayLike | None) -> Array:
         """Expected values of the other weights given the links of ``arm``, such as an offset if a link is lighter.

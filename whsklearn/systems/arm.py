@@ -476,9 +476,10 @@ class Arm:
         Notes
         -----
         Among all parameter sets that agree with the values, the one nearest to the present set (that of the file) is
-        used.  The inertia of a motor that the file does not give is sought near its measured value or, if the record
-        does not determine it, near the inertia of the joint that it turns, because gears are usually chosen that way
-        (inertia matching).
+        used.  The inertia of a motor that the file does not give is sought near its measured value or, where only its
+        sum with that of links is measured, near what exceeds the file's links.  If the record does not determine it, it
+        is sought near the inertia of the joint that it turns, because gears are usually chosen that way (inertia
+        matching).
 
         References
         ----------
@@ -494,6 +495,10 @@ class Arm:
         told = {n: v for n, v, e in zip(base.names, value, error, strict=False) if v > 1.96 * e}
         joint = np.diagonal(dataclasses.replace(self, armature=None).mass_matrix(np.zeros((1, self.n_joints)))[0])
         motor = np.array([told.get(f"{j}.armature", 0.0) for j in self.joints])
+        of_motors = base.mapping[:, self.inertial.size :][:, : self.n_joints]
+        if of_motors.size and self.inertial[:, 0].any():
+            beyond = of_motors.T @ (value - base.mapping[:, : self.inertial.size] @ self.inertial.ravel())
+            joint = np.where([f"{j}.armature" in base.names for j in self.joints], joint, np.maximum(beyond, 0.0))
         motors = np.where(self.armature > 0.0, self.armature, np.where(motor > 0.0, motor, joint))
         inertial, armature = consistent_numbers(self.inertial, motors, base, values, covariance)
         return dataclasses.replace(self, inertial=inertial, armature=self.armature if armature is None else armature)
