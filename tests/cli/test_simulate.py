@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -9,7 +11,7 @@ from click.testing import CliRunner
 
 from whsklearn.cli.simulate import main
 from whsklearn.effects import GravityImbalance, as_law
-from whsklearn.models import AxisModel, LinearModel, save_model
+from whsklearn.models import AxisModel, LinearModel, load_model, save_model
 
 
 @pytest.fixture
@@ -65,8 +67,16 @@ def test_a_log_at_another_rate_is_refused(files):
     log["time_s"] *= 2.0
     log.to_csv(files / "log.csv", index=False)
     done = run(files)
-    assert done.exit_code == 1
+    assert done.exit_code == 3
     assert "a sample every 0.01 s, the log every 0.02 s" in done.output
+
+
+def test_a_log_in_a_unit_that_is_none_of_the_model_is_refused(files):
+    model = load_model(files / "model.json")
+    save_model(dataclasses.replace(model, units={"input": "Nm", "output": "rad"}), files / "model.json")
+    done = run(files, "--unit", "drive=V")
+    assert done.exit_code == 3
+    assert "The input of the log is in V, that of the model in Nm" in done.output
 
 
 def test_every_segment_is_simulated_from_its_own_start(files):

@@ -87,6 +87,14 @@ def test_a_log_none_of_whose_lines_is_a_row_cannot_be_used_and_says_so_in_few_li
     assert len(records(tmp_path / "out.jsonl", "bad_row")) == 10
 
 
+@pytest.mark.parametrize("text", ["", "t,u,y\n"])
+def test_a_source_without_rows_cannot_be_used(tmp_path, text):
+    (tmp_path / "log.csv").write_text(text)
+    done = stream(tmp_path / "log.csv", "--no-track")
+    assert done.exit_code == 3
+    assert "log.csv holds no rows." in done.stderr
+
+
 def test_bad_rows_in_a_row_are_counted_in_one_record(tmp_path, rows):
     spoilt = [r if not 200 <= i < 260 else r.replace(",", ",x", 1) for i, r in enumerate(rows[:400])]
     log = write(tmp_path / "log.csv", spoilt)

@@ -76,6 +76,17 @@ def test_the_replay_agrees(effect, drive, tmp_path):
     assert error < 0.4 * np.sqrt(np.mean((without - own) ** 2))  # the effect is in the file
 
 
+def test_a_fitted_order_beside_a_whole_one_is_rounded_and_told(tmp_path):
+    done = export_model(ServoAxis(effects=[Cogging(0.12, 11.9983)]), to="mjcf", out=tmp_path / "fitted.xml")
+    whole = export_model(ServoAxis(effects=[Cogging(0.12, 12.0)]), to="mjcf", out=tmp_path / "whole.xml")
+    assert [x.reason for x in done.losses] == ["written with a whole order, so that it repeats every turn"]
+    assert not whole.losses
+    one, other = (ET.parse(d.paths[0]).getroot() for d in (done, whole))
+    assert [e.attrib for e in one.iter() if "model" not in e.attrib] == [
+        e.attrib for e in other.iter() if "model" not in e.attrib
+    ]
+
+
 def test_what_mujoco_lacks_is_told(tmp_path):
     axis = ServoAxis(effects=[TorqueRipple(0.02, 6.0), AsymmetricCoulomb(0.1), Cogging(0.1, 5.5)])
     done = export_model(axis, to="mjcf", out=tmp_path / "axis.xml")

@@ -94,3 +94,9 @@ def test_milliseconds_are_asked_about_from_a_twentieth_of_a_second_on_unless_the
     assert slips_in(log(**slow, columns={"time": "time_ms"})) == []
     much = {"time": 0.25 * np.arange(good.time.size)}  # what is called s may still be ms
     assert "time=ms" in slips_in(log(**much, columns={"time": "time_s"}))[0].option
+
+
+def test_at_one_speed_nothing_is_said_about_the_sign_of_the_drive():
+    t = np.arange(6000) / 500
+    drive = 0.4 + 0.01 * np.random.default_rng(0).normal(size=t.size)
+    assert slips_in(Bunch(time=t, X=drive[:, None], y=t, units={}, command=None)) == []

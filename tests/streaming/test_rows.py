@@ -110,3 +110,12 @@ def test_a_header_amid_the_rows_is_skipped_unless_it_names_a_column_differently(
         OtherHeader, match=r"a header in which 'torque_nm' is called 'torque_mnm'.*split the file there"
     ):
         parse(b'"time_s","torque_mnm",w')
+    with pytest.raises(OtherHeader, match="a header with the columns in another order, v, torque_nm, time_s,"):
+        parse(b"v,torque_nm,time_s")
+
+
+def test_a_header_again_is_no_lost_row_where_stamps_tell_what_is_lost():
+    parse = CsvParser(b"time_s,torque_nm,v", ["time_s", "torque_nm", "v"], timed=True)
+    assert parse(b'"time_s","torque_nm","v"') is None
+    with pytest.raises(BadRow):
+        parse(b"time_s,torque_nm,off")

@@ -114,6 +114,36 @@ def test_rows_below_a_header_with_other_units_are_not_learnt(tmp_path):
     assert carried(tmp_path / "axis.csv.whs")["carried"]["rows"] == 150
 
 
+def test_rows_below_a_header_in_another_order_are_not_learnt(tmp_path):
+    """A logger that rotated its columns was read in the old order, and the torque as time."""
+    log = tmp_path / "axis.csv"
+    rows = "".join(f"{k % 7},{k % 5}\n" for k in range(150))
+    log.write_text(f"torque_nm,angle_rad\n{rows}angle_rad,torque_nm\n{rows}")
+    done = stream(log, "--input", "torque_nm", "--output", "angle_rad", "--no-track", "--estimator", "rls")
+    assert done.exit_code != 0
+    assert "line 152: a header with the columns in another order" in done.stderr
+    assert carried(tmp_path / "axis.csv.whs")["carried"]["rows"] == 150
+
+
+@pytest.mark.parametrize("hole", ["hold", "restart"])
+def test_the_header_again_changes_nothing_in_a_stream_with_stamps(tmp_path, hole):
+    """It had counted as a lost row, and a sample that never was took its place."""
+    rows, ends = short.rows(400), []
+    for name, lines in (("once", rows), ("again", [*rows[:200], "t,u,y\n", *rows[200:]])):
+        log = short.write(tmp_path / f"{name}.csv", lines)
+        assert short.run(log, "--hole", hole).exit_code == 0
+        ends.append(short.carried(tmp_path / f"{name}.csv.whs"))
+    assert [e["rows"] for e in ends] == [400, 400]
+    assert [e["bad"] for e in ends] == [0, 0]
+    assert ends[0]["experiment"] == ends[1]["experiment"]
+
+
+def test_a_closed_standard_input_is_told(monkeypatch):
+    monkeypatch.setattr("sys.stdin", None)
+    with pytest.raises(ValueError, match="standard input is closed; pipe the rows"):
+        stream_job._open("-", {"number": 0}, follow=False)
+
+
 def test_a_checkpoint_of_other_settings_or_of_another_file_is_refused(tmp_path, rows):
     log = write(tmp_path / "log.csv", rows[:300])
     assert stream(log, *QUICK).exit_code == 0

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from whsklearn.estimators import MILSRegressor, MultiInnovationGradientRegressor
+from whsklearn.lags import WienerHammersteinLags
 
 _WEIGHTS = "check_sample_weight_equivalence_on_dense_data"
 _ORDER = {
@@ -26,7 +27,7 @@ def expected_failed_checks(estimator: Any) -> dict[str, str]:
     the equivalence of a weight with repeated rows: a row takes part in p windows, so the last p - 1 rows have been in
     fewer than that, and repeated rows fill the windows sooner. With lags, samples have an order.
 
-    ``estimator``: of this package.
+    ``estimator``: of this package, or `WienerHammersteinLags`. Raises TypeError for lags of measured positions.
 
     References
     ----------
@@ -46,6 +47,11 @@ def expected_failed_checks(estimator: Any) -> dict[str, str]:
     ['passed', 'xfail']
     """
     if not hasattr(estimator, "predict"):
+        if not isinstance(estimator, WienerHammersteinLags):
+            raise TypeError(
+                f"scikit-learn's checks are of any table, and {type(estimator).__name__} takes the positions of an "
+                "axis or an arm; give an estimator, or WienerHammersteinLags."
+            )
         if estimator.n_d == 0:  # then X is enough
             return _ORDER
         return dict.fromkeys(_NEEDS_Y, "transform(X) alone cannot be: the regressors hold past outputs")

@@ -52,6 +52,7 @@ def roles_of(
             instead = {
                 "drive": ", or the command of a position servo with --command" if "command" in options else "",
                 "position": ", or the velocity with --velocity" if "velocity" in options else "",
+                "time": ", or the samples per second with --rate",
             }
             raise ColumnError(
                 f"{source.name} has no column that is clearly the {role}; it has: {', '.join(source.names[:30])}. "
@@ -188,10 +189,13 @@ def long_segments(log: Bunch) -> Bunch:
     kept = counts / log.sample_rate >= SHORTEST_SEGMENT
     rows, n = int(counts[kept].sum()), int(counts.max())
     if rows < FEWEST_SAMPLES or rows / log.sample_rate < SHORTEST_RECORD:
+        remedy = "Log at a lower rate, or over a line that loses no samples."
+        if "LOG013" in log.report.codes:
+            remedy = "The clock begins again: if it is a counter that overflows, give --rate HZ in place of --time."
         raise LogError(
             f"{log.name}: {counts.size - 1} holes cut its {len(log.y)} samples into {counts.size} segments. The "
             f"longest has {n} samples over {(n - 1) / log.sample_rate:.3g} s, where {FEWEST_SAMPLES} samples and "
-            f"{SHORTEST_RECORD:g} s are needed. Log at a lower rate, or over a line that loses no samples."
+            f"{SHORTEST_RECORD:g} s are needed. {remedy}"
         )
     if kept.all():
         return log

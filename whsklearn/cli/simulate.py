@@ -29,6 +29,7 @@ def main(**options: Any) -> None:
     """
     import pandas as pd
 
+    from whsklearn.logs.errors import LogError
     from whsklearn.logs.files import atomic_write
     from whsklearn.logs.units import UNKNOWN, UNSTATED
     from whsklearn.metrics import nmse, rmse
@@ -44,7 +45,7 @@ def main(**options: Any) -> None:
     log = read_system(options["log_file"], options, model.logged)
     timed = log.units["time"] == model.units.get("time", "s" if model.dt != 1.0 else "samples") == "s"
     if timed and abs(1.0 / log.sample_rate / model.dt - 1.0) > 0.01:
-        raise ValueError(
+        raise LogError(
             f"The model has a sample every {model.dt:.6g} s, the log every {1 / log.sample_rate:.6g} s; give a log at "
             "the model's rate."
         )

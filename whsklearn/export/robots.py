@@ -15,7 +15,17 @@ from numpy.typing import NDArray
 from whsklearn.effects import Effect, EndStop
 from whsklearn.effects.hysteresis import LuGre, PreslidingHysteresis
 from whsklearn.export.code import render
-from whsklearn.export.model import Exported, Loss, left_out, losses_of, lost_parts, parts_of, size_of
+from whsklearn.export.model import (
+    ROUNDED,
+    Exported,
+    Loss,
+    left_out,
+    losses_of,
+    lost_parts,
+    of_a_whole_order,
+    parts_of,
+    size_of,
+)
 from whsklearn.logs.files import atomic_write
 from whsklearn.systems._servo_kernel import body_of, chain_of
 from whsklearn.systems.arm import Arm
@@ -217,9 +227,11 @@ def hold_in(m: Mjcf, e: Any, others: list[Effect]) -> None:
             stiffness = e.torque / e.distance
             m.lugre.append((stiffness, e.torque * damping / e.distance, e.torque, e.torque * ratio, velocity))
         case "cogging":
-            if abs(shape["order"] - round(shape["order"])) > 1e-3:
+            if (wave := of_a_whole_order(e)) is None:
                 lose("MuJoCo takes whole orders only")
                 return
+            if wave is not e:
+                lose(ROUNDED)
             m.cogging.append(
                 (e.magnitude, round(shape["order"]), shape["phase"] - 0.5 * math.pi)
             )  # -cos a = sin(a - pi/2)

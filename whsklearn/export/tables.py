@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,7 +18,7 @@ import numpy as np
 from whsklearn.effects import Effect
 from whsklearn.effects.base import Array, rms
 from whsklearn.export.axis_code import compensated
-from whsklearn.export.model import Exported, Loss, losses_of, parts_of
+from whsklearn.export.model import ROUNDED, Exported, Loss, losses_of, of_a_whole_order, parts_of
 from whsklearn.logs.current import AMPERES
 from whsklearn.logs.files import atomic_write
 from whsklearn.systems.servo import ServoAxis
@@ -27,9 +26,6 @@ from whsklearn.systems.servo import ServoAxis
 Torque = Callable[[Array], Array]
 ENTRIES = 3600  # entries of cogging.csv: one per tenth of a degree
 _FINE = 36_000  # angles of a turn at which the replay compares table and model
-# A fitted order is never whole.  Rounding by this much shifts a wave by 3.6 degrees per turn and leaves 4 % of it;
-# orders that are fractional by construction, because of a gear, are further off.
-NEARLY_WHOLE = 0.01
 _USUAL = 10.0  # rad/s or m/s
 _KEBA_ENTRIES = 250
 _TF5200_ENTRIES = 20
@@ -105,10 +101,10 @@ def write_tables(model: Exported, out: Path, ratings: Ratings) -> tuple[list[Pat
     asked, friction, rest = divided(axis)
     if not asked and not friction:
         raise ValueError("The model has neither cogging nor friction, so there is nothing to put into a table.")
-    waves = [_of_a_whole_order(w) for w in asked]
+    waves = [w for wave in asked if (w := of_a_whole_order(wave)) is not None]
     changed = [w for w, whole in zip(asked, waves, strict=True) if whole is not w]
     losses = model.told(losses_of(rest, "no table can represent it"))
-    losses += model.told(losses_of(changed, "written with a whole order, so that it repeats every turn"))
+    losses += model.told(losses_of(changed, ROUNDED))
     if waves and length != "rad":
         losses += model.told(losses_of(waves, "a table over a turn needs a rotary axis"))
     parts = _Tabled(waves if length == "rad" else [], asked, friction, unit, length, ratings)
@@ -237,18 +233,12 @@ def divided(axis: ServoAxis) -> tuple[list[Effect], list[Effect], list[Effect]]:
         size = np.abs(table).max()
         moves = np.ptp(table, axis=0).max() > 1e-9 * size
         turns = np.ptp(table, axis=1).max() > 1e-9 * size
-        whole = hasattr(effect, "order") and abs(effect.order - round(effect.order)) <= NEARLY_WHOLE
+        whole = of_a_whole_order(effect) is not None
         if size == 0.0 or (turns and (moves or not whole)):
             rest.append(effect)
         else:
             (waves if turns or whole else friction).append(effect)
     return waves, friction, rest
-
-
-def _of_a_whole_order(wave: Effect) -> Effect:
-    """The wave with its order rounded, if it has one."""
-    order = float(getattr(wave, "order", 1.0))
-    return wave if order == round(order) else replace(wave, order=float(round(order)))  # type: ignore[call-arg]
 
 
 def torque_of(effects: list[Effect], position: Array, velocity: Array) -> Array:

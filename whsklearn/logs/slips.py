@@ -26,6 +26,7 @@ EXPLAINED = 0.3  # share of the drive's residual that the sign of the column exp
 # but 0.96 of a magnitude's where a pendulum turns over several turns, which stays unseen (a script that was not kept;
 # `tests/logs/test_slips.py` holds both sides).
 SIGNED = 0.7
+EXACT = 1e-9  # of the highest speed; smaller changes of a speed come from rounding
 PASSES = 20  # of restoring the sign; it settles in about five
 _VELOCITY = "--velocity COLUMN in place of --position"
 
@@ -115,7 +116,8 @@ def drive_slips(drive: Array, position: Array) -> list[Slip]:
     """An inverted drive, by power and inertia; one without its sign; a velocity for a position, by its friction."""
     p = position - position.mean()
     v, a = _derivatives(p)
-    if not (np.ptp(drive) > 0 and np.ptp(v) > 0 and np.ptp(a) > 0):
+    fastest = EXACT * float(np.abs(v).max())
+    if not (np.ptp(drive) > 0 and np.ptp(v) > fastest and np.ptp(a) > fastest):  # at one speed no inertia shows
         return []
     inside = slice(20, -20)
     u, p, v, a = (x[inside] for x in (drive - drive.mean(), p, v, a))

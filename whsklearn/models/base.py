@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from whsklearn.logs.errors import LogError
 from whsklearn.logs.units import UNKNOWN, UNSTATED, factor_between, factor_of
 
 _ROLES = {"input": "drive", "output": "position"}
@@ -98,7 +99,7 @@ class IdentifiedModel:
         try:
             return factor_between(unit, known)
         except ValueError:
-            raise ValueError(
+            raise LogError(
                 f"The {column} of the log is in {unit}, that of the model in {known}, and one cannot be converted to "
                 f"the other; give a log of the same quantity, or state the unit with --unit {_ROLES[column]}=UNIT."
             ) from None

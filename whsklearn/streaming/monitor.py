@@ -254,12 +254,12 @@ class StreamMonitor:
         """
         self._take_all(list(rows), _finite, first)
 
-    def feed(self, lines: Sequence[bytes], parse: Callable[[bytes], list[float]], first: int) -> None:
+    def feed(self, lines: Sequence[bytes], parse: Callable[[bytes], list[float] | None], first: int) -> None:
         """Learn from lines of text.
 
-        ``lines``: one row each; blank lines are skipped. ``parse``: converts a line to a row of numbers, or raises
-        `whsklearn.streaming.rows.BadRow`. ``first``: number of the first line. Raises Refused: at the first bad row, if
-        bad rows are refused; the rows before it are learnt.
+        ``lines``: one row each; blank lines are skipped. ``parse``: converts a line to a row of numbers, to None if no
+        row is missing there, or raises `whsklearn.streaming.rows.BadRow`. ``first``: number of the first line. Raises
+        Refused: at the first bad row, if bad rows are refused; the rows before it are learnt.
         """
         self._take_all(lines, lambda line: parse(line) if line.strip() else None, first)
 

@@ -184,8 +184,8 @@ class CsvParser:
         self._clock = columns[0] if timed else None
         self._second = 1.0 / seconds_of(unit_of(columns[0], "s")) if timed else 1.0
 
-    def __call__(self, line: bytes) -> list[float]:
-        """The values of one line; BadRow if it has none."""
+    def __call__(self, line: bytes) -> list[float] | None:
+        """The values of one line; None for the header again if stamps tell what is missing; BadRow if it has none."""
         fields = line.split(self._split)
         if len(fields) != self.n_fields:
             raise BadRow(f"{len(fields)} fields, expected {self.n_fields}")
@@ -196,23 +196,29 @@ class CsvParser:
                 value = float(field)
             except ValueError:
                 date = _date(field) if name == self._clock else None
-                if date is None:
-                    self._pass_no_other_header(fields)
+                if date is None and self._is_the_header(fields) and self._clock:
+                    return None
                 value = _number(field, name, self._comma) if date is None else date * self._second
             if not isfinite(value) or b"_" in field:  # Python reads 1_000 as a number, but no logger writes it
                 raise BadRow(f"{name} is {_short(field.strip())!r}, not a finite number")
             row.append(value)
         return row
 
-    def _pass_no_other_header(self, fields: list[bytes]) -> None:
-        """Raise OtherHeader if a column is called as in the first line, and a wanted one by another word."""
+    def _is_the_header(self, fields: list[bytes]) -> bool:
+        """Whether a line repeats the header; OtherHeader if one names a wanted column by another word."""
         said = [text_of(field).strip().strip('"') for field in fields]
         other = [(name, said[i]) for i, name in self._at if said[i] != name and is_word(said[i])]
+        if other and sorted(said) == sorted(self._names):
+            raise OtherHeader(
+                f"a header with the columns in another order, {', '.join(said)[:80]}, so the rows below have, too; split "
+                "the file there"
+            )
         if other and any(a == b and is_word(a) for a, b in zip(said, self._names, strict=True)):
             raise OtherHeader(
                 f"a header in which {other[0][0]!r} is called {other[0][1]!r}, so the rows below may have other units; "
                 "split the file there"
             )
+        return said == self._names
 
 
 class JsonParser:

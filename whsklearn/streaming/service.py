@@ -255,6 +255,8 @@ def _run(stream: StreamMonitor, files: Files, place: dict[str, Any], keeper: Kee
         raise LogError(f"None of the {c.bad} lines of {files.source} is a row; see above what is wrong with them.")
     if lines.left and not lines.offset and not stopper.by:
         raise LogError(f"{files.source} has no complete line; a stream reads lines that end with LF or CR LF.")
+    if not (c.rows or c.bad or waiting or stopper.by):
+        raise LogError(f"{files.source} holds no rows.")
     return bool(stopper.by)
 
 
@@ -286,6 +288,8 @@ def _feed(
 def _open(source: str, place: dict[str, Any], follow: bool) -> LineSource:
     """Open the source at the position of the checkpoint; a pipe cannot go back and continues where it is."""
     if source == "-":
+        if sys.stdin is None:
+            raise ValueError("The standard input is closed; pipe the rows into it, or give a file.")
         return PipedLines(sys.stdin.buffer, number=place["number"], open_end=True)
     path = Path(source)
     if follow:
@@ -305,7 +309,7 @@ def _check_source(source: str, place: dict[str, Any]) -> None:
         raise ValueError(f"{source} is not the file that the checkpoint was written for; give --fresh to start over.")
 
 
-def _parser(source: str, place: dict[str, Any], timed: bool) -> Callable[[bytes], list[float]] | None:
+def _parser(source: str, place: dict[str, Any], timed: bool) -> Callable[[bytes], list[float] | None] | None:
     """The parser that converts lines to numbers; None until a CSV file's header is known."""
     if source == "-":
         return JsonParser(place["columns"])
