@@ -210,8 +210,8 @@ class CsvParser:
         other = [(name, said[i]) for i, name in self._at if said[i] != name and is_word(said[i])]
         if other and sorted(said) == sorted(self._names):
             raise OtherHeader(
-                f"a header with the columns in another order, {', '.join(said)[:80]}, so the rows below have, too; split "
-                "the file there"
+                f"a header with the columns in another order, {', '.join(said)[:80]}, in which the rows below are; "
+                "split the file there"
             )
         if other and any(a == b and is_word(a) for a, b in zip(said, self._names, strict=True)):
             raise OtherHeader(
