@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -9,6 +11,7 @@ from hypothesis import strategies as st
 from tests.recursion.factors import factorise
 from whsklearn import MILSRegressor, RLSRegressor, RMILSRegressor, WienerHammersteinLags
 from whsklearn.datasets import make_wiener_hammerstein
+from whsklearn.effects import Coulomb, ReducedStribeck, Viscous
 from whsklearn.recursion.rows.covariance import covariance, measurement_update
 from whsklearn.recursion.rows.least_squares import block_update
 
@@ -137,3 +140,21 @@ def test_the_estimate_follows_the_unit_of_the_output(seed, unit):
     b = RMILSRegressor(P0=1e4).fit(rows, unit * y)
     close(b.theta_, unit * a.theta_)
     close(b.standard_errors_, unit * a.standard_errors_, 1e-7)
+
+
+@settings(max_examples=8, deadline=None)
+@given(st.integers(-40, 40), st.integers(-40, 40), st.sampled_from([MILSRegressor, RMILSRegressor]), st.booleans())
+def test_a_chain_is_the_same_in_any_unit_of_input_and_output(of_input, of_output, kind, knee):
+    """Powers of two, which round nothing; the one velocity that a law is given is in the unit of the input."""
+    X, y = make_wiener_hammerstein(n_samples=400, snr_db=20, random_state=of_input % 3)
+    su, sy = 2.0**of_input, 2.0**of_output
+
+    def fitted(su, sy):
+        law = [Viscous(), Coulomb(), *([ReducedStribeck(velocity=su)] if knee else [])]
+        return kind(WienerHammersteinLags(law=law), n_starts=6, random_state=0).fit(su * X, sy * y)
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        plain, scaled = fitted(1.0, 1.0), fitted(su, sy)
+    away = scaled.predict(su * X) / sy - plain.predict(X)
+    assert np.abs(away).max() < 1e-9 * np.std(y)

@@ -13,7 +13,7 @@ from sklearn.model_selection import KFold, TimeSeriesSplit, cross_val_score, tra
 
 from whsklearn import InverseDynamicsLags, PEMRegressor, RLSRegressor, RMILSRegressor, WienerHammersteinLags
 from whsklearn.datasets import make_servo_log, make_wiener_hammerstein
-from whsklearn.effects import as_law
+from whsklearn.effects import Coulomb, ReducedStribeck, Viscous, as_law
 from whsklearn.estimators import _advice, _checked
 from whsklearn.metrics import nmse
 
@@ -243,3 +243,14 @@ def test_a_batch_fit_too_says_that_its_law_is_not_that_of_the_record():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         model.fit(u, of_dx)
+
+
+@pytest.mark.parametrize(("scale", "named"), [(1e-9, "viscous and stribeck"), (1e9, "coulomb and stribeck")])
+def test_a_law_whose_velocity_is_of_another_scale_than_the_record_is_told_as_such(scale, named):
+    X, y = make_wiener_hammerstein(n_samples=1500, snr_db=20, random_state=9000)
+    with pytest.warns(UserWarning, match=rf"terms {named} .* same at the speeds .*ReducedStribeck\(velocity"):
+        fitted(scale * X, scale * y)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        told = fitted(scale * X, scale * y, [Viscous(), Coulomb(), ReducedStribeck(velocity=scale)])
+    assert nmse(y, told.predict(scale * X) / scale) < 1.1 * nmse(y, fitted(X, y).predict(X))

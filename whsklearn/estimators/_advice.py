@@ -39,6 +39,7 @@ MOST_LEFT = 0.5  # of the variance of the record: above it the free run leaves m
 LOOSE = 100.0  # of P0 times the squares of a column: its weight is then a hundredth off, by the start alone
 LATEST, UNSETTLED = 20_000, 300  # samples that are looked at; those at their start, where the state is not known
 FEWEST_ROWS = 10  # per parameter; below this a fit follows the noise
+SAME = 0.999  # cosine of two terms of a law over the record: a velocity scale ten times the speeds gives 0.9999
 INSEPARABLE = 0.999  # correlation of two weights: the variance of each is then 500 times that of their sum
 SURE = 3.0  # standard errors by which a weight must have the wrong sign
 ENERGY_TAKING = ("viscous", "coulomb", "quadratic_drag")  # dissipative terms, whose weights must be positive
@@ -115,19 +116,42 @@ def told_by_past(u: Array, y: Array, restart: Bools) -> float:
     return float(explained @ explained) / max(float(left[late] @ left[late]), 1e-300)
 
 
-def of_the_law(theta: Array, law: Law, X: Array, y: Array, restart: Bools) -> str | None:
+def of_the_law(theta: Array, law: FrictionLaw, dims: Integers, X: Array, y: Array, restart: Bools) -> str | None:
     """The warning for a chain whose one-step error follows its input, as where its law is not that of the record.
 
     ``theta``: natural parameters.
     """
-    share, chance = told_by_input(theta, law, X[-LATEST:], y[-LATEST:], restart[-LATEST:])
+    kernel = dims, law.codes, law.shapes
+    share, chance = told_by_input(theta, kernel, X[-LATEST:], y[-LATEST:], restart[-LATEST:])
     if share <= max(TOLD_BY_INPUT, BY_CHANCE * chance):
         return None
+    if (alike := _out_of_scale(theta, law, dims, X[-LATEST:], restart[-LATEST:])) is not None:
+        return alike
     return (
         f"Functions of the input explain {100 * share:.0f} % of what this chain leaves one step ahead, so its law or "
         "its orders are not those of the record: try a law in x (law='polynomial') in place of one in dx or the "
         "reverse, other orders, or PEMRegressor(criterion='simulation'), which finds both; whsklearn identify compares "
         "structures."
+    )
+
+
+def _out_of_scale(theta: Array, law: FrictionLaw, dims: Integers, X: Array, restart: Bools) -> str | None:
+    """The warning for a law two of whose terms are one at the speeds of the record, as happens in other units.
+
+    The linear blocks and the weights follow the scale of X and y; a velocity that the law was given does not.
+    """
+    x, dx = first_block(theta, dims, X, restart, KNOWN)[0]
+    values = law_values(law.codes, law.shapes, x, dx, np.inf)
+    size = np.linalg.norm(values, axis=1)
+    unit = values / np.where(size > 0.0, size, 1.0)[:, None]
+    alike = np.argwhere(np.triu(np.abs(unit @ unit.T) > SAME, 1))
+    if not len(alike):
+        return None
+    first, second = (law.labels[i] for i in alike[0])
+    return (
+        f"The terms {first} and {second} of the law are the same at the speeds of this record (the rms of dx is "
+        f"{np.sqrt(np.mean(dx**2)):.2g}): scale X so that dx is of the size for which the law was written, or give the "
+        "law a velocity of the size of dx, as in ReducedStribeck(velocity=...)."
     )
 
 

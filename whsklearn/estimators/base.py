@@ -239,7 +239,7 @@ class AxisRegressor(RegressorMixin, CheckedModel):
         if fold_of_a_search() is not None or _advice.of_a_constant(s.law, X, y) is not None:
             return
         natural = self._running()[0]
-        missed = _advice.of_the_law(natural, (s.dims, s.law.codes, s.law.shapes), X, y, restart)
+        missed = _advice.of_the_law(natural, s.law, s.dims, X, y, restart)
         settled = slice(min(_advice.UNSETTLED, len(y) // 10), None)
         error = (y - _finite(wh.free_run(natural, s, X, restart)))[settled]
         share = float(np.mean(error**2)) / max(float(np.var(y[settled])), 1e-300)

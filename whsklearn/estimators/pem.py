@@ -22,7 +22,7 @@ from whsklearn.estimators.base import AxisRegressor
 from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
 from whsklearn.recursion.memory.blocks import increment_rms
 from whsklearn.recursion.memory.starts import least_squares_start, random_start, regressors, term_scales
-from whsklearn.recursion.rows.predictor import record_errors
+from whsklearn.recursion.rows.predictor import LEAST_MOTION, record_errors
 from whsklearn.systems.stability import is_stable
 
 # --- one-step prediction errors, minimised over ever sharper signs ---------------------------------------------------
@@ -82,7 +82,7 @@ class PredictionError:
 
     def increment_rms(self, theta: Array) -> float:
         """Root mean square of dx, never zero."""
-        return max(float(increment_rms(theta, self.kernel[0], self.u, self.restart)), 1e-12)
+        return max(float(increment_rms(theta, self.kernel[0], self.u, self.restart)), LEAST_MOTION)
 
     def residuals(self, theta: Array, kappa: float) -> Array:
         """One-step prediction errors; large where L1 is unstable, so that the step is refused."""

@@ -15,6 +15,7 @@ from whsklearn.recursion.memory.blocks import increment_rms
 from whsklearn.recursion.memory.gauss_newton import HUGE, Memory
 from whsklearn.recursion.memory.settings import Settings, State
 from whsklearn.recursion.rows.covariance import factors_of_inverse
+from whsklearn.recursion.rows.predictor import LEAST_MOTION
 
 LADDER = (1.0, 2.0, 4.0, 8.0, 20.0, 50.0, 100.0, 200.0, 400.0)
 ITERATIONS = 8
@@ -118,7 +119,7 @@ def number_of(left: Array, weight: Array) -> float:
 
 def inference_sharpness(theta: Array, r: Settings, u: Array, restart: Bools) -> float:
     """Sharpness at which the information of a long record is taken: error of the true sign, slope of a smooth one."""
-    return -LONG_INFERENCE / max(float(increment_rms(theta, r.dims, u, restart)), 1e-12)
+    return -LONG_INFERENCE / max(float(increment_rms(theta, r.dims, u, restart)), LEAST_MOTION)
 
 
 def left_of_prior(state: State, fill: int) -> float:

@@ -53,6 +53,7 @@ from whsklearn.recursion.memory.starts import (
     with_solution,
 )
 from whsklearn.recursion.rows.covariance import factors_of_inverse, times
+from whsklearn.recursion.rows.predictor import LEAST_MOTION
 from whsklearn.recursion.rows.subinnovations import STILL, Models, Samples, Schedule, relative_sharpness, run_windows
 
 # Samples re-run for each new one while the memory fills, which takes about 25 us.  All starts are tried on the first
@@ -259,7 +260,7 @@ class MultistartSearch:
         found = []
         for start in exchanged(best.theta, tuple(self.settings.dims.tolist())):
             rows = regressors(start, law, u, self._y, restart)
-            found.append((yield from self.refine(0, with_solution(start, law, solved(rows, self._y)), climb)))
+            found.append((yield from self.refine(0, with_solution(start, law, solved(rows, self._y), rows), climb)))
         return [c for c in found if c is not None and refit.SLACK * c.cost < best.cost]
 
     def _drawn(
@@ -274,7 +275,7 @@ class MultistartSearch:
             yield from self._row()
             solution = solved(rows, y)
             yield from self._row()
-            theta = with_solution(theta, r.law, solution)
+            theta = with_solution(theta, r.law, solution, rows)
         yield from self._row()
         return theta
 
@@ -308,7 +309,7 @@ class MultistartSearch:
         if best is None:
             return None
         yield
-        moves = max(increment_rms(best.theta, r.dims, *self.latest), 1e-12)
+        moves = max(increment_rms(best.theta, r.dims, *self.latest), LEAST_MOTION)
         if state["blocks"] or self.size >= r.memory:
             return (yield from self._with_true_sign(best, (memory, prior), moves))
         end = np.empty(state["before"].shape[1])
@@ -325,7 +326,7 @@ class MultistartSearch:
         for relative in steps:
             if work.at[SPENT] >= self.limit:
                 break
-            kappa = relative / max(increment_rms(theta, r.dims, *self.latest), 1e-12)
+            kappa = relative / max(increment_rms(theta, r.dims, *self.latest), LEAST_MOTION)
             work.at[BUDGET] -= COST_OF_RUNG if self._is_hurried else COST_OF_RARE_RUNG
             information, before = np.zeros((r.size, r.size)), np.zeros(self.state["before"].shape[1])
             yield from self._run(theta, record, kappa, self.iterations, information, before)

@@ -16,7 +16,7 @@ from whsklearn._numba import njit
 from whsklearn.effects.base import Array, Bools
 from whsklearn.effects.rows import law_values
 from whsklearn.recursion.memory.blocks import KNOWN, first_block
-from whsklearn.recursion.rows.predictor import Law
+from whsklearn.recursion.rows.predictor import LEAST_MOTION, Law
 
 N_SIZES = 9  # random L1 behind which a term's size is measured; an odd number has a median
 
@@ -127,7 +127,7 @@ def regressors(theta: Array, law: Law, u: Array, y: Array, restart: Bools) -> Ar
     """Regressors that are linear once L1 of ``theta`` is fixed: f_k(t-m) for m = 1..n_c, then -y(t-n)."""
     dims, codes, shapes = law
     (x, dx), motion = first_block(theta, dims, u, restart, KNOWN)
-    f = law_values(codes, shapes, x, dx, 0.5 / max(motion, 1e-12))
+    f = law_values(codes, shapes, x, dx, 0.5 / max(motion, LEAST_MOTION))
     return lagged(f, y, restart, int(dims[2]), int(dims[3]))
 
 
@@ -155,26 +155,34 @@ def _lag(rows, f, y, restart, nc, nd):
 
 def least_squares_start(theta: Array, law: Law, rows: Array, y: Array) -> Array:
     """Keep L1 of ``theta`` and compute the weights, c and d by least squares on its `regressors`."""
-    return with_solution(theta, law, solved(rows, y))
+    return with_solution(theta, law, solved(rows, y), rows)
 
 
 def solved(rows: Array, y: Array) -> Array:
-    """Least squares in one call: the normal equations need five, and each call that is not cached costs 10 us."""
-    return np.asarray(np.linalg.lstsq(rows, y, rcond=1e-10)[0], dtype=np.float64)
+    """Least squares in one call: the normal equations need five, and each call that is not cached costs 10 us.
+
+    What is too small to be estimated is judged of columns of one size: those of the law are in other units than those
+    of y.
+    """
+    size = np.sqrt(np.einsum("ij,ij->j", rows, rows))
+    size[size == 0.0] = 1.0
+    return np.asarray(np.linalg.lstsq(rows / size, y, rcond=1e-10)[0] / size, dtype=np.float64)
 
 
-def with_solution(theta: Array, law: Law, solution: Array) -> Array:
-    """``theta`` with the weights, c and d of a least-squares solution.
+def with_solution(theta: Array, law: Law, solution: Array, rows: Array) -> Array:
+    """``theta`` with the weights, c and d of a least-squares solution on ``rows``.
 
-    With L1 fixed, y is linear in the products c_m w_k and in d.  The products form a matrix
-    of rank one, so its first singular vectors give c and w (Bai 1998, Automatica 34(3)).
+    With L1 fixed, y is linear in the products c_m w_k and in d.  The products form a matrix of rank one, so its first
+    singular vectors give c and w (Bai 1998, Automatica 34(3)).  They are taken of the signals that the products give:
+    the weights themselves may have different units.
     """
     na, nb, nc, _, nw = (int(d) for d in law[0])
     n1 = na - 1 + nb
     if not np.isfinite(solution).all():
         return theta
     products = solution[: nc * nw].reshape(nc, nw)
-    c = np.linalg.eigh(products @ products.T)[1][:, -1]
+    given = products @ rows[:, :nw].T
+    c = np.linalg.eigh(given @ given.T)[1][:, -1]
     floor = 0.05 * np.abs(c).max()
     first = c[0] if abs(c[0]) > floor else np.copysign(floor, c[0])
     out = theta.copy()

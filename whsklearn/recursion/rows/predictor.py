@@ -34,6 +34,7 @@ from whsklearn.effects.rows import directed_term
 
 Law = tuple[Integers, Integers, Array]  # dims, codes, shapes
 
+LEAST_MOTION = 1e-30  # rms of dx below which the axis is at rest, in any unit
 ROWS = 64  # rows of a line along a record before the line starts over
 
 

@@ -17,11 +17,20 @@ from numpy.typing import NDArray
 from whsklearn._numba import njit, part, piece
 from whsklearn.effects.base import Array
 from whsklearn.recursion.rows.covariance import inflate, measurement_update
-from whsklearn.recursion.rows.predictor import Law, advance, by_block, copy_past, past_of, predict, respond
+from whsklearn.recursion.rows.predictor import (
+    LEAST_MOTION,
+    Law,
+    advance,
+    by_block,
+    copy_past,
+    past_of,
+    predict,
+    respond,
+)
 from whsklearn.systems.stability import is_stable
 
 STABLE_RADIUS = 0.999
-LARGEST_PARAMETER = 1e8
+LARGEST_PARAMETER = 1e45  # a weight has the unit of y per x, so it may be 1e30 times a coefficient of a block
 LARGEST_SIGNAL = 1e60  # logs hold at most 1e30
 LOSS_FORGETTING = 0.995
 LONGEST_TRANSIENT = 256  # samples of constant input after which forgetting stops
@@ -237,7 +246,7 @@ def _run_model(model, line, samples, since, seen, schedule, law, p, frozen, stil
                 loss[1] = LOSS_FORGETTING * loss[1] + 1.0
         if learns and schedule.sharpest > 0.0:
             rms = np.sqrt(motion[0] / max(motion[1], 1.0))
-            sharpness[0] = _relative_sharpness(seen, schedule.sharpest) / max(rms, 1e-12)
+            sharpness[0] = _relative_sharpness(seen, schedule.sharpest) / max(rms, LEAST_MOTION)
     return rate
 
 
