@@ -18,6 +18,7 @@ from whsklearn.effects import (
     Cogging,
     ContactStop,
     Coulomb,
+    HardeningSpring,
     LoadFriction,
     PreslidingHysteresis,
     Stribeck,
@@ -484,6 +485,41 @@ def test_a_joint_counts_by_its_own_variance_and_an_error_of_the_model_may_favour
         plant.own = plant.own._replace(floor=np.full(2, floor))
         sizes.append(np.mean(plant.leads(*names, errors.ravel(), np.random.default_rng(0))))
     assert sizes[0] < 0.0 < sizes[1]
+
+
+def objection_to(name, log, robot=ARM, also=()):
+    """The objection to the best candidate of this name; `also` are found before."""
+    plant = arm_plant(robot, log, law=None, tolerance=0.004)
+    plant.check()
+    rng = np.random.default_rng(0)
+    model = plant.base(rng)
+    for wanted in (*also, name):
+        look = next(k for k in plant.looks(model, rng) if k.name == wanted)
+        before, model = model, plant.refine(model, look)
+    return plant.objection(before, model)
+
+
+@pytest.mark.parametrize(
+    ("at", "hidden", "cancelled"), [("pitch", HardeningSpring(3.0), True), ("yaw", CableSpring(1.0), False)]
+)
+def test_a_torque_that_other_terms_cancel_is_refused(at, hidden, cancelled):
+    said = objection_to(f"cable_spring at {at}", record({at: [hidden]}, amplitude=0.4))
+    assert ("other terms cancel it" in said) == cancelled
+
+
+def test_an_effect_judges_by_all_that_is_at_its_joint(monkeypatch):
+    seen = []
+    monkeypatch.setattr(Cogging, "implausible", lambda effect, beside: seen.append(beside) or "")
+    robot = dataclasses.replace(drawn_arm(2, 0, slides=0.0), slides=[False, True], effects=[(Viscous(0.5),)] * 2)
+    hidden = {j: [Cogging(0.5, order=9.0), Coulomb(0.5)] for j in robot.joints}
+    log = record(hidden, robot, duration=12.0, resolution=1e-4)
+    for joint, turns in zip(robot.joints, (True, False), strict=True):
+        objection_to(f"cogging at {joint}", log, robot, also=[f"coulomb at {joint}"])
+        assert seen[-1].turns == turns
+        assert seen[-1].step == pytest.approx(1e-4)
+        assert seen[-1].dt == pytest.approx(0.002)
+        for law in ("viscous", "coulomb"):
+            assert seen[-1].size(law) == pytest.approx(0.5, rel=0.2)
 
 
 def test_an_effect_at_a_slide_is_told_in_newtons_and_runs_of_mixed_joints_in_shares_of_their_motion():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from whsklearn.datasets import default_arm
-from whsklearn.effects import Coulomb
+from whsklearn.effects import CableSpring, Coulomb
 from whsklearn.gap.plants.arm_terms import AtJoint, JointInertia, JointTerm, Load, Weight, candidates, present
 
 pytestmark = pytest.mark.usefixtures("library_effects")
@@ -54,6 +54,13 @@ def test_friction_along_two_joints_needs_the_friction_of_each():
 def test_a_sliding_joint_and_a_turning_one_share_no_friction(sliding):
     slides = np.array([j == sliding for j in ARM.joints])
     assert not any("+" in n for n in names(arm=dataclasses.replace(ARM, slides=slides)))
+
+
+def test_an_effect_that_needs_a_turn_is_not_asked_for_at_a_slide(monkeypatch):
+    monkeypatch.setattr(CableSpring, "rotary", True)
+    there = names(arm=dataclasses.replace(ARM, slides=[False, True]))
+    assert "cable_spring at yaw" in there
+    assert "cable_spring at pitch" not in there
 
 
 def test_rows_are_those_of_the_joint_that_pays():

@@ -379,10 +379,7 @@ class ArmPlant(Plant):
             return f"its size would be {total:.3g}, but a physical one is positive"
         if t.kind.catalogued is not None:
             fields, ranges = t.kind.catalogued.fields[t.kind.linear :], t.kind.catalogued.ranged(view.scene(t.kind))
-            motion = view.signals(t.kind.direction)
-            sizes = {n: base.get(f"{t.joint}.{n}", 0.0) for n in ("viscous", "coulomb")}
-            seen = Surroundings(motion.position, motion.velocity, motion.drive, sizes=sizes, carried=True)
-            if said := too_large(ServoTerm(t.kind.catalogued, t.q)) or t.effect.implausible(seen):
+            if said := too_large(ServoTerm(t.kind.catalogued, t.q)) or t.effect.implausible(self._beside_it(grown)):
                 return said
             n = 2 if t.kind.cls is ContactStop else 1  # the first is a place or width; a stop's second, its softness
             for field, value, (low, high) in list(zip(fields, t.shape, ranges, strict=True))[:n]:
@@ -424,6 +421,20 @@ class ArmPlant(Plant):
         if t.kind.place and asked[j] > CANCELS * np.sqrt(max(closed[j], 0.0)):
             return f"it would add {asked[j]:.3g} to remove {np.sqrt(max(closed[j], 0.0)):.3g}: other terms cancel it"
         return ""
+
+    def _beside_it(self, grown: ArmState) -> Surroundings:
+        """The record and the model along the joint of the last term, as effects judge by them."""
+        view, kind = self.view, grown.terms[-1].kind
+        motion, at = view.signals(kind.direction), np.flatnonzero(kind.direction)
+        sizes: dict[str, float] = {}
+        of_law = {n.rpartition("."): x for n, x in zip(self.lags.base_.names, grown.numbers, strict=True)}
+        own = [(name, float(x)) for (joint, _, name), x in of_law.items() if joint == kind.joint]
+        for name, x in (*own, *((t.effect.name, t.q[0]) for t in grown.terms if t.joint == kind.joint)):
+            sizes[name] = sizes.get(name, 0.0) + x
+        return Surroundings(
+            motion.position, motion.velocity, motion.drive, sizes=sizes, carried=True, step=float(view.grid[at].max()),
+            dt=view.dt, turns=not view.arm.slides[at].any(),
+        )  # fmt: skip
 
     def linearised(self, model: ArmState) -> Linearised:
         """The free numbers, and their covariance by leaving out blocks of the record (`updated`)."""

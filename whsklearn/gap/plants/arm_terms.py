@@ -183,12 +183,12 @@ def candidates(arm: Arm, there: dict[str, set[str]], *, frozen: bool, weight: in
     """
     eye = np.eye(arm.n_joints)
     each = [(joint, tuple(map(float, row))) for joint, row in zip(arm.joints, eye, strict=True)]
-    for joint, row in each:
+    for (joint, row), slides in zip(each, arm.slides, strict=True):
         names = there.get(joint, set())
         said = {n for e in catalogue() if e.name in names for n in e.cls.covers}
         for c in at_a_joint():
             more = frozen and c.cls.elementary
-            if c.name in said:
+            if c.name in said or (slides and c.cls.rotary):
                 continue
             if (c.name not in names or c.cls.repeats or more) and (not c.parent or c.parent in names):
                 yield AtJoint(c.cls, joint, row, c, place=frozenset([joint]), again=more and c.name in names)
