@@ -99,9 +99,11 @@ def in_another_order(rows: ArmRows) -> list[str]:
         other = instants.sought()
         with warnings.catch_warnings(), suppress(ValueError):  # nothing may move in this part
             warnings.simplefilter("ignore", UserWarning)
-            paid, rest = _ordered(*trial.joint_rows(q[part][:, other], torque[part]))
-            if np.log(MUCH + rest).sum() < np.log(MUCH + left).sum():
-                places, drives, left = other, paid, rest
+            phi, target, keep = trial.joint_rows(q[part][:, other], torque[part])
+            for paid in (_ordered(phi, target, keep)[0], instants.drives_of(other)):
+                rest = _left(phi, target[:, paid], keep)
+                if np.log(MUCH + rest).sum() < np.log(MUCH + left).sum():
+                    places, drives, left = other, paid, rest
     moved = (places != given) | (drives != given)
     better = left[moved] <= before[moved]
     if not moved.any() or not better.all() or left[moved].sum() > CLEARLY * before[moved].sum():
@@ -158,6 +160,11 @@ class _Instants:
                 for way, at in ways.items()
             }
         return min(self.tried[key].values())
+
+    def drives_of(self, places: NDArray[np.int64]) -> NDArray[np.int64]:
+        """The order of the drives with which `left` is what it is."""
+        ways = self.tried[tuple(places.tolist())]
+        return np.array(min(ways, key=lambda way: ways[way]))
 
     def lead(self, places: NDArray[np.int64], drives: NDArray[np.int64]) -> float:
         """By how much this order of positions and drives leaves less than every other one tried."""
