@@ -11,6 +11,7 @@ from click.testing import CliRunner
 
 from whsklearn.cli.simulate import main
 from whsklearn.effects import GravityImbalance, as_law
+from whsklearn.logs import load_log
 from whsklearn.models import AxisModel, LinearModel, load_model, save_model
 
 
@@ -30,12 +31,19 @@ def run(folder, *options):
     return CliRunner().invoke(main, [str(a) for a in arguments])
 
 
+def table_of(folder):
+    """The table that was written, without the units in the names of its columns."""
+    return pd.read_csv(folder / "out.csv").rename(columns=lambda name: name.partition(" [")[0])
+
+
 def test_it_writes_drive_output_and_measurement_and_judges_what_was_asked_for(files):
     done = run(files)
     assert done.exit_code == 0, done.output
     assert done.output.rstrip().endswith("out.csv: drive in Nm, simulated and measured in rad")
-    table = pd.read_csv(files / "out.csv")
+    table = table_of(files)
     assert list(table.columns) == ["time", "drive", "simulated", "measured"]
+    again = load_log(files / "out.csv", position="simulated [rad]", drive="drive [Nm]", time="time [s]")
+    assert again.units == {"time": "s", "drive": "Nm", "position": "rad"}
     np.testing.assert_allclose(table.simulated, table.measured, atol=1e-9)
     spoilt = pd.read_csv(files / "log.csv")
     spoilt.loc[40:49, "position_rad"] += 1.0
@@ -71,6 +79,16 @@ def test_a_log_at_another_rate_is_refused(files):
     assert "a sample every 0.01 s, the log every 0.02 s" in done.output
 
 
+@pytest.mark.parametrize("name", ["log.csv", "model.json", "sub/../log.csv"])
+def test_a_file_that_is_read_is_not_written_over(files, name):
+    (files / "sub").mkdir()
+    before = (files / "log.csv").read_bytes(), (files / "model.json").read_bytes()
+    done = run(files, "--out", files / name)
+    assert done.exit_code == 2
+    assert "which is read; give another name" in done.output
+    assert ((files / "log.csv").read_bytes(), (files / "model.json").read_bytes()) == before
+
+
 def test_a_log_in_a_unit_that_is_none_of_the_model_is_refused(files):
     model = load_model(files / "model.json")
     save_model(dataclasses.replace(model, units={"input": "Nm", "output": "rad"}), files / "model.json")
@@ -89,7 +107,7 @@ def test_every_segment_is_simulated_from_its_own_start(files):
     done = run(files)
     assert done.exit_code == 0, done.output
     assert "each of its 2 segments is simulated from its own start" in done.output
-    table = pd.read_csv(files / "out.csv")
+    table = table_of(files)
     assert table.segment.value_counts().to_dict() == {0: 140, 1: 150}
     np.testing.assert_allclose(table.simulated, table.measured, atol=1e-3)
 
@@ -125,7 +143,7 @@ def test_a_velocity_is_integrated_for_a_model_of_the_position(files):
         done = run(files, *asked)
         assert done.exit_code == 0, done.output
         assert done.output.rstrip().endswith("simulated and measured in turns")
-        assert np.abs(np.subtract(*pd.read_csv(files / "out.csv")[["simulated", "measured"]].to_numpy().T)).max() < 0.02
+        assert np.abs(np.subtract(*table_of(files)[["simulated", "measured"]].to_numpy().T)).max() < 0.02
 
 
 @pytest.mark.parametrize("column", ["position_rad", "velocity_rad_s"])
@@ -137,4 +155,4 @@ def test_an_axis_starts_at_the_speed_of_the_log(tmp_path, column):
     y = model.simulate(u, start=1.0, speed=4.0)
     pd.DataFrame({"time_s": 0.01 * np.arange(300), "torque_nm": u, column: y}).to_csv(tmp_path / "log.csv", index=False)
     assert run(tmp_path).exit_code == 0
-    assert np.abs(np.subtract(*pd.read_csv(tmp_path / "out.csv")[["simulated", "measured"]].to_numpy().T)).max() < 0.01
+    assert np.abs(np.subtract(*table_of(tmp_path)[["simulated", "measured"]].to_numpy().T)).max() < 0.01

@@ -268,7 +268,7 @@ def simulate(options: dict[str, Any], model: Any) -> None:
     from whsklearn.lags.axis_rows import experiments
     from whsklearn.logs.files import atomic_write
 
-    out, arm = writable_file(options["out"]), model.arm
+    out, arm = writable_file(options["out"], options["model"], options["log_file"]), model.arm
     log = long_segments(read_arm(options["log_file"], options, arm))
     rate, ours = log.sample_rate, 1.0 / model.dt
     if abs(rate / ours - 1.0) > 0.01:

@@ -53,7 +53,7 @@ def main(**options: Any) -> None:
 
     folder, axis, out, batch = (options[k] for k in ("folder", "axis", "out", "batch"))
     test_share, workers = options["test_share"], options["workers"]
-    writable_file(out)
+    writable_file(out, *folder.rglob("*.parquet"))
     names = axes_of(folder, axis)
     model = build_model(options)
     source = {"folder": str(folder.resolve()), "axis": axis, "inputs": list(options["inputs"])}

@@ -163,14 +163,20 @@ def writable_folder(path: str | os.PathLike[str]) -> Path:
     return folder
 
 
-def writable_file(path: str | os.PathLike[str]) -> Path:
+def writable_file(path: str | os.PathLike[str], *read: str | os.PathLike[str]) -> Path:
     """The path of a file to write; its folder is created if necessary. See `whsklearn.logs.files.check_writable`.
 
-    Raises ValueError if it is a folder, or cannot be written. Raises OSError if the folder cannot be made.
+    ``*read``: files that the command reads, none of which it may replace.
+
+    Raises ValueError if it is a folder, or cannot be written, WrongOption if it is one of those that are read. Raises
+    OSError if the folder cannot be made.
     """
-    from whsklearn.logs.files import check_writable
+    from whsklearn.logs.files import check_writable, is_same
 
     file = Path(path)
+    for source in map(Path, read):
+        if is_same(file, source):
+            raise WrongOption(f"--out is {path}, which is read; give another name, or {source.name} would be lost.")
     if not file.is_dir():
         writable_folder(file.parent)
     check_writable(file)

@@ -23,7 +23,7 @@ from whsklearn.cli.records import note, read_system
 @click.option("--skip", type=click.IntRange(min=0), default=0, help="Samples at the start to ignore.")
 @click.option("--out", default="simulated.csv", type=NEW_FILE, help="Table to write.")
 def main(**options: Any) -> None:
-    """Simulate MODEL.json with the drive of LOG and write time, drive, output and measurement.
+    """Simulate MODEL.json with the drive of LOG and write time, drive, output and measurement, with their units.
 
     Example: whsklearn simulate model.json second.csv --output position_rad --out simulated.csv
     """
@@ -35,7 +35,7 @@ def main(**options: Any) -> None:
     from whsklearn.metrics import nmse, rmse
     from whsklearn.models import load_model
 
-    out = writable_file(options["out"])
+    out = writable_file(options["out"], options["model"], options["log_file"])
     model = load_model(options["model"])
     if model.kind == "arm":
         from whsklearn.cli import arm
@@ -67,6 +67,8 @@ def main(**options: Any) -> None:
         y[rows] = model.simulate(by * log.X[rows, 0], **{k: far * v for k, v in state.items()}) / far
         kept[rows[min(options["skip"], rows.size - 1) :]] = True
     table = pd.DataFrame({"time": log.time, "drive": log.X[:, 0], "simulated": y, "measured": log.y})
+    unit_of_each = {"time": log.units["time"], "drive": drive, "simulated": unit, "measured": unit}
+    table.columns = [f"{n} [{u}]" if u not in UNSTATED else n for n, u in unit_of_each.items()]
     if log.groups[-1]:
         table["segment"] = log.groups
         note(f"The log has holes; each of its {log.groups[-1] + 1} segments is simulated from its own start.")

@@ -120,3 +120,12 @@ def _sweep(target: Path) -> None:
         with contextlib.suppress(OSError):
             if time.time() - left.stat().st_mtime > _STALE_SECONDS:
                 left.unlink()
+
+
+def is_same(a: Path, b: Path) -> bool:
+    """Whether two names refer to the same file, whether or not it exists.
+
+    >>> is_same(Path("a.csv"), Path("folder/../a.csv")), is_same(Path("a.csv"), Path("b.csv"))
+    (True, False)
+    """
+    return (a.exists() and b.exists() and a.samefile(b)) or os.path.realpath(a) == os.path.realpath(b)

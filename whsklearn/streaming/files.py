@@ -14,7 +14,7 @@ from typing import Any, BinaryIO
 
 from filelock import FileLock, Timeout
 
-from whsklearn.logs.files import check_writable, is_device
+from whsklearn.logs.files import check_writable, is_device, is_same
 from whsklearn.state import is_state
 from whsklearn.streaming.monitor import Record
 
@@ -31,7 +31,7 @@ def check_files(source: str, out: Path | None, kept: Path, fresh: bool) -> None:
     files = {name: path for name, path in named.items() if path is not None}
     for name, path in files.items():
         for other, second in files.items():
-            if name < other and _same(path, second):
+            if name < other and is_same(path, second):
                 raise ValueError(f"{name} and {other} are the same file, {path}; give each a file of its own.")
     for path in files.values():
         if path in (out, kept) and not is_device(path):
@@ -72,11 +72,6 @@ def fingerprint(file: BinaryIO, offset: int) -> str:
     tail = file.read(min(PRINTED, offset))
     file.seek(at)
     return hashlib.sha256(head + tail).hexdigest()
-
-
-def _same(a: Path, b: Path) -> bool:
-    """Whether two names refer to the same file, whether or not it exists."""
-    return (a.exists() and b.exists() and a.samefile(b)) or os.path.realpath(a) == os.path.realpath(b)
 
 
 # --- where a stream's records go: a file that a resumed stream cuts back to its checkpoint, or stdout ----------------
