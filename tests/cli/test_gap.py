@@ -86,6 +86,7 @@ def test_every_long_segment_of_a_log_counts(log, tmp_path):
         (["--columns", "0,1,2,3,4"], 1, "expected two"),
         (["--columns", "1,2"], 2, "names no time; add --rate"),
         (["--unit", "position"], 2, "expected ROLE=UNIT"),
+        (["--orders", "2,2,2,2"], 2, "--orders and --direct are of a chain; add --model wiener-hammerstein"),
         (["--law", "sticky"], 1, "'sticky'"),
         (["--law", "cogging"], 1, "cannot be part of the base law"),
     ],
@@ -127,6 +128,11 @@ def test_an_effective_current_is_asked_about_and_a_unit_that_no_axis_has_is_a_wr
     wrong = run(log, "--unit", "position=banana", "--no-track", "--report", tmp_path / "r")
     assert wrong.exit_code == 2
     assert "The unit of position is 'banana'; expected one of rad, mrad, urad, deg" in wrong.output
+
+
+def test_a_drive_that_was_inverted_wrongly_is_told_to_be_left(log, tmp_path):
+    done = run(log, "--invert-drive", "--max-effects", "1", "--no-track", "--report", tmp_path / "r")
+    assert "is the sign of the drive inverted? If so, leave out --invert-drive." in " ".join(done.output.split())
 
 
 def test_columns_that_name_themselves_are_taken_and_said(log, tmp_path):

@@ -83,6 +83,10 @@ def main(**options: Any) -> None:
     folder = writable_folder(options["report"])
     if options["more"] and (options["robot"] or options["simulator"] or options["kind"] != "servo"):
         raise click.UsageError("Several logs are supported for a servo axis only; give one.")
+    if (options["orders"] or options["direct"]) and options["kind"] == "servo" and not options["robot"]:
+        raise click.UsageError(
+            "--orders and --direct are of a chain; add --model wiener-hammerstein, or leave them out."
+        )
     if options["robot"]:
         from whsklearn.cli.arm import gap_log
 
@@ -154,7 +158,10 @@ def diagnose(options: dict[str, Any], log: Bunch, second: Bunch | None, folder: 
 
     record, columns = as_record(options, log)
     record = [record, *map(partial(another, options, log), options["more"])] if options.get("more") else record
-    told = [*map(str, slips_in(log))] if options["kind"] == "servo" and not options["robot"] else []
+    slips = slips_in(log) if options["kind"] == "servo" and not options["robot"] else []
+    told = [str(s) for s in slips]
+    if options["invert_drive"]:
+        told = [t.replace("add --invert-drive", "leave out --invert-drive") for t in told]
     for text in [*told, *zeros_apart(log, bool(options.get("more")))]:
         records.note(text)
         log.notes = (*log.notes, text)

@@ -88,7 +88,10 @@ def load_model(path: str | os.PathLike[str]) -> Any:
     """
     try:
         return model_from(json.loads(Path(path).read_text(encoding="utf-8")))
-    except ValueError as error:  # includes json's own error
+    except (json.JSONDecodeError, UnicodeDecodeError):
+        told = "it is not JSON. Give model.json of identify, or repaired.json of gap."
+        raise ValueError(f"{Path(path).name} holds no model that can be read: {told}") from None
+    except ValueError as error:
         raise ValueError(f"{Path(path).name} holds no model that can be read: {error}") from None
     except RecursionError:
         raise ValueError(f"{Path(path).name} holds no model that can be read: its JSON is nested too deeply.") from None
