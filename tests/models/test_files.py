@@ -73,7 +73,7 @@ def test_what_cannot_be_is_refused_in_one_sentence(change, message, tmp_path):
 def test_no_json_is_refused(tmp_path):
     path = tmp_path / "model.json"
     path.write_text("kind: axis")
-    with pytest.raises(ValueError, match="holds no model that can be read: it is not JSON. Give model.json"):
+    with pytest.raises(ValueError, match="holds no model that can be read: it is not JSON"):
         load_model(path)
 
 

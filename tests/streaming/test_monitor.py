@@ -155,6 +155,22 @@ def test_rows_of_numbers_are_taken_as_lines_of_text_are(refuse):
     assert any(r["kind"] == "bad_row" for r in seen["take"]) is not refuse
 
 
+def test_what_is_no_row_of_numbers_as_long_as_the_others_is_a_bad_row():
+    rows = np.column_stack([np.arange(300) / 100, X[:300], Y[:300]]).tolist()
+    told = []
+    monitor = StreamMonitor(RLSRegressor(), ChangeAlarm(), Options(timed=True), told.append)
+    monitor.take([*rows[:100], rows[100][:3], None, ["x", 1, 2, 3], [*rows[103], 0.0], *rows[104:]])
+    assert [r["reason"] for r in told if r["kind"] == "bad_row"] == [
+        "3 values, expected 4",
+        "a row of numbers was expected, got 'None'",
+        "a row of numbers was expected, got \"['x', 1, 2, 3]\"",
+        "5 values, expected 4",
+    ]
+    monitor.take([rows[0][:2]], 301)
+    assert told[-1]["reason"] == "2 values, expected 4"
+    assert monitor.model.n_features_in_ == 2
+
+
 def test_a_change_at_one_joint_of_an_arm_is_an_alarm_there():
     arm = default_arm()
     parts = [make_arm_log(arm, changed, duration=16.0, sample_rate=250.0, random_state=k, return_arrays=True)

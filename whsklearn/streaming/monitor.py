@@ -12,7 +12,7 @@ from __future__ import annotations
 import copy
 import math
 import warnings
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence, Sized
 from dataclasses import asdict, dataclass, field
 from typing import Any, NoReturn
 
@@ -249,10 +249,13 @@ class StreamMonitor:
         """Learn from rows of numbers.
 
         ``rows`` (n_rows, n_columns): the time if ``options.timed``, the inputs, the output. ``first``: number of the
-        first row; records refer to bad rows by number. Raises Refused: at the first row that holds NaN or infinity or
-        comes late, if bad rows are refused; the rows before it are learnt.
+        first row; records refer to bad rows by number. A row is bad that holds anything but finite numbers, or more or
+        fewer than the rows before it. Raises Refused: at the first row that is bad or comes late, if bad rows are
+        refused; the rows before it are learnt.
         """
-        self._take_all(list(rows), _finite, first)
+        rows = list(rows)
+        width = len(self.carried.last or next((r for r in rows if isinstance(r, Sized)), ()))
+        self._take_all(rows, lambda row: _finite(row, width), first)
 
     def feed(self, lines: Sequence[bytes], parse: Callable[[bytes], list[float] | None], first: int) -> None:
         """Learn from lines of text.
@@ -583,9 +586,14 @@ class StreamMonitor:
         c.alarm_row, c.looks = -1, 0
 
 
-def _finite(row: Sequence[float]) -> list[float]:
-    """A row of numbers as floats."""
-    numbers = [float(v) for v in row]
+def _finite(row: Any, width: int) -> list[float]:
+    """A row of ``width`` numbers as floats."""
+    try:
+        numbers = [float(v) for v in row]
+    except (TypeError, ValueError):
+        raise BadRow(f"a row of numbers was expected, got {str(row)[:40]!r}") from None
+    if len(numbers) != width:
+        raise BadRow(f"{len(numbers)} values, expected {width}")
     if not all(map(math.isfinite, numbers)):
         raise BadRow("a value is NaN or infinite")
     return numbers
