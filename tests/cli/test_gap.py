@@ -135,6 +135,20 @@ def test_a_drive_that_was_inverted_wrongly_is_told_to_be_left(log, tmp_path):
     assert "is the sign of the drive inverted? If so, leave out --invert-drive." in " ".join(done.output.split())
 
 
+def test_a_log_without_a_clock_or_with_one_that_overflows_is_told_of_the_rate(log, tmp_path):
+    rows = [line.split(",") for line in log.read_text().splitlines()]
+    (tmp_path / "none.csv").write_text("\n".join(",".join(r[1:]) for r in rows))
+    asked = run(tmp_path / "none.csv", "--no-track", "--report", tmp_path / "r")
+    assert asked.exit_code == 2
+    assert "no column that is clearly the time" in asked.output
+    assert "or the samples per second with --rate" in " ".join(asked.output.split())
+    counted = [["time_ms", *rows[0][1:]], *([str(k % 1000), *r[1:]] for k, r in enumerate(rows[1:]))]
+    (tmp_path / "short.csv").write_text("\n".join(",".join(r) for r in counted))
+    done = run(tmp_path / "short.csv", "--no-track", "--report", tmp_path / "r")
+    assert done.exit_code == 3
+    assert "if it is a counter that overflows, give --rate HZ in place of --time." in " ".join(done.output.split())
+
+
 def test_columns_that_name_themselves_are_taken_and_said(log, tmp_path):
     text = log.read_text().splitlines()
     text[0] = text[0].replace("torque_nm", "motor_current_a").replace("position_rad", "joint_angle")
