@@ -25,5 +25,12 @@ def test_a_model_is_written_in_its_format(model, tmp_path, to, mark):
     assert mark in out.read_text()
 
 
+@pytest.mark.parametrize("to", ["c", "mjcf"])
+def test_a_place_that_cannot_be_written_is_told_with_what_to_do(model, to):
+    done = CliRunner().invoke(main, ["export", str(model), "--to", to, "--out", str(model / "out")])
+    assert done.exit_code == 1
+    assert "cannot be written (Not a directory); name another --out." in " ".join(done.output.split())
+
+
 def test_a_wrong_format_is_a_wrong_option(model):
     assert CliRunner().invoke(main, ["export", str(model), "--to", "dwg"]).exit_code == 2

@@ -127,3 +127,16 @@ def test_what_runs_by_piece_never_sees_two_of_them():
     flat = record.smoothed(lambda x: np.convolve(x, np.ones(51) / 51, mode="same"), record.position, 25)
     inside = slice(25, -25)  # the record's own ends are as `convolve` leaves them at padded ones
     np.testing.assert_allclose(flat[inside], record.position[inside], atol=0.01)
+
+
+@pytest.mark.parametrize(
+    ("drive", "position", "units"),
+    [
+        ("torque [p.u.]", "angle_deg", ("p.u.", "rad")),  # had become Nm
+        ("iq (Arms)", "x_nm", ("Arms", "m")),
+        ("torque", "position_V", ("Nm", "rad")),
+    ],
+)
+def test_the_columns_of_a_frame_keep_units_that_are_not_known(drive, position, units):
+    frame = pd.DataFrame({"time_s": [0.0, 0.1, 0.2], drive: [1.0, 2.0, 3.0], position: [0.0, 1.0, 0.0]})
+    assert ServoRecord.from_frame(frame, drive=drive, position=position).units == units

@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from whsklearn.cli.job import command, entry, table
+from whsklearn.cli.job import command, entry, no_room, table
 from whsklearn.cli.options import FILE, POSITIVE, effects_option
 
 FORMAT_NAMES = "mjcf urdf isaac c st table fmu".split()  # as in `whsklearn.export.FORMATS`, which takes a second
@@ -41,6 +41,9 @@ def main(model: str, to: str, out: str, effects: str | None, spread: str | None,
     try:
         ratings = Ratings(options["rated_torque"], options["torque_constant"], options["speed"])
         done = export_model(model, to=to, out=out, what=options["what"], real=options["real"], ratings=ratings)
+    except OSError as error:
+        why = error.strerror or type(error).__name__
+        raise click.ClickException(no_room(error) or f"{out} cannot be written ({why}); name another --out.") from error
     except RuntimeError as error:  # a compiler that is missing or fails
         raise click.ClickException(str(error)) from error
     fits = "The format can represent the whole model."

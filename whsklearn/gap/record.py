@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from whsklearn.logs.units import factor_between, factor_of, own_units, respelled, unit_of
+from whsklearn.logs.units import UNKNOWN, factor_between, factor_of, is_known, own_units, respelled, unit_in
 
 Array = NDArray[Any]
 
@@ -31,9 +31,10 @@ MOTIONS = ("rad", "m", "counts")
 
 
 def _unit(role: str, column: str, default: str) -> str:
-    """The unit that a column's name ends in, if it is one of the role."""
-    unit = unit_of(column, default)
-    return unit if factor_of(unit)[1] in KINDS.get(role, MOTIONS) else default
+    """The unit that a column's name ends in, if it is one of the role or not known."""
+    unit = unit_in("", column, role)
+    foreign = unit != UNKNOWN and not is_known(unit)
+    return unit if foreign or factor_of(unit)[1] in KINDS.get(role, MOTIONS) else default
 
 
 class Segmented:
