@@ -46,7 +46,12 @@ USUAL = {"time": "time_s", "drive": "torque_nm", "position": "position_rad"}
 @click.option(
     "--direct", type=click.IntRange(0, 2), default=0, help="Blocks with a direct path, 0 to 2 (Wiener-Hammerstein)."
 )
-@click.option("--tolerance", default=0.004, help="Smallest effect worth naming, as a share of the rms drive or output.")
+@click.option(
+    "--tolerance",
+    type=opt.FiniteRange(min=0.0),
+    default=0.004,
+    help="Smallest effect worth naming, as a share of the rms drive or output.",
+)
 @click.option(
     "--alpha", type=opt.PROBABILITY, default=0.01,
     help="Probability of a false name when nothing is missing (axis with a logged drive).",

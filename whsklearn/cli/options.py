@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -14,8 +15,25 @@ LOG = click.Path(exists=True)  # a file, or a folder of files that make one log
 FILE = click.Path(exists=True, dir_okay=False)
 NEW_FILE = click.Path(dir_okay=False, path_type=Path)
 FOLDER = click.Path(file_okay=False)  # to write to
-POSITIVE = click.FloatRange(min=0, min_open=True)
-PROBABILITY = click.FloatRange(0.0, 1.0, min_open=True, max_open=True)
+
+
+class FiniteRange(click.FloatRange):
+    """A range of numbers that are finite; no comparison shuts NaN out.
+
+    >>> FiniteRange(min=0).convert("2.5", None, None)
+    2.5
+    """
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """The number; a wrong option if it is none or not finite."""
+        number = float(super().convert(value, param, ctx))
+        if not math.isfinite(number):
+            self.fail(f"{value} is not a finite number.", param, ctx)
+        return number
+
+
+POSITIVE = FiniteRange(min=0, min_open=True)
+PROBABILITY = FiniteRange(0.0, 1.0, min_open=True, max_open=True)
 COUNT = click.IntRange(min=0)
 
 

@@ -184,14 +184,21 @@ def symbol_of(text: str) -> str | None:
     ('Arms', '%', 'permille', None)
     """
     word = text.strip().lower()
-    if (of := _PER_TURN.fullmatch(word)) is not None:
-        return word if float(of[1]) > 0 else None
+    if _per_turn(word) is not None:
+        return word
     if symbol := _SPELLED.get(_plain(word)):
         return symbol
     if (share := _SHARE.fullmatch(word)) is not None:
         return "%" if share[1][:4] in ("%", "perc", "proz") else "permille"
     rate = re.fullmatch(r"(.+?)[\s·⋅*]*(?:(?:/| per )\s*(\w+)|\b(s|sec|min)\s*\^?\s*(?:-1|⁻¹))", word)
     return _ratio(rate[1], rate[2] or rate[3]) if rate is not None else None
+
+
+def _per_turn(symbol: str) -> float | None:
+    """The number behind ``counts/`` or ``ticks/``; None for anything else, such as ``counts/0``."""
+    found = _PER_TURN.fullmatch(symbol)
+    number = float(found[1]) if found is not None else 0.0
+    return number if 0.0 < number < math.inf else None
 
 
 def multiple_of(text: str) -> str | None:
@@ -260,8 +267,8 @@ def factor_of(symbol: str) -> tuple[float, str]:
     >>> factor_of("0.01 A"), factor_of("10 furlong")
     ((0.01, 'A'), (1.0, '10 furlong'))
     """
-    if _PER_TURN.match(symbol):
-        return 2 * math.pi / float(symbol.partition("/")[2]), "rad"
+    if (of := _per_turn(symbol)) is not None:
+        return 2 * math.pi / of, "rad"
     if symbol == "nm":
         return _NANOMETRE
     if known := _KNOWN.get(symbol) or _KNOWN.get(_SPELLED.get(_plain(symbol), "")):
@@ -329,7 +336,7 @@ def readable(symbol: str, default: str = "") -> str:
     """
     if symbol in UNSTATED:
         return default
-    if _PER_TURN.match(symbol) or symbol == "rpm":
+    if _per_turn(symbol) is not None or symbol == "rpm":
         return "rad"
     return _base(symbol).removesuffix("/s")
 
@@ -378,7 +385,7 @@ def _base(symbol: str) -> str:
 
 def is_time(symbol: str) -> bool:
     """Whether a unit is one of time, including ticks."""
-    return _base(symbol) in _TIMES or symbol.startswith("ticks/")
+    return _base(symbol) in _TIMES or (symbol.startswith("ticks/") and _per_turn(symbol) is not None)
 
 
 def time_unit_of(column: str, symbol: str) -> str:
