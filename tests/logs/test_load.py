@@ -288,4 +288,5 @@ def test_a_unit_that_contradicts_the_name_of_its_column_is_used_and_told(tmp_pat
     told = [n for n in log.notes if "was given for" in n]
     assert log.units["position"] == "deg"
     assert len(told) == 1
+    assert told[0].startswith("How the file was read.")  # the unit is known
     assert "Column 'position_rad' states rad, and deg was given for position: that is used." in told[0]

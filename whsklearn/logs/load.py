@@ -311,7 +311,7 @@ def read_columns(
         own = unit_in(source.units.get(columns[role], ""), columns[role], role)
         if is_known(own) and own != "counts" and factor_of(own) != factor_of(given[role]):
             told = f"Column {columns[role]!r} states {own}, and {given[role]} was given for {role}: that is used."
-            found.append(Finding("LOG019", "info", told))
+            found.append(Finding("LOG017", "info", told))
     return _Table(time=clock, signals=values, columns=dict(columns), units=units, findings=found)
 
 
