@@ -11,10 +11,10 @@ import pytest
 from tests.lags.test_rigid_body import RATE, smooth_log
 from tests.systems.drawn_arms import drawn_arm
 from whsklearn.datasets import default_arm, make_arm_log
-from whsklearn.effects import CableSpring, Cogging, Coulomb, Viscous
+from whsklearn.effects import CableSpring, Cogging, Coulomb, EndStop, Viscous
 from whsklearn.filtering import motion
 from whsklearn.identification import arm_checks
-from whsklearn.identification.arm_checks import in_another_order, suspicions
+from whsklearn.identification.arm_checks import in_another_order, in_another_scale, suspicions
 from whsklearn.lags import RigidBodyLags
 from whsklearn.lags.arm_rows import records_of
 
@@ -28,7 +28,8 @@ BARE = dataclasses.replace(SIX, inertial=None)
 
 
 def told(q, torque, robot=ARM):
-    return suspicions(records_of(RigidBodyLags(robot, 1 / DT), q, torque))
+    rows = records_of(RigidBodyLags(robot, 1 / DT), q, torque)
+    return [*suspicions(rows), *in_another_scale(rows)]
 
 
 def test_joints_that_all_move_along_one_line_are_told():
@@ -170,7 +171,7 @@ def of_six(robot, *factors, q=MOVED, u=ASKED):
     u = u + 0.01 * u.std(axis=0) * np.random.default_rng(0).standard_normal(u.shape)
     for joint, factor in factors:
         u[:, joint] *= factor
-    return suspicions(records_of(RigidBodyLags(robot, RATE), q, u))
+    return in_another_scale(records_of(RigidBodyLags(robot, RATE), q, u))
 
 
 @pytest.mark.parametrize("robot", [SIX, BARE])
@@ -201,6 +202,11 @@ def test_a_load_or_masses_that_are_wrong_are_no_wrong_gain():
         assert of_six(SIX, u=smooth_log(loaded)[1]) == []
     share = np.exp(0.3 * np.random.default_rng(1).standard_normal((6, 1)))
     assert of_six(dataclasses.replace(SIX, inertial=SIX.inertial * share)) == []
+
+
+def test_a_stop_at_a_joint_is_no_wrong_gain_of_the_next():
+    q, torque = make_arm_log(effects={"yaw": [EndStop(50.0, 0.3)]}, duration=12.0, random_state=8, return_arrays=True)
+    assert told(q, torque) == []
 
 
 def test_friction_that_drives_tells_a_wrong_sign_where_nothing_else_does():

@@ -47,6 +47,7 @@ DRAWN, TRIED = 16, 100_000
 # wrong unit is likelier than a wrong gain (mA give 1,000); and where the search begins, with both signs.
 LARGE, MILLI = 1.5, 30.0
 FACTORS = np.outer([1.0, -1.0], np.geomspace(1e-3, 1e3, 19)).ravel()
+FURTHEST = 2.0 * FACTORS.max()  # an optimum beyond is that of a joint whose drive had better be left out
 BRAKES = Viscous.name, Coulomb.name
 
 
@@ -58,11 +59,8 @@ def enough_rows(rows: ArmRows) -> None:
         raise ValueError(f"The log of {seconds:.3g} s gives {there} rows for {needed} numbers; record longer.")
 
 
-def suspicions(rows: ArmRows, *, masses: bool = True) -> list[str]:
-    """Warnings about a log that looks wrong: degrees, all joints moving as one, drives in another scale.
-
-    ``masses``: whether those of the arm are judged; not if they are another record's, which may lack a load.
-    """
+def suspicions(rows: ArmRows) -> list[str]:
+    """Warnings about a log that looks wrong: degrees, all joints moving as one."""
     arm, q = rows.lags.arm_, rows.position
     out = []
     far = [j for j, x, slides in zip(arm.joints, q.T, arm.slides, strict=True) if not slides and np.ptp(x) > FAR]
@@ -74,7 +72,7 @@ def suspicions(rows: ArmRows, *, masses: bool = True) -> list[str]:
             "All joints move along one line, so the log says little of how they act on each other, and free runs off "
             "that line are the file's; let joints move at different times or frequencies."
         )
-    return [*out, *in_another_scale(rows, masses=masses)]
+    return out
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")
@@ -320,6 +318,8 @@ def in_another_scale(rows: ArmRows, *, masses: bool = True) -> list[str]:
     Joints share numbers, so a factor at one shows as an error at its neighbours, whatever the masses.  A factor that is
     common to all, or at a joint that hardly acts on others, shows only beside the masses given; and friction that
     drives its joint shows a wrong sign without either.
+
+    ``masses``: whether those of the arm are judged; not if they are another record's, which may lack a load.
     """
     joints = rows.lags.arm_.joints
     file = by_masses(rows) if masses else {}
@@ -382,7 +382,10 @@ def by_coupling(rows: ArmRows, file: dict[int, Scale]) -> dict[int, dict[int, Sc
         after = {j: left(f) for j, f in tried.items()}
         cost = {j: float(np.log(MUCH + x).sum()) for j, x in after.items()}
         good = [j for j, x in after.items() if x[j] <= CLEARLY * before[j] and np.all(x <= before + MUCH)]
-        scales = {j: s for j in good if cost[j] <= min(cost.values()) + DOUBT and (s := _of(rows, tried[j], j)).sure}
+        good = [
+            j for j in good if cost[j] <= min(cost.values()) + DOUBT and 1 < FURTHEST * abs(tried[j][j]) < FURTHEST**2
+        ]
+        scales = {j: s for j in good if (s := _of(rows, tried[j], j)).sure}
         if not scales:
             break
         first, known = min(scales, key=lambda j: cost[j]), [j for j in scales if j in file]

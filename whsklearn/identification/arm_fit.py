@@ -16,7 +16,7 @@ from threadpoolctl import threadpool_limits
 
 from whsklearn.effects import Coulomb, Effect, InputOffset, LoadFriction, PreslidingHysteresis, Viscous
 from whsklearn.effects.base import Array
-from whsklearn.identification.arm_checks import enough_rows, in_another_order, in_degrees, suspicions
+from whsklearn.identification.arm_checks import enough_rows, in_another_order, in_another_scale, in_degrees, suspicions
 from whsklearn.identification.joint_least_squares import BLOCKS, GROWS, ROUNDING, SAME, fitted, held_out, with_blocks
 from whsklearn.lags.arm_rows import ArmRows, records_of
 from whsklearn.lags.axis_rows import DRY
@@ -116,7 +116,7 @@ def identify_arm(
             rows = records_of(lags.set_params(effects=effects), q, torque, groups)
     if wrong := in_degrees(rows) or in_another_order(rows):
         raise ValueError(wrong[0])
-    for text in suspicions(rows):
+    for text in (*suspicions(rows), *in_another_scale(rows)):
         warnings.warn(text, UserWarning, stacklevel=3)
     if "reversals" not in settings and (reversals := reversals_of(rows)):
         rows = records_of(lags.set_params(reversals=reversals), q, torque, groups)

@@ -375,6 +375,17 @@ def test_the_report_tells_every_joint(tmp_path):
     assert (tmp_path / "repaired.json").exists()
 
 
+def test_a_wrong_gain_is_the_first_thing_to_repair():
+    arm = drawn_arm(3, 5, slides=0.0, branch=0.0, gravity=(0, 0, -9.81)).with_effects(
+        {joint: (Viscous(0.5), Coulomb(0.5)) for joint in ("j0", "j1", "j2")}
+    )
+    r = record({"j2": [Cogging(1.0, order=7.0)]}, arm, duration=12.0)
+    found = GapFinder(arm).fit(dataclasses.replace(r, drive=r.drive * [1.0, 2.0, 1.0]))
+    assert any("j1" in p.explanation and not p.fatal for p in found.diagnosis_.problems)
+    assert found.verdict_ in ("partial", "unknown")
+    assert re.match("Repair the log first: .*j1", found.diagnosis_.next_experiment)
+
+
 def test_a_joint_that_does_not_move_is_told():
     r = record(duration=12.0)
     still = dataclasses.replace(r, position=r.position * [1.0, 0.0])

@@ -45,7 +45,13 @@ from whsklearn.gap.plants.servo_run import OWN_MOTION
 from whsklearn.gap.record import SPLIT, Array, held_out_blocks
 from whsklearn.gap.search import LEAST_SHARE, STILL
 from whsklearn.gap.tangent import Family, Look, Tangent
-from whsklearn.identification.arm_checks import enough_rows, in_another_order, in_degrees, suspicions
+from whsklearn.identification.arm_checks import (
+    enough_rows,
+    in_another_order,
+    in_another_scale,
+    in_degrees,
+    suspicions,
+)
 from whsklearn.identification.arm_fit import reversals_of
 from whsklearn.identification.joint_least_squares import SAME, Known, blocks_of, fitted, updated
 from whsklearn.identification.payload import ALIKE, FURTHEST, Beside
@@ -93,6 +99,7 @@ class ArmPlant(Plant):
     horizons: tuple[float, ...] = (0.1, 0.2, 0.5)
     headline = 0.5
     looked: Sequence[Look] = ()
+    repair = ""  # what to check in the log before anything else
     joint = 0  # that the first sentence of the report is about, and so its pictures
 
     def __init__(
@@ -121,10 +128,9 @@ class ArmPlant(Plant):
             return [DataProblem("data-units", "The positions are in degrees", turned[0])]
         if wrong := in_another_order(v):
             return [DataProblem("data-order", "The joints are in another order", wrong[0])]
-        texts = [
-            *(str(w.message) for w in said if w.category is UserWarning),
-            *suspicions(v, masses=self.known is None),
-        ]
+        scales = in_another_scale(v, masses=self.known is None)
+        self.repair = " ".join(scales)
+        texts = [*(str(w.message) for w in said if w.category is UserWarning), *suspicions(v), *scales]
         return [DataProblem("data-arm", "Check the log", text, fatal=False) for text in texts]
 
     def base(self, rng: np.random.Generator) -> ArmState:
@@ -672,7 +678,8 @@ class ArmPlant(Plant):
                 "Some joints slide and others turn: errors of free runs are shares of each joint's rms motion."
             )
         tests = [whiteness(self.gap(m).left, name) for name, m in (("before", base), ("after", model))]
-        return Told(tests, notes, self._pictures(base, model), self._joints(base, model))
+        first = f"Repair the log first: {self.repair}" if self.repair else ""
+        return Told(tests, notes, self._pictures(base, model), self._joints(base, model), experiment=first)
 
     def _pictures(self, base: ArmState, model: ArmState) -> dict[str, Any]:
         """Series of the joint that is reported first, and of all joints."""
