@@ -391,3 +391,29 @@ def test_a_load_behind_a_spring_is_found_from_the_motor_s_side():
     assert model.parameters["coulomb"] == pytest.approx(0.8, rel=0.02)
     with pytest.raises(ValueError, match="from a position only"):
         fit_two_masses(replace(record, logged="velocity"))
+
+
+@pytest.mark.parametrize("seed", range(9320, 9323))
+def test_a_velocity_in_much_noise_is_fitted_from_a_state_that_is_fitted_too(seed):
+    """At 10 dB the first sample is off by as much as a third of the motion, and the run would begin there."""
+    rng = np.random.default_rng(seed)
+    noisy = VELOCITY + VELOCITY.std() / np.sqrt(10.0) * rng.standard_normal(VELOCITY.size)
+    record = view(U[700:], noisy[700:], 0.005, "velocity")
+    model = fit_rigid_axis(record)
+    assert white(residual(model, record), record)
+    numbers, errors = model.parameters, model.standard_errors
+    for name, true in zip(("inertia", "viscous", "coulomb", "input_offset"), TRUTH, strict=True):
+        assert abs(numbers[name] - true) < 4.0 * errors[name]
+        assert 0.0 < errors[name] < 0.1
+
+
+def test_a_rotation_in_one_direction_is_fitted_past_the_limit_of_its_friction():
+    """The start has no Coulomb friction, the offset has the effect of it, and neither may take half of a step."""
+    u = 0.5 + 0.02 * np.sin(0.04 * np.arange(2800)) + 0.01 * np.sin(0.11 * np.arange(2800))
+    truth = np.array([0.05, 0.01, 0.3, 0.02])
+    log = axis_log(u)._replace(v0=np.array([18.0]), of_position=True)
+    y = axis_motion(truth, log) + 2e-5 * np.random.default_rng(9331).standard_normal(u.size)
+    model = fit_rigid_axis(view(u, y, 0.005, "position"))
+    assert model.parameters["viscous"] == pytest.approx(0.01, rel=0.01)
+    assert model.parameters["inertia"] == pytest.approx(0.05, rel=0.001)
+    assert model.standard_errors["inertia"] < 1e-4

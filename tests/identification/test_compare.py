@@ -9,7 +9,8 @@ from scipy.signal import lfilter
 from tests.recursion.axis_log import TRUTH, axis_log, slow_drive
 from whsklearn.effects import FrictionLaw, Hinge, Power
 from whsklearn.identification import Compared, identify
-from whsklearn.identification.compare import _better, _indices, recommend
+from whsklearn.identification.axis_fit import fit_rigid_axis
+from whsklearn.identification.compare import _at_floor, _better, _indices, _score, recommend
 from whsklearn.identification.view import view
 from whsklearn.models import AxisModel, ChainModel, LinearModel
 from whsklearn.recursion.batch.axis_free_run import axis_motion
@@ -240,3 +241,20 @@ def test_a_chain_is_judged_from_the_motion_that_a_held_out_part_begins_in():
     found = identify(u, model.simulate(u), logged="output")
     rectified = next(c for c in found.models if c.name == "output error, order 2, without its sign")
     assert rectified.test["nmse"] < 1e-6, rectified
+
+
+@pytest.mark.parametrize("missing", [0.0, 0.2])
+def test_an_axis_that_leaves_white_noise_of_a_velocity_needs_no_chain(missing):
+    """The floor of noise that is as fast as the velocity is not known, and no error over windows is near it."""
+    rng = np.random.default_rng(9331)
+    u = 0.5 + 0.02 * np.sin(0.04 * np.arange(4000)) + 0.01 * np.sin(0.11 * np.arange(4000))
+    log = axis_log(u)._replace(v0=np.array([1.8]))
+    position = axis_motion(TRUTH, log._replace(of_position=True))
+    y = axis_motion(TRUTH, log._replace(u=log.u + missing * np.sin(6.0 * position)[:, None]))
+    whole = view(u, y + 0.05 * rng.standard_normal(y.size), 0.005, "velocity")
+    fitting, held_out = whole.part(0, 2800), whole.part(2800, 4000)
+    axis = Compared("axis, viscous and Coulomb", "axis", {}, "simulation", fit_rigid_axis(fitting))
+    _score(axis, held_out)
+    axis.test = _indices(axis.model, held_out, 60)
+    assert axis.score > 1.3
+    assert _at_floor(axis, held_out) == (not missing)

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import functools
 import itertools
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -26,7 +24,6 @@ from whsklearn.recursion.batch.axis_free_run import (
     AxisLog,
     axis_motion,
     behind_the_spring,
-    fit_axis,
     fit_pieces,
 )
 from whsklearn.recursion.batch.best_linear import filter_rows
@@ -58,7 +55,7 @@ RESONANT = 0.85
 # Starts of a coupled axis, as the output hardly shows them: shares of friction on the load, shares of inertia; steps of
 # the first fit of each, and how many of them go on
 SIDES, SHARES, FEW, GO_ON = (0.1, 0.9), (0.3, 0.7), 6, 3
-AS_LOW = 1.1  # of the least sum of squares: fits of two masses that explain a record as well
+AS_LOW = 1.1  # of the least sum of squares, or error over windows: fits that explain a record as well
 TINY = 1e-100
 LEVEL = 0.01  # of the test for whiteness
 LEAST_TESTED = 60  # samples, somewhat more than twice the lags of the test
@@ -306,7 +303,8 @@ def _fit(log: View, form: AxisForm) -> AxisModel:
 def _model(best: AxisFit, log: View, form: AxisForm) -> AxisModel:
     """The numbers of a fit as an axis, with standard errors."""
     covariance = best.covariance
-    if not (form.powers or form.coupled) and not white(axis_residual(best.theta, log, form), log):
+    incomplete = not covariance.any() or not white(axis_residual(best.theta, log, form), log)
+    if not (form.powers or form.coupled) and incomplete:
         other, spread = inverse_dynamics(log, form)
         # two estimators agree if nothing is missing, and their difference shows what is (Hausman 1978): its square less
         # the variance of the other estimates the squared bias, which is nothing where inverse dynamics says little
@@ -359,16 +357,16 @@ def _best_minimum(log: View, form: AxisForm, start: Start, best: AxisFit, least:
     and its least squares end anywhere. Therefore the best start is first fitted over sufficiently short pieces, and
     among all results the one that simulates windows best is used.
     """
-    fits: list[Callable[[Array], AxisFit]] = [functools.partial(fit_axis, log=axis_log(log, form))]
+    pieces = [axis_log(log, form)]
     if log.logged == "position":
         pieces = [shooting_log(log, seconds, form) for seconds in (*SHOOTING, np.inf)]
-        fits = [functools.partial(fit_pieces, log=piece) for piece in pieces]
-    for fit in fits:
-        ended = fit(best.theta)
+    bound = AS_LOW * least  # a start has no errors of its own, so it stays only where it is clearly better
+    for piece in pieces:
+        ended = fit_pieces(best.theta, piece)
         if np.isfinite(ended.cost) and start.holds(ended.theta):
             reached = axis_score(ended.theta, form, log)
-            if reached < least:
-                least, best = reached, ended
+            if reached < bound:
+                bound, least, best = reached, reached, ended
     return least, best
 
 

@@ -47,11 +47,10 @@ def shooting_log(log: View, seconds: float, form: AxisForm) -> AxisLog:
 
 
 def axis_residual(theta: Array, log: View, form: AxisForm) -> Array:
-    """Residual of the axis in SI: for a position in pieces, each with its own state; otherwise of one run."""
-    if log.logged == "position":
-        pieces = settled(theta, shooting_log(log, PIECE, form))
-        return pieces.target - axis_motion(theta, pieces)
-    return log.target - axis_motion(theta, axis_log(log, form))
+    """Residual of the axis in SI, its state fitted: for a position in pieces, otherwise of one run."""
+    position = log.logged == "position"
+    pieces = settled(theta, shooting_log(log, PIECE, form) if position else axis_log(log, form))
+    return pieces.target - axis_motion(theta, pieces)
 
 
 def axis_theta(model: AxisModel) -> tuple[Array, AxisForm]:

@@ -316,7 +316,7 @@ def _each_tried(
     """Fit every structure in turn but those that the ones before make needless; the simplest first."""
     tried: list[Compared] = []
     for compared, fit in structures:
-        if compared.name in LAST and min(c.score for c in tried) < AT_FLOOR:
+        if compared.name in LAST and _at_floor(min(tried, key=lambda c: c.score), held_out):
             compared.failure = "skipped, because a simpler structure is at the noise floor"
         elif compared.name == FORCE and min(tried, key=lambda c: c.score).name == GRAVITY:
             compared.failure = "skipped, because gravity is the best so far"  # over little travel a cubic imitates it
@@ -328,6 +328,16 @@ def _each_tried(
         tried.append(compared)
     # noise of the output biases the poles of an ARX model: of two that are as large and as good it comes second
     return sorted(tried, key=lambda c: (c.size, c.criterion == "prediction", c.score))
+
+
+def _at_floor(best: Compared, log: View) -> bool:
+    """Whether noise explains what the best structure leaves, so that none of those that take long can be better.
+
+    Where the noise is not known, as a velocity is not slow against it, what an axis leaves must be white.
+    """
+    if log.floor or log.logged == "position" or best.kind != "axis" or _lost(best.test):
+        return best.score < AT_FLOOR
+    return white(residual(best.model, log), log)
 
 
 def _logs(

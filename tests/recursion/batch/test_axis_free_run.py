@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.recursion.axis_log import TRUTH, axis_log, slow_drive
-from whsklearn.recursion.batch.axis_free_run import axis_motion, fit_axis, fit_state, sensitivities
+from whsklearn.recursion.batch.axis_free_run import axis_motion, fit_pieces, fit_state, sensitivities
 
 
 @pytest.mark.parametrize("form", [{"hangs": True}, {"powers": 3}, {}], ids=str)
@@ -36,14 +36,14 @@ def test_a_pendulum_keeps_its_energy():
 def test_a_start_that_runs_away_has_no_fit_and_says_nothing():
     """A spring that pushes: e^(20 t) in the position, whose sensitivities have squares that are no numbers."""
     log = axis_log(slow_drive(6000, 2), 0.01, powers=1)._replace(of_position=True)
-    fitted = fit_axis(np.array([0.05, 0.1, 0.0, 0.0, -20.0]), log)
+    fitted = fit_pieces(np.array([0.05, 0.1, 0.0, 0.0, -20.0]), log)
     assert fitted.cost == np.inf
 
 
 def test_an_axis_that_turns_one_way_shows_only_the_sum_of_friction_and_offset():
     log = axis_log(1.0 + 0.3 * np.sign(slow_drive(3000, 3)))._replace(v0=np.array([1.0]))
     noise = 1e-3 * np.random.default_rng(0).standard_normal(3000)
-    fitted = fit_axis(np.array([0.05, 0.1, 0.2, 0.12]), log._replace(target=axis_motion(TRUTH, log) + noise))
+    fitted = fit_pieces(np.array([0.05, 0.1, 0.2, 0.12]), log._replace(target=axis_motion(TRUTH, log) + noise))
     assert fitted.theta[2:].sum() == pytest.approx(0.32, rel=0.01)
     deviation = np.sqrt(np.diag(fitted.covariance))
     assert (np.abs(fitted.theta - TRUTH) < 2.0 * deviation).all()

@@ -130,23 +130,6 @@ def sensitivities(theta: Array, log: AxisLog, *, of_states: bool = False) -> tup
     return run, by
 
 
-def fit_axis(theta: Array, log: AxisLog, *, iterations: int = 40) -> AxisFit:
-    """Levenberg-Marquardt on the free-run error, with fixed initial states of the pieces.
-
-    ``theta`` (p,): initial parameters. ``log``: the record. ``iterations``: largest number of iterations. Returns the
-    fit; its cost is infinite if the free run diverges.
-    """
-
-    def run_of(trial: Array, log: AxisLog) -> _Run:
-        error = (log.target - axis_motion(trial, log)) * log.counts
-        return _Run(trial, log, error, _squares(error))
-
-    def rows_of(at: _Run) -> Array:
-        return sensitivities(at.theta, at.log)[1][: -log.form.states] * log.counts
-
-    return _fitted(theta, log, run_of, rows_of, iterations, 1e-8)
-
-
 class _Run(NamedTuple):
     """Parameters, the log with the states of its pieces, the error of the run, and the cost to minimise."""
 
@@ -262,7 +245,13 @@ def _fitted(
         rows = rows_of(at)
         if not _says_something(at.cost, rows):
             return None
-        return rows @ rows.T + 1e-300 * np.eye(len(rows)), rows @ at.error  # the diagonal is positive
+        slope = rows @ at.error
+        # friction at its limit stays there: on an axis that turns one way an offset has the same effect, and of a step
+        # that they share, the half that friction cannot take would be missing
+        stays = np.zeros(slope.size, dtype=bool)
+        stays[1:3] = (at.theta[1:3] <= 0.0) & (slope[1:3] < 0.0) & np.array([not log.form.knots.size, True])
+        rows = np.where(stays[:, None], 0.0, rows)
+        return rows @ rows.T + 1e-300 * np.eye(len(rows)), np.where(stays, 0.0, slope)  # the diagonal is positive
 
     def moved(at: _Run, step: Array) -> _Run | None:
         trial = _stepped(at.theta, step, log.form)
