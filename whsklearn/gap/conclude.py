@@ -371,13 +371,14 @@ def candidates(found: Found, diagnosis: Diagnosis, plant: Any, alpha: float) -> 
         for look in sorted(step.looks, key=lambda k: k.p_value):
             if not look.name or look.name in lines:
                 continue
-            status, reason = "ruled_out", _reason(look, fitted.get(look.name), plant, alpha)
+            fit = fitted.get(look.name)
+            status, reason = "ruled_out", _reason(look, fit, plant, alpha)
             if look.name in unseen and look.p_value > alpha:
                 status = "not_testable"
                 reason = f"{100 * SHOWN:.0f} % of the rms {plant.whole} would not show in this record"
             price = look.n_numbers * np.log(step.n_effective)
-            g = fitted[look.name].delta_bic if look.name in fitted else look.gain - price
-            share = plant.gap_share(look, step)
+            g = look.gain - price if fit is None else fit.delta_bic
+            share = plant.gap_share(look if fit is None else replace(look, gain=fit.gain, size=fit.size * plant.scale), step)
             lines[look.name] = CandidateLine(look.name, float(g), share, status, reason, look.p_value)
     for name, line in lines.items():
         if name in named:

@@ -172,7 +172,7 @@ class Search:
             return True
         step = Step(len(found.steps) + 1, left, self.plant.n_effective, looks, fitted, None)
         found.steps.append(step)
-        while (taken := self._chosen(step.fitted, looks)) is not None:
+        while (taken := self._chosen(found.model, step.fitted, looks)) is not None:
             more = [taken]
             if taken.name in names:  # it beat all others twice: the rest of its family need not
                 for grown in self.plant.family(taken.model):
@@ -270,7 +270,7 @@ class Search:
         errors = (self.plant.errors(m) for m in (model, grown))
         return Named(look, grown, next(errors), next(errors), g, float(size / self.plant.scale))
 
-    def _chosen(self, fitted: list[Named], looks: list[Look]) -> Named | None:
+    def _chosen(self, model: Any, fitted: list[Named], looks: list[Look]) -> Named | None:
         """The best sound fit with its rivals; of those that this record cannot distinguish, the most common."""
         sound = [f for f in fitted if not f.reason]
         taken = sound[0] if sound else None
@@ -278,7 +278,7 @@ class Search:
             rivals, same = self.rivals(taken, sound)
             common = next((f for f in sound if f.name in rivals and f.effect.name in taken.effect.commoner), None)
             if common is None:
-                rivals = [*rivals, *self._unsettled(taken, sound), *self._as_good(taken, looks)]
+                rivals = [*rivals, *self._unsettled(taken, sound), *self._as_good(model, taken, looks)]
                 return replace(taken, rivals=list(dict.fromkeys(rivals)), same=same)
             taken = common
         return None
@@ -351,14 +351,23 @@ class Search:
         near = (f for f in sound if meet(f.look, taken.look) and float(f.errors @ f.errors) < most)
         return [f.name for f in near if f.name != taken.name and f.name not in self.plant.aliases(taken.name)]
 
-    def _as_good(self, taken: Named, looks: list[Look]) -> list[str]:
-        """Names that are not significant, but to first order explain no less than the one taken.
+    def _as_good(self, model: Any, taken: Named, looks: list[Look]) -> list[str]:
+        """Names that are not significant, but to first order explain no less than the one taken, nor fitted less well.
 
         Where fitting its shape has multiplied what the one taken explains, theirs would have to gain as much.
         """
         least = max(taken.look.gain - least_lead(self.alpha), WORTH_FITTING * taken.gain)
-        names = [k.name for k in looks if k.name and k.p_value > self.alpha and k.gain >= least and meet(k, taken.look)]
-        return [n for n in dict.fromkeys(names) if n != taken.name and n not in self.plant.aliases(taken.name)]
+        asked = {taken.name, *self.plant.aliases(taken.name)}
+        out = []
+        for k in looks:
+            if not k.name or k.name in asked or k.p_value <= self.alpha or k.gain < least or not meet(k, taken.look):
+                continue
+            asked.add(k.name)
+            other = self._named(model, k, self.plant.refine(model, k))
+            # beside the weight of a slide, to first order, a spring of any stiffness did as well
+            if not self.plant.objection(model, other.model) and not self._told_apart(taken, other):
+                out.append(other.name)
+        return out
 
     # --- is that all, and is each of them needed? -------------------------------------------------
     def _fewer(self, found: Found) -> bool:
@@ -406,7 +415,7 @@ class Search:
             others = {t.name for t in found.taken} - {found.taken[i].name}  # what is there is not added twice
             looks = self.plant.looks(without, self.rng, found.model)
             fitted = [f for f in self.fitted(without, looks) if f.name not in others]
-            best = self._chosen(fitted, looks)
+            best = self._chosen(without, fitted, looks)
             kept = next((f for f in fitted if f.name == found.taken[i].name and not f.reason), None)
             if best is not None and kept is not None and kept.name in best.rivals:
                 best = replace(kept, rivals=[best.name, *(r for r in best.rivals if r != kept.name)], same=best.same)
