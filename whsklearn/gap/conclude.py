@@ -378,7 +378,9 @@ def candidates(found: Found, diagnosis: Diagnosis, plant: Any, alpha: float) -> 
                 reason = f"{100 * SHOWN:.0f} % of the rms {plant.whole} would not show in this record"
             price = look.n_numbers * np.log(step.n_effective)
             g = look.gain - price if fit is None else fit.delta_bic
-            share = plant.gap_share(look if fit is None else replace(look, gain=fit.gain, size=fit.size * plant.scale), step)
+            share = plant.gap_share(
+                look if fit is None else replace(look, gain=fit.gain, size=fit.size * plant.scale), step
+            )
             lines[look.name] = CandidateLine(look.name, float(g), share, status, reason, look.p_value)
     for name, line in lines.items():
         if name in named:

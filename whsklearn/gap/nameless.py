@@ -7,7 +7,7 @@ signals are not those of an axis (`whsklearn.gap.plants.chain_looks`).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from whsklearn.effects import Scales
 from whsklearn.gap.record import Array
 from whsklearn.gap.tangent import Family
 
+ORDERS = range(1, 13)  # of an inertia over a turn: those of the waves below
 HATS = (0.08, 0.03, 0.01)  # of the travel: a stop or a bump at one angle is narrower than any wave up to order 12
 
 
@@ -77,3 +78,22 @@ def bump(columns: Array, **fields: Any) -> Family:
     seen = columns[:, columns.any(axis=0)]
     blocks = [(list(range(seen.shape[1])), seen[:, :, None], 1.0)] if seen.size else []
     return Family("", lambda _: iter(blocks), lambda *_: None, 3, signal="position", **fields)
+
+
+def varying_inertia(motion: Any, behind: Callable[[Array], Array], **fields: Any) -> Family:
+    """An inertia that varies with the angle, as behind a crank, at one whole order: J a + J' v^2 / 2 (Nm).
+
+    It has no name, but an eccentric encoder, a torque ripple and a wave of friction of one order add up to it, and had
+    been named in its place with certainty: to first order they are its coordinate, its gain and its friction.
+
+    ``motion``: position, velocity and acceleration at full rate. ``behind``: what a filter leaves at the samples of the
+    tangent.
+    """
+
+    def block(order: int) -> tuple[list[int], Array, float]:
+        c, s = np.cos(order * motion.position), np.sin(order * motion.position)
+        square = 0.5 * order * motion.velocity**2
+        columns = [behind(c * motion.acceleration - s * square), behind(s * motion.acceleration + c * square)]
+        return [order], np.column_stack(columns)[:, None, :], 1.0
+
+    return Family("", lambda _: map(block, ORDERS), lambda *_: None, 3, **fields)

@@ -33,7 +33,7 @@ from whsklearn.filtering.records import CUTOFF_SIGMA
 from whsklearn.gap import least_squares as ols
 from whsklearn.gap.calibration import N_DRAWS, coloured, gain, independent, null_rows, smoothed_power
 from whsklearn.gap.least_squares import least_squares
-from whsklearn.gap.nameless import nameless
+from whsklearn.gap.nameless import nameless, varying_inertia
 from whsklearn.gap.plants import servo_stop as stop
 from whsklearn.gap.plants import servo_two_mass as two_mass
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, Candidate, usable
@@ -116,7 +116,9 @@ def looks(
         for f, of_place in families(scene, waves)
     ]
     out = [look for _, look in asked]
-    unnamed = nameless(view.scene, scene.angle, scene.speed, (x @ sizes)[view.at])
+    unnamed = [*nameless(view.scene, scene.angle, scene.speed, (x @ sizes)[view.at])]
+    if view.record.units[1] == "rad":
+        unnamed.append(varying_inertia(view.motion, lambda x: view.blur(x)[view.at], signal="position"))
     out += [timed.look(f) for f in unnamed if f.signal == "position" or not waves]
     if not waves and view.age(model) > LATEST * view.scene.dt:  # then the age is not a nuisance but a candidate
         plain = Tangent(left, own.null, numbers, own.n_effective, away)
