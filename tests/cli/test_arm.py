@@ -387,14 +387,15 @@ def test_what_a_stream_of_an_arm_cannot_take_is_told(folder, log, more, said):
     assert "Traceback" not in done.output
 
 
-def test_numbers_of_currents_without_gains_have_no_unit(folder, tmp_path):
+def test_currents_without_gains_ask_for_them(folder, tmp_path):
+    """A column called a current is one, in A, whether or not its name has a unit."""
     out, _ = folder
     log = pd.read_csv(out / "arm.csv").rename(columns=lambda c: c.replace("torque_nm", "current"))
     log.to_csv(tmp_path / "currents.csv", index=False)
     done = run(identify, tmp_path / "currents.csv", "--robot", out / "arm.xml", "--out", tmp_path / "m", "--no-track")
-    assert "share fit none of them" in " ".join(done.output.split())
-    numbers = json.loads((tmp_path / "m" / "identify.json").read_text())["parameters"]
-    assert all(p["unit"] == "" and p["nominal"] is None for p in numbers)
+    assert done.exit_code == 2
+    assert 'is a current in A; give the Nm per A of every joint, --gains "yaw:' in " ".join(done.output.split())
+    assert not (tmp_path / "m").exists()
 
 
 def test_the_columns_of_a_stream_are_found_behind_semicolons_and_decimal_commas(tmp_path):

@@ -49,6 +49,9 @@ LARGE, MILLI = 1.5, 30.0
 FACTORS = np.outer([1.0, -1.0], np.geomspace(1e-3, 1e3, 19)).ravel()
 FURTHEST = 2.0 * FACTORS.max()  # an optimum beyond is that of a joint whose drive had better be left out
 BRAKES = Viscous.name, Coulomb.name
+# Smallest friction, as a share of a joint's drive, whose sign tells that of the drive.  Of an arm without any, filters
+# leave a ten-thousandth of either sign (the example of `whsklearn.identification.Payload`).
+SOME_FRICTION = 0.004
 
 
 def enough_rows(rows: ArmRows) -> None:
@@ -419,11 +422,15 @@ def _of(rows: ArmRows, factors: Array, joint: int) -> Scale:
 
 
 def _driven_by_friction(rows: ArmRows) -> list[int]:
-    """Joints to whose motion friction surely adds power."""
+    """Joints to whose motion friction, `SOME_FRICTION` of the drive or more, surely adds power."""
     arm, names, speed = rows.lags.arm_, rows.lags.base_.names, rows.blur(rows.moved.velocity)
-    power = np.einsum("tjp,tj->jp", np.where(rows.keep[:, :, None], rows.phi, 0.0), speed)
-    power *= np.array([[name in {f"{joint}.{e}" for e in BRAKES} for name in names] for joint in arm.joints])
-    asked = power @ fitted(rows.phi, rows.target, rows.keep, rows.weights)[0] < 0.0
+    brakes = np.array([[name in {f"{joint}.{e}" for e in BRAKES} for name in names] for joint in arm.joints])
+    phi = np.where(rows.keep[:, :, None], rows.phi, 0.0)
+    power = np.einsum("tjp,tj->jp", phi, speed) * brakes
+    theta = fitted(rows.phi, rows.target, rows.keep, rows.weights)[0]
+    friction = np.linalg.norm(np.einsum("tjp,jp,p->tj", phi, brakes, theta), axis=0)
+    whole = np.linalg.norm(np.where(rows.keep, rows.target, 0.0), axis=0)
+    asked = (power @ theta < 0.0) & (friction > SOME_FRICTION * whole)
     if not asked.any():
         return []
     theta, covariance = with_blocks(rows, rows.weights)
