@@ -398,6 +398,17 @@ def test_currents_without_gains_ask_for_them(folder, tmp_path):
     assert not (tmp_path / "m").exists()
 
 
+def test_numbers_of_what_may_be_currents_have_no_unit(folder, tmp_path):
+    """A column called `i` may be in amperes or not, so nothing is refused, and nothing is in Nm."""
+    out, _ = folder
+    log = pd.read_csv(out / "arm.csv").rename(columns=lambda c: c.replace("torque_nm", "i"))
+    log.to_csv(tmp_path / "currents.csv", index=False)
+    done = run(identify, tmp_path / "currents.csv", "--robot", out / "arm.xml", "--out", tmp_path / "m", "--no-track")
+    assert "share fit none of them" in " ".join(done.output.split())
+    numbers = json.loads((tmp_path / "m" / "identify.json").read_text())["parameters"]
+    assert all(p["unit"] == "" and p["nominal"] is None for p in numbers)
+
+
 def test_the_columns_of_a_stream_are_found_behind_semicolons_and_decimal_commas(tmp_path):
     save_model(ArmModel(Arm.from_dh([(0, 0, 0, 0)], inertial=[[0.0] * 9 + [0.05]]), {}, dt=0.01), tmp_path / "m.json")
     rows = "\n".join(f"{2 * k};0,{k % 10};1,5" for k in range(20))

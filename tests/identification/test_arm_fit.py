@@ -15,7 +15,6 @@ from whsklearn.effects import Cogging, Coulomb, InputOffset, LoadFriction, Presl
 from whsklearn.filtering import motion
 from whsklearn.identification import identify_arm
 from whsklearn.identification.arm_fit import nominal_numbers, reversals_of, unsure
-from whsklearn.identification.joint_least_squares import block_covariance
 from whsklearn.lags import RigidBodyLags
 from whsklearn.lags.arm_rows import records_of
 from whsklearn.systems import Arm
@@ -109,23 +108,6 @@ def test_what_the_law_lacks_is_no_slow_reversal(law, hidden):
     )
     joint = next(iter(hidden))
     assert found.get(joint, (0.0, 0.0)) == (pytest.approx(0.0, abs=0.03), pytest.approx(0.0, abs=0.003))
-
-
-def test_intervals_hold_the_spread_of_numbers_whose_errors_last():
-    rng = np.random.default_rng(0)
-    x = rng.standard_normal((2000, 2))
-    x[:, 1] = np.repeat(rng.standard_normal(40), 50)  # slow, as the errors are
-    found, wide = [], []
-    for _ in range(40):
-        error = np.repeat(rng.standard_normal(40), 50)
-        theta = np.linalg.lstsq(x, error, rcond=None)[0]
-        left = error - x @ theta
-        white = left @ left / 1998 * np.linalg.inv(x.T @ x)
-        found.append(theta)
-        wide.append(np.sqrt(np.diag(block_covariance(x, left, np.arange(2000) // 100, white))))
-        assert np.all(wide[-1] >= 0.999 * np.sqrt(np.diag(white)))
-    assert np.std(found, axis=0)[1] > 5.0 * np.sqrt(white[1, 1])  # as white they would be far too sure
-    np.testing.assert_allclose(np.mean(wide, axis=0), np.std(found, axis=0), rtol=0.4)
 
 
 def test_nothing_is_nominal_where_the_file_names_no_mass(found):

@@ -16,7 +16,7 @@ from whsklearn.effects import Scales
 from whsklearn.gap.record import Array
 from whsklearn.gap.tangent import Family
 
-ORDERS = range(1, 13)  # of an inertia over a turn: those of the waves below
+ORDERS = range(1, 13)  # of waves over a turn, and of an inertia that varies with the angle
 HATS = (0.08, 0.03, 0.01)  # of the travel: a stop or a bump at one angle is narrower than any wave up to order 12
 
 
@@ -30,7 +30,7 @@ def generic_basis(scene: Scales, angle: Array, v: Array, u: Array) -> list[tuple
     v, u = v / (2 * scene.speed), u / (2 * scene.torque)
     s = np.sign(v)
     powers = [q, v, u, q * v, q * q, v * v, q**3, v**3, q * q * v, q * v * v, s, s * q, s * v, s * q * q, q * u]
-    waves = [f(k * angle) for k in range(1, 13) for f in (np.sin, np.cos)]
+    waves = [f(k * angle) for k in ORDERS for f in (np.sin, np.cos)]
     return [
         ("", np.column_stack(powers)),
         ("velocity", np.column_stack([np.exp(-0.5 * ((v - c) / 0.12) ** 2) for c in np.linspace(-1, 1, 16)])),
