@@ -73,7 +73,7 @@ def test_a_free_run_that_leaves_more_than_it_explains_is_told(model):
     with pytest.warns(UserWarning, match=r"free run of this fit leaves [89]\d.* of the variance of its own record"):
         model.fit(u[:, None], y)
     with warnings.catch_warnings():
-        warnings.simplefilter("error")
+        warnings.filterwarnings("error", "The free run of this fit leaves .*noise that L2 carries on")
         clone(model).fit(u[:, None], y - 0.95 * lfilter([1.0], [1.0, -0.5], noise))
 
 
@@ -254,3 +254,33 @@ def test_a_law_whose_velocity_is_of_another_scale_than_the_record_is_told_as_suc
         warnings.simplefilter("error")
         told = fitted(scale * X, scale * y, [Viscous(), Coulomb(), ReducedStribeck(velocity=scale)])
     assert nmse(y, told.predict(scale * X) / scale) < 1.1 * nmse(y, fitted(X, y).predict(X))
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_chain_whose_free_run_a_linear_filter_beats_is_told_with_the_fit_that_helps(seed):
+    rng = np.random.default_rng(seed)
+    u = rng.standard_normal((3000, 1))
+    resonance = np.poly(0.95 * np.exp([0.3j, -0.3j])).real
+    clean = lfilter([0.0, 1.0], resonance, np.tanh(lfilter([0.0, 1.0], [1.0, -0.5], u[:, 0])))
+    y = clean / clean.std() + 0.1 * rng.standard_normal(3000)
+    lags = WienerHammersteinLags(1, 1, 1, 2, law="polynomial")
+    with pytest.warns(UserWarning, match=r"free run of this fit leaves .* a linear filter only .*'simulation'"):
+        left = nmse(clean / clean.std(), RMILSRegressor(lags, random_state=0).fit(u, y).predict(u))
+    advised = PEMRegressor(lags, criterion="simulation").fit(u, y)
+    assert nmse(clean / clean.std(), advised.predict(u)) < 0.1 * left
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("at_output", [True, False])
+def test_noise_of_the_output_is_told_and_noise_within_the_second_block_is_not(seed, at_output):
+    rng = np.random.default_rng(seed)
+    u, white = rng.standard_normal((2, 3000))
+    x = lfilter([0.0, 1.0, 0.5], [1.0, -0.8, 0.3], u)
+    y = lfilter([0.0, 1.0, 0.3], [1.0, -1.2, 0.5], x + 0.3 * x**3)
+    noise = white if at_output else lfilter([1.0], [1.0, -1.2, 0.5], white)
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        fitted(u[:, None], y + 0.05 * np.std(y) / np.std(noise) * noise, "polynomial")
+    assert [str(w.message)[:60] for w in said if "follows its own past" in str(w.message)] == [
+        "What this chain leaves one step ahead follows its own past (" for _ in range(at_output)
+    ]

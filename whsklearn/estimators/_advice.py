@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from whsklearn.effects.base import Array, Bools, Integers
@@ -9,7 +11,7 @@ from whsklearn.effects.law import FrictionLaw
 from whsklearn.effects.rows import law_values
 from whsklearn.logs.mend import turn_in
 from whsklearn.recursion.memory.blocks import KNOWN, first_block
-from whsklearn.recursion.memory.starts import lagged
+from whsklearn.recursion.memory.starts import lagged, solved
 from whsklearn.recursion.rows.predictor import Law
 
 # The past explains nothing of the residual of a static system in white noise, except by chance: a share of 6/n, or 10 %
@@ -36,6 +38,12 @@ TOLD_BY_INPUT, BY_CHANCE = 0.03, 5.0
 LEAST_TOLD = 1e-4  # of the output's variance; without noise, all that is left of a right model follows the input
 FUNCTIONS = (np.positive, np.abs, np.square, np.sign, lambda v: np.clip(v, -4.0, 4.0) ** 3)  # of x and of dx
 MOST_LEFT = 0.5  # of the variance of the record: above it the free run leaves more than it explains
+# Of what a linear filter of this many taps leaves: a free run that leaves more is no chain of this record.  Sound fits
+# of 84 records leave 1.02 times as much at most, those of linear systems (tests/estimators/test_advice.py).
+WORSE_THAN_LINEAR, LINEAR_TAPS = 1.5, 64
+# Of the one-step error, explained by its own last three values: noise that passes L2's denominator leaves 0.01 at most
+# (20 records), noise of the output 0.01 to 0.4 (20 records; tests/estimators/test_advice.py).
+TOLD_BY_OWN = 0.03
 LOOSE = 100.0  # of P0 times the squares of a column: its weight is then a hundredth off, by the start alone
 LATEST, UNSETTLED = 20_000, 300  # samples that are looked at; those at their start, where the state is not known
 FEWEST_ROWS = 10  # per parameter; below this a fit follows the noise
@@ -116,14 +124,23 @@ def told_by_past(u: Array, y: Array, restart: Bools) -> float:
     return float(explained @ explained) / max(float(left[late] @ left[late]), 1e-300)
 
 
-def of_the_law(theta: Array, law: FrictionLaw, dims: Integers, X: Array, y: Array, restart: Bools) -> str | None:
+class OneStep(NamedTuple):
+    """Shares of the one-step error: what functions of the input explain behind its own past, what that explains, and
+    what either may explain by chance.
+    """
+
+    by_input: float
+    by_own: float
+    chance: float
+
+
+def of_the_law(told: OneStep, theta: Array, law: FrictionLaw, dims: Integers, X: Array, restart: Bools) -> str | None:
     """The warning for a chain whose one-step error follows its input, as where its law is not that of the record.
 
     ``theta``: natural parameters.
     """
-    kernel = dims, law.codes, law.shapes
-    share, chance = told_by_input(theta, kernel, X[-LATEST:], y[-LATEST:], restart[-LATEST:])
-    if share <= max(TOLD_BY_INPUT, BY_CHANCE * chance):
+    share = told.by_input
+    if share <= max(TOLD_BY_INPUT, BY_CHANCE * told.chance):
         return None
     if (alike := _out_of_scale(theta, law, dims, X[-LATEST:], restart[-LATEST:])) is not None:
         return alike
@@ -155,14 +172,15 @@ def _out_of_scale(theta: Array, law: FrictionLaw, dims: Integers, X: Array, rest
     )
 
 
-def told_by_input(theta: Array, law: Law, u: Array, y: Array, restart: Bools) -> tuple[float, float]:
-    """Share of the one-step error that u, x, dx and their powers explain behind its own past, and that by chance.
+def one_step(theta: Array, law: Law, u: Array, y: Array, restart: Bools) -> OneStep:
+    """What u, x, dx and their powers explain of the latest one-step errors; zeros if there are too few.
 
-    Noise of the output makes the error of a right model follow its own past, and nothing else.  0 if too short.
+    Noise of the output makes the error of a right model follow its own past, and nothing else.
     """
+    u, y, restart = u[-LATEST:], y[-LATEST:], restart[-LATEST:]
     skipped = min(UNSETTLED, len(y) // 10)
     if len(y) < FEWEST_FOR_A_CONSTANT:
-        return 0.0, 0.0
+        return OneStep(0.0, 0.0, 0.0)
     dims, codes, shapes = law
     na, nb, nc, nd, nw = (int(d) for d in dims)
     _, w, c, d = np.split(theta, np.cumsum([na - 1 + nb, nw, nc - 1]))
@@ -174,12 +192,23 @@ def told_by_input(theta: Array, law: Law, u: Array, y: Array, restart: Bools) ->
     error, own = error[skipped:], rows[:, -PAST:]
     rows = np.column_stack([rows, np.ones(len(rows))])
     if not np.isfinite(rows).all():
-        return 0.0, 0.0
+        return OneStep(0.0, 0.0, 0.0)
     left = [float(np.sum((error - r @ np.linalg.lstsq(r, error, rcond=1e-10)[0]) ** 2)) / (len(error) - r.shape[1])
             for r in (own, rows)]  # fmt: skip
-    if left[0] - left[1] <= LEAST_TOLD * float(np.var(y)):
-        return 0.0, 0.0
-    return (left[0] - left[1]) / float(np.mean(error**2)), float(np.sqrt(2.0 * rows.shape[1])) / len(error)
+    size = max(float(np.mean(error**2)), 1e-300)
+    by_input = (left[0] - left[1]) / size if left[0] - left[1] > LEAST_TOLD * float(np.var(y)) else 0.0
+    return OneStep(by_input, 1.0 - left[0] / size, float(np.sqrt(2.0 * rows.shape[1])) / len(error))
+
+
+def linear_share(X: Array, y: Array, restart: Bools) -> float:
+    """Share of the variance of the latest samples that a linear filter leaves, each of its taps counted as one."""
+    X, y, restart = X[-LATEST:], y[-LATEST:], restart[-LATEST:]
+    skipped, taps = min(UNSETTLED, len(y) // 10), min(LINEAR_TAPS, len(y) // (2 * FEWEST_ROWS * X.shape[1]))
+    past = lagged(np.ascontiguousarray(X.T), y, restart, taps, 0)
+    rows = np.column_stack([np.ones(len(y)), X, past])[skipped:]
+    known = y[skipped:]
+    error = known - rows @ solved(rows, known)
+    return float(error @ error) / max(len(error) - rows.shape[1], 1) / max(float(np.var(known)), 1e-300)
 
 
 def of_scale(X: Array, y: Array) -> str | None:
@@ -252,6 +281,29 @@ def _inseparable(names: list[str], covariance: Array, errors: Array) -> tuple[st
     alike = np.abs(np.divide(covariance, size, out=np.zeros_like(size), where=size > 0.0)) > INSEPARABLE
     pairs = np.argwhere(np.triu(alike, 1))
     return (names[pairs[0][0]], names[pairs[0][1]]) if len(pairs) else None
+
+
+def of_a_linear_filter(share: float, X: Array, y: Array, restart: Bools) -> str | None:
+    """The warning for a free run that leaves this share of the variance where a linear filter leaves less."""
+    if share <= LEAST_TOLD or not share > WORSE_THAN_LINEAR * (linear := linear_share(X, y, restart)):
+        return None
+    return (
+        f"The free run of this fit leaves {100 * min(share, 1e4):.3g} % of the variance of its own record, and a "
+        f"linear filter only {100 * linear:.3g} %: noise at the output and not within L2, or orders or a law that are "
+        "not those of the record; take PEMRegressor(criterion='simulation') or StreamingPEMRegressor, which fit the "
+        "free run."
+    )
+
+
+def of_noise_at_the_output(told: OneStep, share: float) -> str | None:
+    """The warning for a one-step error that follows its own past, so that the one-step criterion is biased."""
+    if not told.by_own > max(TOLD_BY_OWN, BY_CHANCE * told.chance) or not share > LEAST_TOLD:
+        return None
+    return (
+        f"What this chain leaves one step ahead follows its own past ({100 * told.by_own:.2g} % of it), as where noise "
+        "is added to the output: the parameters are then off by more than their errors say; compare "
+        "PEMRegressor(criterion='simulation') or StreamingPEMRegressor, which fit the free run."
+    )
 
 
 def of_a_weak_run(share: float) -> str | None:

@@ -239,11 +239,16 @@ class AxisRegressor(RegressorMixin, CheckedModel):
         if fold_of_a_search() is not None or _advice.of_a_constant(s.law, X, y) is not None:
             return
         natural = self._running()[0]
-        missed = _advice.of_the_law(natural, s.law, s.dims, X, y, restart)
+        told = _advice.one_step(natural, (s.dims, s.law.codes, s.law.shapes), X, y, restart)
         settled = slice(min(_advice.UNSETTLED, len(y) // 10), None)
         error = (y - _finite(wh.free_run(natural, s, X, restart)))[settled]
         share = float(np.mean(error**2)) / max(float(np.var(y[settled])), 1e-300)
-        warn(missed or (_advice.of_a_weak_run(share) if len(y) > natural.size else None))
+        warn(
+            _advice.of_the_law(told, natural, s.law, s.dims, X, restart)
+            or _advice.of_a_linear_filter(share, X, y, restart)
+            or (_advice.of_a_weak_run(share) if len(y) > natural.size else None)
+            or _advice.of_noise_at_the_output(told, share)
+        )
 
     def _running(self) -> tuple[Array, wh.Structure]:
         """The running estimate of the natural parameters, with signs in doubt left unresolved, and the structure."""
