@@ -219,13 +219,12 @@ def cogged(seed, size):
     return view(log["torque_nm"], log["position_rad"], 0.002, "position")
 
 
-@pytest.mark.parametrize("size", [0.03, 0.1])
-def test_the_truth_is_in_the_intervals_where_cogging_is_missing(size):
+def test_the_truth_is_in_the_intervals_where_cogging_is_missing():
     """95 % nominal; of 20 seeds 17 at least, which a coverage of 95 % misses in one of 60 such tests."""
     truth = {"inertia": 0.05, "viscous": 0.12, "coulomb": 0.3}
     held = dict.fromkeys(truth, 0)
     for seed in range(20):
-        record = cogged(seed, size)
+        record = cogged(seed, size=(0.03, 0.1)[seed % 2])
         model = fit_rigid_axis(record)
         assert not white(residual(model, record), record)
         for name, value in truth.items():

@@ -137,7 +137,7 @@ def test_all_segments_of_a_record_with_holes_are_used(axis_record):
     assert found.train.logged == "position"
     assert found.rows_used == f"{kept.sum() - 20} of {kept.sum()} in 4 segments"  # 20 between two are too few
     assert isinstance(found.model, AxisModel), found.reason
-    whole = identify(u, y, dt=0.005).model
+    whole = fit_rigid_axis(view(u, y, 0.005, "position"))
     for name, true in (("inertia", 0.05), ("coulomb", 0.3)):
         assert found.model.parameters[name] == pytest.approx(true, rel=0.02)
         assert found.model.standard_errors[name] < 1.5 * whole.standard_errors[name]  # 95 % of its samples

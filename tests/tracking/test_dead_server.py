@@ -37,6 +37,9 @@ def endings(server, cases, folder):
         own = folder / f"{name} {how}"
         own.mkdir()
         material(own, duration=5.0, axes=1, rate=250.0)
+        if name == "identify":  # too short for the fit of a chain, which is two thirds of the command
+            log = (own / "axis.csv").read_text().splitlines(keepends=True)
+            (own / "axis.csv").write_text("".join(log[:281]))
         door = Door(server, how, AT.get(name, AT_RUN))
         try:
             return death(name, door, own)
@@ -48,7 +51,7 @@ def endings(server, cases, folder):
 
 
 def test_on_a_server_that_lives_every_run_is_finished(server, tmp_path):
-    found = endings(server, [("gap", "alive"), ("fleet", "alive")], tmp_path)
+    found = endings(server, [("fleet", "alive")], tmp_path)  # a run with children
     assert {case: e.faults("alive") for case, e in found.items() if e.faults("alive")} == {}
     with sqlite3.connect(server.store) as database:
         runs = database.execute("select status from runs").fetchall()
@@ -56,11 +59,12 @@ def test_on_a_server_that_lives_every_run_is_finished(server, tmp_path):
 
 
 def test_every_command_outlives_its_server(server, tmp_path, monkeypatch):
-    monkeypatch.setitem(COMMANDS, "tune", ["tune", "--samples", "600", "--p", "1,4"])  # of the benchmark, but shorter
-    # every command loses its server once, and every way of losing it is met; each takes a process of ten seconds
+    monkeypatch.setitem(COMMANDS, "tune", ["tune", "--samples", "300", "--p", "1"])  # of the benchmark, but shorter
+    # every command loses its server once, and every way of losing it is met; each takes a process of seconds.  `demo`
+    # is two of them in turn, at full length: what it hands on is in tests/cli/test_demo.py
     cases = [("gap", "stopped, then SIGTERM"), ("identify", "killed"), ("fleet", "slow"), ("tune", "stopped")]
-    cases += [("demo", "stopped"), ("ui", "stopped, then SIGTERM"), ("compare", "killed"), ("stream", "killed")]
-    assert {name for name, _ in cases} >= set(COMMANDS)
+    cases += [("ui", "stopped, then SIGTERM"), ("compare", "killed"), ("stream", "killed")]
+    assert {name for name, _ in cases} >= set(COMMANDS) - {"demo"}
     assert {how for _, how in cases} == set(DEATHS)
     found = endings(server, cases, tmp_path)
     wrong = {case: (f, e.said) for case, e in found.items() if (f := e.faults(case[1]))}
