@@ -271,6 +271,7 @@ def test_gap_tests_the_repaired_arm_on_a_second_log_and_refuses_the_first(folder
 
 def test_gap_finds_gains_by_a_load_and_a_load_by_an_identified_model(folder):
     out, _ = folder
+    one = ["--max-effects", "1", "--no-track"]
     place = (0.1, 0.0, 0.05)
     heavy = default_arm().with_body("pitch", 0.8, place)
     for name, arm in (("empty", default_arm()), ("loaded", heavy)):
@@ -280,17 +281,17 @@ def test_gap_finds_gains_by_a_load_and_a_load_by_an_identified_model(folder):
         amperes.to_csv(out / f"{name}_a.csv", index=False)
         log.to_csv(out / f"{name}.csv", index=False)
     known = ["--load", "0.8:0.1,0,0.05", "--loaded", out / "loaded_a.csv"]
-    done = run(gap, out / "empty_a.csv", "--robot", out / "arm.xml", *known, "--report", out / "by_load", "--no-track")
+    done = run(gap, out / "empty_a.csv", "--robot", out / "arm.xml", *known, "--report", out / "by_load", *one)
     assert done.exit_code == 0, done.output
     gains = gains_of(re.search(r"known load: (\S+)", done.output)[1])
     assert gains["pitch"][0] == pytest.approx(5.0, rel=0.03)
     model = out / "model" / "model.json"
-    done = run(gap, out / "loaded.csv", "--robot", model, "--report", out / "load", "--no-track")
+    done = run(gap, out / "loaded.csv", "--robot", model, "--report", out / "load", *one)
     assert done.exit_code == 0, done.output
     found = json.loads((out / "load" / "gap.json").read_text())["effects"][0]
     assert (found["name"], found["joint"]) == ("payload", "pitch")
     assert abs(found["parameters"]["mass_kg"] - 0.8) < 3 * found["standard_errors"]["mass_kg"] < 0.05
-    unknown = ["--loaded", out / "loaded.csv", "--report", out / "pair", "--no-track"]
+    unknown = ["--loaded", out / "loaded.csv", "--report", out / "pair", *one]
     done = run(gap, out / "empty.csv", "--robot", out / "arm.xml", *unknown)
     assert done.exit_code == 0, done.output
     pair = json.loads((out / "pair" / "gap.json").read_text())["effects"][0]

@@ -143,7 +143,7 @@ def test_a_range_struck_at_both_ends_is_named_and_written(record, tmp_path):
     low, high = -0.3, 0.9
     limited = XML.format(joint=f'limited="true" range="{low:.4f} {high:.4f}" solreflimit="0.02 1"')
     log = read_by_an_encoder(MuJoCoSimulator(limited, joint="axis"), record)
-    finder = GapFinder(MuJoCoSimulator(XML.format(joint=""), joint="axis")).fit(log)
+    finder = GapFinder(MuJoCoSimulator(XML.format(joint=""), joint="axis"), max_effects=1).fit(log)
     assert finder.effects_[0].name == "end_stop"
     assert finder.effects_[0].effect.ends == pytest.approx((low, high), abs=0.01 * np.ptp(log.position))
     assert "range=" in finder.model_.write(tmp_path / "repaired.xml").read_text()
