@@ -172,6 +172,21 @@ def test_an_operation_is_compiled_once_for_kernels_and_parts_alike(tmp_path, mon
     assert len(made) == 3, made
 
 
+@part
+def _scaled(x, i):
+    return x * (i + 1)
+
+
+def _scaled_twice(x, i):
+    return _scaled(x, 0) + _scaled(x, i)
+
+
+def test_a_part_is_compiled_once_for_a_literal_and_a_variable(tmp_path, monkeypatch):
+    monkeypatch.setattr(_numba._settings, "CACHE_DIR", str(tmp_path))
+    assert _numba.njit(_scaled_twice)(2.0, 3) == 10.0
+    assert len(_scaled._linked.overloads) == 1
+
+
 def test_loops_of_a_short_kernel_are_left_as_written(tmp_path, monkeypatch):
     monkeypatch.setattr(_numba._settings, "CACHE_DIR", str(tmp_path))
 

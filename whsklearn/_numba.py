@@ -283,6 +283,11 @@ class KernelPart:
         self._linked = _declare(pipeline_class=LINKED, no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)(
             function
         )
+        # The literal 0 has a type of its own, for which all that a caller hands it on to would be compiled once more
+        template, plain = self._linked.get_call_template, numba.types.unliteral
+        self._linked.get_call_template = lambda args, kws: template(
+            tuple(map(plain, args)), {name: plain(kind) for name, kind in kws.items()}
+        )
 
     @property
     def _numba_type_(self) -> Any:

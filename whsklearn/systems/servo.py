@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.utils import Bunch
 
-from whsklearn.effects import Coulomb, Effect, FrictionLaw, Viscous, as_law
+from whsklearn.effects import Coulomb, Effect, FrictionLaw, Viscous, as_law, codes
 from whsklearn.systems import _servo_kernel as kernel
-from whsklearn.systems._servo_kernel import AxisNumbers, chain_of, plant_of
+from whsklearn.systems._servo_kernel import DELAY, AxisNumbers, plant_of
 from whsklearn.systems.servo_parts import Drive, PIDController, Sensor, Transmission
 
 if TYPE_CHECKING:
@@ -488,7 +488,7 @@ def pack(axis: ServoAxis) -> AxisNumbers:
     Raises ValueError if the drive would act early, or a user-defined effect cannot be simulated.
     """
     plant = plant_of([e for e in (*axis.law.terms, *axis.effects) if e.magnitude != e.neutral], parts_of(axis))
-    delay = chain_of(plant).delay
+    delay = plant.parts[DELAY] + plant.p[plant.codes == codes.INPUT_DELAY, 0].sum()  # as in `chain_of`
     if delay < 0:
         raise ValueError(f"The drive's delay is {delay} s, expected zero or more; the drive cannot act early.")
     return plant
