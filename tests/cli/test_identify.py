@@ -161,7 +161,7 @@ def test_logs_that_make_no_one_identification_are_refused(tmp_path, second, told
 
 
 def test_a_clipped_drive_is_told_where_something_is_missing(tmp_path):
-    u = np.random.default_rng(0).normal(size=(60, 1)).repeat(20, axis=1).ravel() + 0.3 * np.sin(np.arange(1200.0))
+    u = np.random.default_rng(0).normal(size=(14, 1)).repeat(20, axis=1).ravel() + 0.3 * np.sin(np.arange(280.0))
     y = lfilter([0.0, 0.05], [1.0, -0.95], u)
     for name, logged in (("clipped", np.clip(u, -0.8, 0.8)), ("whole", u)):
         pd.DataFrame({"u": logged, "y": y}).to_csv(tmp_path / "log.csv", index=False)

@@ -17,6 +17,7 @@ def test_comparison_is_printed_and_recorded(mlflow_root, monkeypatch):
     import mlflow
 
     monkeypatch.setattr(comparison, "MOST_OF_A_PATH", 4)  # each point of a path is a fit of a tenth of a second
+    monkeypatch.setattr(comparison, "WARM_UP", 60)  # with all samples, every model would be fitted twice
     done = run("--samples", 300, "--seed", 1)
     assert done.exit_code == 0, done.output
     assert (
