@@ -248,7 +248,7 @@ def read_columns(
     units = {r: _unit(r, c, read[c], source, given) for r, c in columns.items()}
     found = [Finding("LOG017", "info", text) for text in source.notes]
     values = {r: read[c].values if r == "time" else _floats(read[c].values, c, source.name) for r, c in columns.items()}
-    stamps = None
+    doubtful = "time" in columns and units["time"] == UNKNOWN and written_unit(columns["time"]) != ""
     if "time" in columns:
         if units["time"] == "counts":
             raise ColumnError(
@@ -258,17 +258,12 @@ def read_columns(
         clock, more = to_seconds(values.pop("time"), units["time"], columns["time"])
         found += more
         clock, values = _in_turn(clock, values, columns, found)
+        units["time"] = "s"
     else:
         values, stamps = _one_clock(columns, read, values, found)
-        n = len(next(iter(values.values())))
-        sample_rate = sample_rate or source.sample_rate
-        if stamps is not None:
-            clock = stamps - stamps[0] if stamps.size else stamps
-            sample_rate = 1.0
-        else:
-            clock = np.arange(n) / (sample_rate or 1.0)
-    doubtful = "time" in columns and units["time"] == UNKNOWN and written_unit(columns["time"]) != ""
-    units["time"] = "s" if "time" in columns or sample_rate else "samples"
+        rate = sample_rate or source.sample_rate
+        clock = np.arange(len(next(iter(values.values())))) / (rate or 1.0) if stamps is None else stamps - stamps[:1]
+        units["time"] = "samples" if stamps is None and not rate else "s"
     if units["time"] == "samples":
         told = (
             "Neither a time column nor a sample rate is given: time counts samples, and rates are per sample. --time "
@@ -281,38 +276,56 @@ def read_columns(
         raise LogError(f"The columns of {source.name} differ in length ({told} rows); give columns of one table.")
     if len(clock) < FEWEST:
         raise LogError(f"{source.name} has {len(clock)} rows; a log needs at least {FEWEST}.")
-    for role, column in columns.items():
-        if role != "time":
-            mend.too_small(role, column, values[role])
-        if role == "position" and units[role] == "counts":
-            text = (
-                f"Column {column!r} is in counts, and so are the results; --unit {role}=counts/4096 states the counts "
-            )
-            found.append(Finding("LOG019", "info", text + "of a turn and gives rad."))
-        if role == "position" and units[role] == UNKNOWN and mend.counted(values[role]):
+    if doubtful:
+        found.append(Finding("LOG019", "info", _not_known("time", columns["time"])))
+    for role, signal in values.items():
+        mend.too_small(role, columns[role], signal)
+        if role == "position" and units[role] == UNKNOWN and mend.counted(signal):
             units[role] = "counts"
-            told = f"Column {column!r} has whole numbers only; it is taken to be in counts. --unit {role}=UNIT states "
-            told += "another unit, or the counts of a turn: counts/4096."
-        elif units[role] == UNKNOWN and (known := drive_unit(column)):
-            units[role] = known
-            told = (
-                f"Column {column!r} is taken to be in {known}, as an ODrive logs it (before firmware 0.5, in counts). "
-            )
-            told += f"--unit {role}=UNIT states another unit."
-        elif units[role] == UNKNOWN or (role == "time" and doubtful):
-            told = f"The unit of {role}, column {column!r}, is not known; --unit {role}=UNIT states it."
-        elif role != "time" and not is_known(units[role]):
-            told = f"Column {column!r} states the unit {units[role]!r}, which is not known: results are in it, not in "
-            told += f"SI. --unit {role}=UNIT states another unit."
-        else:
-            continue
-        found.append(Finding("LOG019", "info", told))
+            told = f"Column {columns[role]!r} has whole numbers only; it is taken to be in counts. --unit {role}=UNIT "
+            found.append(Finding("LOG019", "info", told + "states another unit, or the counts of a turn: counts/4096."))
+        elif told := _of_unit(role, columns[role], units):
+            found.append(Finding("LOG019", "info", told))
+    return _Table(
+        time=clock,
+        signals=values,
+        columns=dict(columns),
+        units=units,
+        findings=found + _restated(source, columns, given),
+    )
+
+
+def _not_known(role: str, column: str) -> str:
+    return f"The unit of {role}, column {column!r}, is not known; --unit {role}=UNIT states it."
+
+
+def _of_unit(role: str, column: str, units: dict[str, str]) -> str:
+    """What is doubtful in the unit of a signal, empty if nothing is; the drive of an ODrive gets its own."""
+    unit = units[role]
+    if role == "position" and unit == "counts":
+        told = f"Column {column!r} is in counts, and so are the results; --unit {role}=counts/4096 states the counts "
+        return told + "of a turn and gives rad."
+    if unit == UNKNOWN and (known := drive_unit(column)):
+        units[role] = known
+        told = f"Column {column!r} is taken to be in {known}, as an ODrive logs it (before firmware 0.5, in counts). "
+        return told + f"--unit {role}=UNIT states another unit."
+    if unit == UNKNOWN:
+        return _not_known(role, column)
+    if is_known(unit):
+        return ""
+    told = f"Column {column!r} states the unit {unit!r}, which is not known: results are in it, not in "
+    return told + f"SI. --unit {role}=UNIT states another unit."
+
+
+def _restated(source: Source, columns: Mapping[str, str], given: Mapping[str, str]) -> list[Finding]:
+    """Units that were given where the file states others."""
+    found = []
     for role in given.keys() & columns.keys():
         own = unit_in(source.units.get(columns[role], ""), columns[role], role)
         if is_known(own) and own != "counts" and factor_of(own) != factor_of(given[role]):
             told = f"Column {columns[role]!r} states {own}, and {given[role]} was given for {role}: that is used."
             found.append(Finding("LOG017", "info", told))
-    return _Table(time=clock, signals=values, columns=dict(columns), units=units, findings=found)
+    return found
 
 
 def _in_turn(
