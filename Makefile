@@ -1,6 +1,6 @@
 # Every target sets itself up: a virtual environment in .venv, the package in it, and nothing else.
-# Needed on the machine: python 3.11 or newer, with pip or ensurepip. Once set up, only the targets that build further
-# environments (test-lowest, wheel, clean-room, bench) need a network.
+# Needed on the machine: python 3.11 or newer, with pip or ensurepip. Once set up (the demo sets up its part of it), only
+# the targets that build further environments (test-lowest, wheel, clean-room, bench) need a network.
 
 VENV   := .venv
 PYTHON := $(shell for p in python3 python3.14 python3.13 python3.12 python3.11 python; do \
