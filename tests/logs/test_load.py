@@ -148,6 +148,18 @@ def test_repeated_rows_are_found_and_a_rest_is_not():
     assert "LOG006" not in idle.codes
 
 
+@pytest.mark.parametrize(("polls", "told"), [(1, False), (2, True)])
+def test_rows_that_are_equal_by_chance_do_not_tell_of_polling(polls, told):
+    """An axis that rests a third of the time, behind a coarse encoder and a current in steps of its noise."""
+    t = np.arange(6000) / 200.0
+    path = np.interp(t, np.arange(31), np.repeat([0.0, 0.3, -0.4, 0.5, 0.1, -0.2, 0.4, -0.1], 4)[:31])
+    position = np.round(path / 2e-4) * 2e-4
+    current = np.round((np.gradient(path, t) + 0.004 * np.random.default_rng(0).standard_normal(t.size)) / 4e-3) * 4e-3
+    held = np.arange(t.size) // polls * polls
+    codes = check_log(t, {"drive": current[held], "position": position[held]}).codes
+    assert ("LOG006" in codes) is told
+
+
 def test_what_the_library_simulates_is_a_clean_log():
     for frame in (load_turntable(), make_servo_log(reference="staircase", duration=10.0, resolution=1e-4)):
         signals = {"drive": frame["torque_nm"].to_numpy(), "position": frame["position_rad"].to_numpy()}

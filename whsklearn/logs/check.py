@@ -144,13 +144,20 @@ def _repeats(signals: dict[str, Array]) -> list[Finding]:
     same &= ~((table == table.max(axis=0)) | (table == table.min(axis=0))).any(axis=1)  # a limit, a turning point
     starts, ends = runs(same)
     lengths = ends - starts
-    short = lengths <= 20  # longer runs are an axis at rest
-    if table.shape[1] < 2 or lengths[short].sum() < max(3, 1e-3 * len(table)):
+    if table.shape[1] < 2 or len(table) < 4:
         return []
-    count = int(lengths[short].sum())
-    text = f"{count} rows equal the row before in every signal, the first is row {starts[short][0]}; the logger polls "
+    # where the smoothest signal goes on by less than a step of its grid per row, rows are equal by chance
+    rough = [np.sum(np.diff(x, 2) ** 2) / max(np.sum(np.diff(x) ** 2), 1e-300) for x in table[~same].T]
+    path = table[:, int(np.argmin(rough))]
+    across = path[np.minimum(ends, path.size - 1)] - path[np.maximum(starts - 2, 0)]
+    moves = np.abs(across) > (lengths + 2) * lattice(path, distinct=1.0)
+    moves &= lengths <= 20  # longer runs are an axis at rest
+    count = int(lengths[moves].sum())
+    if count < max(3, 1e-3 * len(table)):
+        return []
+    text = f"{count} rows equal the row before in every signal, the first is row {starts[moves][0]}; the logger polls "
     text += "faster than the controller writes, so log at the controller's rate."
-    return [Finding("LOG006", "warning", text, starts[short], count / len(table))]
+    return [Finding("LOG006", "warning", text, starts[moves], count / len(table))]
 
 
 def lattice(readings: ArrayLike, distinct: float = DISTINCT) -> float:
