@@ -104,23 +104,31 @@ class NamedEffect:
 
     @property
     def told(self) -> list[tuple[str, Any, float | None, str]]:
-        """(name, value, standard error, unit) of every number, as a person reads it.
+        """(name, value, standard error, unit) of every number, as a person reads it: along a line, the period of a wave.
 
         Examples
         --------
         >>> from whsklearn.effects import Cogging
-        >>> NamedEffect(Cogging(0.1, 12.0), {"amplitude_nm": 0.01}, 80.0, 0.9, units=("N", "m")).told[0]
-        ('amplitude', 0.1, 0.01, 'N')
+        >>> wave = Cogging(0.1, order=2 * np.pi / 0.024)
+        >>> NamedEffect(wave, {"amplitude_nm": 0.01}, 80.0, 0.9, units=("N", "mm")).told[:2]
+        [('amplitude', 0.1, 0.01, 'N'), ('period', 24.0, None, 'mm')]
         """
         known = {}
+        factor, si = factor_of(self.units[1])
         for name, q in getattr(self.effect, "quantities", {}).items():
             label = in_units(q.labelled(name), self.units) if any(self.units) else name
             unit = q.unit if name.startswith("phase") else respelled(q.unit, self._spelled)[1]
-            if name == "angle" and factor_of(self.units[1])[1] == "m":  # the place of a stop along a line
+            if name == "angle" and si == "m":  # the place of a stop along a line
                 name = "position"
             known[label] = name.replace("_", " "), "" if unit == "1" or not any(self.units) else unit
-        rows = ((known.get(k, (k.replace("_", " "), "")), v, self.errors.get(k)) for k, v in self.parameters.items())
-        return [(name, value, error, unit) for (name, unit), value, error in rows]
+        out = []
+        for label, value in self.parameters.items():
+            (name, unit), error = known.get(label, (label.replace("_", " "), "")), self.errors.get(label)
+            if name == "order" and si == "m":
+                period = 2 * np.pi / float(value) / factor
+                name, value, error, unit = "period", period, error and period * error / float(value), self.units[1]
+            out.append((name, value, error, unit))
+        return out
 
     @property
     def _spelled(self) -> dict[str, str]:
