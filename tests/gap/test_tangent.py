@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from whsklearn.gap.tangent import AT_ONCE, Family, Look, Tangent, looks_at, with_p_values
+from whsklearn.gap.tangent import AT_ONCE, Family, Look, Tangent, looks_at, undiluted, with_p_values
 
 N, M = 600, 12
 
@@ -99,6 +99,18 @@ def test_samples_of_no_weight_say_nothing():
     spoiled = y + np.where(weight == 0.0, 100.0 * column, 0.0)
     clean, dirty = (Tangent(v, null, base, N, weight).look(family(column)).gain for v in (y, spoiled))
     assert dirty == pytest.approx(clean, rel=1e-9)
+
+
+@pytest.mark.parametrize("weight", [1.0, 0.1])
+def test_an_effect_is_as_large_where_less_is_certain(weight):
+    """Weights tell what a sample is worth as evidence; whether an effect is worth naming does not depend on them."""
+    base, _, null, _ = rows()
+    here = np.arange(N) < 200
+    column = np.where(here, np.random.default_rng(1).standard_normal(N), 0.0)
+    told = np.where(here, weight, 1.0)
+    look = undiluted(Tangent(0.5 * column, null, base, N, told).look(family(column)), told)
+    assert look.whole == pytest.approx(0.5 * np.sqrt(np.mean(column**2)), rel=0.05)
+    assert look.size == pytest.approx(weight * look.whole, rel=0.05)
 
 
 def test_columns_on_some_rows_say_what_they_say_with_zeros_elsewhere():

@@ -404,8 +404,8 @@ def candidates(found: Found, diagnosis: Diagnosis, plant: Any, alpha: float) -> 
 
 def _reason(look: Look, fitted: Named | None, plant: Any, alpha: float) -> str:
     """Why a candidate is rejected before its rivals are considered; empty if it is not."""
-    if look.size < plant.tolerance * plant.scale:
-        share = 100 * look.size / plant.scale
+    if look.whole < plant.tolerance * plant.scale:
+        share = 100 * look.whole / plant.scale
         least = 100 * plant.tolerance
         return f"it explains {share:.2f} % of the rms {plant.whole}, below the tolerance of {least:.2f} %"
     if look.p_value > alpha:

@@ -104,7 +104,7 @@ class NamedEffect:
 
     @property
     def told(self) -> list[tuple[str, Any, float | None, str]]:
-        """(name, value, standard error, unit) of every number, as a person reads it: along a line, the period of a wave.
+        """(name, value, standard error, unit) of every number, as a person reads it: a wave along a line has a period.
 
         Examples
         --------

@@ -75,6 +75,11 @@ class Named:
         return self.look.name
 
     @property
+    def whole(self) -> float:
+        """`size` if all samples count alike, see `Look.whole`."""
+        return self.size / self.look.diluted
+
+    @property
     def effect(self) -> Any:
         """The library's effect with its numbers."""
         return self.model.terms[-1].effect
@@ -211,7 +216,7 @@ class Search:
         is sound.
         """
         least = self.plant.tolerance * self.plant.scale
-        worth = [k for k in self._shown(looks) if k.name and k.p_value <= self.alpha and k.size >= least]
+        worth = [k for k in self._shown(looks) if k.name and k.p_value <= self.alpha and k.whole >= least]
         out: list[Named] = []
         while worth and all(f.reason for f in out):
             here = [k for k in worth if meet(k, worth[0])]
@@ -252,7 +257,7 @@ class Search:
             size, reason = f.size * self.plant.scale, ""
             if f.score <= 0.0:
                 reason = "fitted, it explains no more than it does of the model's own records"
-            elif f.size < self.plant.tolerance:
+            elif f.whole < self.plant.tolerance:
                 reason = "fitted, it explains less than the tolerance"
             elif size**2 < LEAST_SHARE * most**2:
                 reason = "it explains too little of what follows the motion"
@@ -469,7 +474,7 @@ class Search:
             shown = p_value(g, look.null, families) <= self.alpha
         else:  # strong slow effects hide in the colour of their own null records
             shown = g >= least_lead(self.alpha)
-        return bool(shown) and size >= self.plant.tolerance * self.plant.scale
+        return bool(shown) and size / look.diluted >= self.plant.tolerance * self.plant.scale
 
     def _lost(self, found: Found) -> bool:
         """Drop the effect that explains least if that is no longer worth naming; False if all of them are.
@@ -478,7 +483,7 @@ class Search:
         too early, beside the gravity of a pendulum.
         """
         i = min(range(len(found.taken)), key=lambda i: found.taken[i].size)
-        if found.taken[i].size >= self.plant.tolerance:
+        if found.taken[i].whole >= self.plant.tolerance:
             return False
         found.model = self.plant.settled(found.model.without(found.model.n_base + i))
         del found.taken[i]

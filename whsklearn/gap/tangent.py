@@ -60,8 +60,14 @@ class Look:
     degrees: float = 0.0  # see `whsklearn.gap.calibration.p_value`
     # whether the gain is that of a regression the other way round (`whsklearn.gap.plants.servo_families`)
     swapped: bool = False
+    diluted: float = 1.0  # by how much what the samples tell makes `size` smaller (`undiluted`)
     # (n,): what it explains of the record, outside the subspace
     explained: Array | None = field(default=None, repr=False)
+
+    @property
+    def whole(self) -> float:
+        """Rms of what it explains if all samples count alike: weights show what is certain, and not how large it is."""
+        return self.size / self.diluted
 
     @property
     def score(self) -> float:
@@ -178,6 +184,14 @@ class _Scan:
         )  # fmt: skip
 
 
+def undiluted(look: Look, told: Array | None) -> Look:
+    """The look with what makes its size smaller than its effect is: the weights ``told``, shape (n,), of 0 to 1."""
+    if told is None or look.explained is None or not look.explained.any():
+        return look
+    whole = np.divide(look.explained, told, out=np.zeros_like(told), where=told > 0.0)
+    return replace(look, diluted=float(np.linalg.norm(look.explained) / np.linalg.norm(whole)))
+
+
 def looks_at(family: Family, *tangents: Tangent) -> list[Look | None]:
     """The looks of tangents of the same samples at one family, whose columns are made once, for the first of them."""
     scans = [_Scan(tangent, family) for tangent in tangents]
@@ -239,7 +253,7 @@ def strongest_lines(rows: Array, kept: Array, step: float, low: float, high: flo
 def with_p_values(looks: list[Look], least: float = 0.0) -> list[Look]:
     """The looks with their p-values, corrected for the number of families, the best score first.
 
-    ``least``: size below which an effect is not worth naming, in the unit of `Look.size`; not used for nameless
+    ``least``: size below which an effect is not worth naming, in the unit of `Look.whole`; not used for nameless
     functions. The null hypothesis is then an effect of at most this size, not of size zero. A model's own records
     contain only what the model describes, so with enough samples anything becomes significant, even a hundredth of a
     percent of the drive. The gain of an effect of size s grows with its square; the part beyond the largest effect of
@@ -255,5 +269,5 @@ def with_p_values(looks: list[Look], least: float = 0.0) -> list[Look]:
 def chance(look: Look, null: Array, families: int, least: float) -> float:
     """The p-value of a look among so many families from these null gains; see `with_p_values`."""
     asked = least if look.name else 0.0  # nameless functions show whether anything at all follows the motion
-    beyond = max(0.0, 1.0 - asked / look.size) ** 2 if asked > 0.0 and look.size > 0.0 else 1.0
+    beyond = max(0.0, 1.0 - asked / look.whole) ** 2 if asked > 0.0 and look.size > 0.0 else 1.0
     return p_value(look.gain * beyond, null, families, look.degrees) if beyond > 0.0 else 1.0

@@ -59,8 +59,8 @@ def test_every_effect_that_a_torque_can_show_is_asked_for_or_needs_another_first
     assert never <= {"viscous", "coulomb", "input_delay", "actuator_lag"}
 
 
-def test_beside_friction_nothing_is_told_where_the_axis_sticks():
-    """For how long it does depends on its controller: the true model leaves far more than noise there."""
+def test_next_to_nothing_is_told_where_the_sign_of_the_velocity_is_not_known():
+    """For how long an axis sticks depends on its controller: the true model leaves far more than noise there."""
     controller = PIDController(kp=540.0, ki=60.0, kd=6.0)
     law, friction = [Viscous(0.12), Coulomb(0.3)], Stribeck(0.3, 0.05)
     axis = ServoAxis(inertia=0.05, law=law, effects=[friction], controller=controller, sample_rate=500.0)
@@ -71,14 +71,16 @@ def test_beside_friction_nothing_is_told_where_the_axis_sticks():
     viscous, coulomb = base.terms
     base = replace(base, inertia=0.05, terms=(viscous.with_slot(0, 0.12), coulomb.with_slot(0, 0.3)))
     true = base.with_term(ServoTerm(candidate("stribeck"), (0.3, 0.05, 2.0)))
+    assert view.told(true) is None  # as long as no own record shows what the filters leave
     view.own, _ = servo_own.own(view, true, np.random.default_rng(0))
-    left, told = view.gap(true), servo_families.told_at(view, true) > 0.0
-    assert 0.0 < np.mean(~told) < 0.05
-    assert view.rms(left[told]) < 2.0 * view.own.floor < 0.2 * view.rms(left[~told])
+    told, turning = view.told(true), view.undirected() == 0.0
+    assert np.all(told[turning] == 1.0)
+    assert np.all((told[~turning] > 0.0) & (told[~turning] < 1.0))
+    assert 0.0 < np.mean(told < 0.5) < 0.05
+    left = view.gap(true) / told
+    assert view.rms(left * told) < 2.0 * view.own.floor < 0.2 * view.rms(left[told < 0.5])
     swings = servo_families.acceleration_tangent(view, true, np.random.default_rng(0))
-    assert np.array_equal(swings.weight > 0.0, told)
-    wave = base.with_term(ServoTerm(candidate("cogging"), (0.1, 0.0, 12.0)))
-    assert servo_families.told_at(view, wave) is None
+    np.testing.assert_array_equal(swings.weight, told)
 
 
 def test_no_weight_swings_about_a_slide():
@@ -135,10 +137,13 @@ def test_a_tone_is_found_beyond_the_filter_and_is_not_taken_by_the_age_of_the_dr
     view.own, _ = servo_own.own(view, base, np.random.default_rng(0))
     looks = servo_families.looks(view, view.fit(base), view.own, 0.0)
     gap, tone = view.rms(view.gap(base)), next(k for k in looks if k.name == "disturbance_tone")
-    assert looks[0] is tone
     assert tone.size > 0.9 * gap
     assert abs(tone.start.q[2] - 13.4) < 0.01
-    assert any(k.name == "flexible_coupling" and k.size > 0.9 * gap for k in looks)  # the age hid that one, too
+    couplings = [k for k in looks if k.name == "flexible_coupling"]
+    assert any(k.size > 0.9 * gap for k in couplings)  # the age hid that one, too
+    # to first order either explains it; fitted, the tone leaves less than half of what a coupling does
+    left, *others = (view.rms(view.gap(servo_families.polished(view, base, k.start))) for k in (tone, *couplings))
+    assert left < 0.5 * min(others)
 
 
 def test_a_wave_that_only_the_slow_part_of_a_record_shows_is_asked_for():

@@ -113,7 +113,7 @@ def test_hills_on_their_own_samples_are_those_along_the_whole_record():
     problem = CurveProblem(inverse, base, inverse.torque(base))
     for form in [*forms(inverse, inverse.torque(base)), Form("position", 2 * np.pi, 0.0, 2 * np.pi)]:
         columns, centres, width = problem.hills(form, 12)
-        s, smoother = problem.seen
+        s, smoother = problem.signals, problem.smoother
         for column, c in zip(columns.T, centres, strict=True):
             whole = form.kind.unit_columns((float(c), width, form.period), s)[:, 0]
             np.testing.assert_allclose(column, smoother @ whole, atol=1e-12)

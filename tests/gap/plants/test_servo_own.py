@@ -53,7 +53,7 @@ def test_where_the_axis_turns_the_true_model_leaves_noise():
     true = dataclasses.replace(base, inertia=0.05, terms=terms)
     bare = view.bare()
     own, _ = servo_own.own(bare, true, np.random.default_rng(0))
-    assert view.rms(bare.gap(true) - own.mean) < 1.8 * own.floor
+    assert view.rms(own.weight * (bare.gap(true) - own.mean)) < 1.8 * own.floor
 
 
 def test_a_fit_behind_filters_is_corrected_to_the_truth(empty):
@@ -123,7 +123,7 @@ def test_null_rows_are_as_large_as_what_is_left(empty):
     view.own = own
     left = view.rms(view.gap(model))
     view.own = None
-    assert np.sqrt(np.mean(own.null**2)) == pytest.approx(left, rel=0.25)
+    assert np.sqrt(np.mean((own.weight * own.null) ** 2)) == pytest.approx(left, rel=0.25)
 
 
 def test_what_is_missing_is_in_no_own_record():

@@ -37,19 +37,25 @@ from whsklearn.gap.nameless import nameless, varying_inertia
 from whsklearn.gap.plants import servo_stop as stop
 from whsklearn.gap.plants import servo_two_mass as two_mass
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, Candidate, usable
-from whsklearn.gap.plants.servo_inverse import later, reaching
+from whsklearn.gap.plants.servo_inverse import later, reaching, weighted
 from whsklearn.gap.plants.servo_model import ServoHypothesis, ServoTerm
 from whsklearn.gap.plants.servo_own import Own
 from whsklearn.gap.record import Array
 from whsklearn.gap.search import HALF, LEAST_SHARE
-from whsklearn.gap.tangent import AT_ONCE, Family, Look, Tangent, chance, looks_at, strongest_lines, with_p_values
+from whsklearn.gap.tangent import (
+    AT_ONCE,
+    Family,
+    Look,
+    Tangent,
+    chance,
+    looks_at,
+    strongest_lines,
+    undiluted,
+    with_p_values,
+)
 from whsklearn.identification.drive_lead import LATEST, OLDEST
 
 Blocks = Iterator[tuple[Any, Array, Array | float]]
-# Largest share of the filter's window in which an axis may rest where more is asked beside its friction: so much of its
-# dry friction is not determined there.  And the largest share of the record that is left out for it: without a third of
-# a slow record, the gravity of a pendulum was a change of its friction (`benchmarks.real_axes --only "energy;so101"`).
-RESTING = 0.1
 
 
 class Scene:
@@ -96,12 +102,12 @@ def looks(
     _, x, target, sizes, free = view.solved(model)
     x = stop.without_pushes(model, x)
     left = (target - x @ sizes)[view.at]
-    missing = view.rms(stop.outside(left, stop.away(view, model)))
-    away = told_at(view, model)
+    told = view.told(model)
+    missing = view.rms(weighted(left, told))
     rate = ols.slope(x @ sizes, view.step)[view.at]
     own_columns = x[view.at][:, : view.sizes(model).size]  # without the age, which is the rate
     numbers = own_columns[:, free[: own_columns.shape[1]]]
-    timed = Tangent(left, own.null, np.column_stack([numbers, rate]), own.n_effective, away)
+    timed = Tangent(left, own.null, np.column_stack([numbers, rate]), own.n_effective, told)
     other_way = acceleration_tangent(view, model, np.random.default_rng(0))
     acceleration, beside_it = regression(view, model)
 
@@ -121,7 +127,7 @@ def looks(
         unnamed.append(varying_inertia(view.motion, lambda x: view.blur(x)[view.at], signal="position"))
     out += [timed.look(f) for f in unnamed if f.signal == "position" or not waves]
     if not waves and view.age(model) > LATEST * view.scene.dt:  # then the age is not a nuisance but a candidate
-        plain = Tangent(left, own.null, numbers, own.n_effective, away)
+        plain = Tangent(left, own.null, numbers, own.n_effective, told)
         late = (kind for kind in inverse_kinds(model) if kind.delays)
         out += [plain.look(family(scene, kind)) for kind in late]
     struck = [] if waves else stop.regions(view, model)
@@ -132,7 +138,7 @@ def looks(
             size = np.sqrt(g) * missing
             gain = float(-own.n_effective * np.log1p(-g))
             out.append(Look(kind.name, gain, np.zeros(own.null.shape[0]), term, 4, size))
-    found = with_p_values([look for look in out if look is not None], least)
+    found = with_p_values([undiluted(look, told) for look in out if look is not None], least)
     family_of = {id(look.start): f for f, look in asked if look is not None}
 
     def beside_itself(look: Look) -> Look:
@@ -149,28 +155,11 @@ def looks(
             power = smoothed_power(acceleration_left(view, grown))
             tangent, null = other_way, coloured(power, (N_DRAWS, left.size), rng)
         else:
-            tangent, null = timed, null_rows(view.gap(grown), own.apart, N_DRAWS, rng)
+            tangent, null = timed, null_rows(view.gap(grown), own.apart, N_DRAWS, rng) / own.weight
         other = dataclasses.replace(tangent, null=null).look(f)
         return look if other is None else dataclasses.replace(look, p_value=chance(look, other.null, len(found), least))
 
     return [beside_itself(k) for k in found]
-
-
-def told_at(view: Any, model: ServoHypothesis) -> Array | None:
-    """Weights of the judged samples, shape (n,): zero where what else is missing cannot be told; None if all count.
-
-    In contact with a stop the drive may be anything.  So it may where the axis sticks, and for how long it does depends
-    on its controller, which own records only resemble: beside friction that was found, what is left there belongs to
-    that friction.  The true Stribeck curve of an axis leaves twelve times the noise there, and elsewhere 1.3 times
-    (`tests/gap/plants/test_servo_families.py`).
-    """
-    away = stop.away(view, model)
-    if not any(t.effect.place == "friction" for t in model.added):
-        return away
-    free = (view.resting() < RESTING).astype(float)
-    if np.mean(free) < 1.0 - RESTING:  # most effects show as the axis turns, too
-        return away
-    return free if away is None else away * free
 
 
 def better(looks: list[Look | None], n: float, left: float, there: Callable[[Look], bool]) -> Look | None:
@@ -250,12 +239,12 @@ def couplings(scene: Scene, kind: Candidate) -> Blocks:
 
 
 def limits(scene: Scene, kind: Candidate) -> Blocks:
-    """What a limit or a dead zone removes from the drive; enough must remain to fit the axis."""
-    u, signals = scene.drive, scene.view.motion
-    for width in np.geomspace(*kind.ranged(scene.view.scene)[0], N_LIMITS):
-        changed = reaching(ServoTerm(kind, (float(width),)), u, signals, scene.view.scene.dt)
-        flat = np.abs(np.diff(changed)) <= 1e-9 * np.abs(np.diff(u))
-        if scene.view.n_effective * (1.0 - np.mean(flat)) < scene.model.vector().size + 1:
+    """What a limit or a dead zone removes from the drive; enough must remain, as the axis moves, to fit it."""
+    view, u = scene.view, scene.drive
+    for width in np.geomspace(*kind.ranged(view.scene)[0], N_LIMITS):
+        changed = reaching(ServoTerm(kind, (float(width),)), u, view.motion, view.scene.dt)
+        flat = (np.abs(np.diff(changed, append=np.inf)) <= 1e-9 * np.abs(np.diff(u, append=np.inf)))[:: view.every]
+        if view.n_effective * (1.0 - np.mean(flat[view.at])) < scene.model.vector().size + 1:
             continue
         columns, share = scene.transformed(changed)
         yield [(float(width),)], columns, share
@@ -339,7 +328,7 @@ def next_order(view: Any, model: ServoHypothesis, kind: Candidate) -> ServoHypot
     _, x, target, sizes, free = view.solved(model)
     x = stop.without_pushes(model, x)
     left = (target - x @ sizes)[view.at]
-    tangent = Tangent(left, np.empty((0, left.size)), x[view.at][:, free], view.n_effective, told_at(view, model))
+    tangent = Tangent(left, np.empty((0, left.size)), x[view.at][:, free], view.n_effective, view.told(model))
     powers: dict[float, float] = {}
     for shapes, columns, _ in orders(scene, kind):
         power = tangent.taken(family(scene, kind), columns)[0][:, 0]
@@ -399,7 +388,7 @@ def acceleration_tangent(view: Any, model: ServoHypothesis, rng: np.random.Gener
     rest = acceleration_left(view, model)
     null = coloured(smoothed_power(rest), (N_DRAWS, rest.size), rng)
     n = independent(rest, view.n_effective)
-    return Tangent(rest, null, regression(view, model)[1], n, told_at(view, model))
+    return Tangent(rest, null, regression(view, model)[1], n, view.told(model))
 
 
 def explained_acceleration(view: Any, model: ServoHypothesis, grown: ServoHypothesis) -> tuple[float, float]:

@@ -34,8 +34,8 @@ from whsklearn.identification.drive_lead import LATEST, OLDEST
 from whsklearn.logs.check import lattice
 
 KEPT = 40  # columns cached, because a polish moves one shape and not the others
-# The sign of a velocity is unknown below so many standard deviations of its noise; for records without noise, below
-# this share of the rms velocity.
+# An axis rests below so many standard deviations of its velocity's noise; in records without noise, below this share of
+# the rms velocity.
 NOISY, SLOW = 3.0, 0.01
 # Judged samples, fewer than the numbers of a model with an effect; with fewer, rests are used too. Rests say little:
 # dry friction holds against any drive, so that a short log of a motor that stalls "lacked" a limit of its drive.
@@ -89,12 +89,15 @@ class InverseView:
     def __init__(self, record: ServoRecord, scene: Scales, cutoff: float, start: tuple[Array, Array], noise: float):
         self.record, self.scene, self.cutoff, self.start, self.noise = record, scene, cutoff, start, noise
         dt, y, u = scene.dt, record.position, record.drive
-        # Resampled readings are on no grid any more, but their errors are still constant where the axis turns.
-        self.quantum = lattice(y) or (record.quantum if record.quantum**2 / 12.0 >= HALF * noise**2 else 0.0)
+        # Resampled readings are on no grid any more, but their errors are still constant where the axis turns. A grid
+        # on which readings hardly repeat counts if it makes most of the noise.
+        fine_grid = record.quantum or lattice(y, distinct=1.0)
+        self.quantum = lattice(y) or (fine_grid if fine_grid**2 / 12.0 >= HALF * noise**2 else 0.0)
         sigma = CUTOFF_SIGMA / (2 * np.pi * cutoff)
         self.g, _, g2 = gaussian_derivatives(sigma, dt)
         self.every = decimation(cutoff, dt)
-        fine = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * min(2 * cutoff, 0.1 / dt)), dt)
+        narrow = CUTOFF_SIGMA / (2 * np.pi * min(2 * cutoff, 0.1 / dt))
+        fine = gaussian_derivatives(narrow, dt)
         centre = float(np.mean(y))
         q, v, a = record.smoothed(
             lambda x: tuple(filtered(x, kernel, 1) for kernel in fine), y - centre, fine[0].size // 2
@@ -102,8 +105,12 @@ class InverseView:
         self.time = record.clock
         self.motion = ColumnSignals(self.time, q + centre, v, a, u)
         self.slowest = max(NOISY * noise_behind(fine[1], record, noise), SLOW * scene.speed)
+        # below it the sign of the velocity is not known: it is in the noise, or friction's kink is smoothed here
+        # (`kappa`), or the filter sees less than one step of the grid
+        self.unknown = max(self.slowest, self.quantum / (2.0 * narrow))
         self.motion = self.motion._replace(kappa=2.0 / self.slowest)
         self.acceleration = filtered(y - centre, g2, self.every)
+        self.acceleration_noise = noise_behind(g2, record, noise)
         self.drive = self.blur(u)
         self.moving, whole = self._moving(sigma)
         enough = self.moving.sum() >= FEWEST_JUDGED
@@ -131,15 +138,25 @@ class InverseView:
         keep &= ~(holes := self.record.near_a_hole(2 * half, 2 * half))
         return keep[:: self.every], ~holes[:: self.every]
 
-    def resting(self) -> Array:
-        """Share of the filter's window in which the axis rests, at the judged samples."""
-        still = np.abs(self.motion.velocity) < self.slowest
+    def undirected(self) -> Array:
+        """Share of the filter's window in which the sign of the velocity is unknown, at the judged samples."""
+        still = np.abs(self.motion.velocity) < self.unknown
         return self.blur(still.astype(float))[self.at] / self.g.sum()
 
     @property
     def artefact(self) -> Array | None:
         """Residual of a model's own records in this view, at the judged samples; None if they are not known."""
         return None if self.own is None else self.own.mean
+
+    def told(self, model: ServoHypothesis) -> Array | None:
+        """Weights of the judged samples, shape (n,): what each tells of what is missing; None if all count in full.
+
+        Next to nothing where the axis all but rests (`servo_own.weights`), and nothing at all in contact with a stop.
+        """
+        away = stop.away(self, model)
+        if self.own is None:
+            return away
+        return np.asarray(self.own.weight if away is None else away * self.own.weight)
 
     def rms(self, gap: Array) -> float:
         """Rms over the judged samples."""
@@ -157,7 +174,11 @@ class InverseView:
         """The same view of another record of the same experiment, judged at the same samples."""
         other = InverseView(record, self.scene, self.cutoff, self.start, self.noise)
         other.usable, other.at, other.n_effective = self.usable, self.at, self.n_effective
-        other.slowest, other.motion = self.slowest, other.motion._replace(kappa=self.motion.kappa)
+        other.unknown, other.slowest, other.motion = (
+            self.unknown,
+            self.slowest,
+            other.motion._replace(kappa=self.motion.kappa),
+        )
         return other
 
     def spread(self, left: Array) -> Array:
@@ -235,23 +256,23 @@ class InverseView:
         torque = self.torque(model) if self._driven(model) else None
         x, positive = self.columns(model, torque)
         target, share = self.target(model)
-        away, target, x = stop.away(self, model), share * target, share * x
+        told, target, x = stop.away(self, model), share * target, share * x
         if self.artefact is not None:
             target[self.at] -= self.artefact
         open_x = stop.without_pushes(model, x)
-        sizes, free = self._sizes(open_x, target, positive, away)
+        sizes, free = self._sizes(open_x, target, positive, told)
         rate = ols.slope(open_x @ sizes, self.step)
-        sizes, free = self._sizes(np.column_stack([open_x, rate]), target, np.append(positive, False), away)
+        sizes, free = self._sizes(np.column_stack([open_x, rate]), target, np.append(positive, False), told)
         timing = self._plausible_age(model, float(sizes[-1]))
         # u(t - T) = m means u = m + T m' + T^2 m'' / 2; without the second order a lag looks like a delay
         target = target - 0.5 * timing**2 * ols.slope(rate, self.step)
         if timing == sizes[-1]:
             columns = np.column_stack([x, rate])
-            sizes, free = self._sizes(np.column_stack([open_x, rate]), target, np.append(positive, False), away)
+            sizes, free = self._sizes(np.column_stack([open_x, rate]), target, np.append(positive, False), told)
         else:
             columns, target = x, target - timing * rate
-            sizes, free = self._sizes(open_x, target, positive, away)
-        if away is not None:
+            sizes, free = self._sizes(open_x, target, positive, told)
+        if stop.holds(model):
             sizes = sizes + stop.stiffness(model, columns[self.at], (target - columns @ sizes)[self.at])
         return self.with_sizes(model, np.append(sizes[: x.shape[1]], timing)), columns, target, sizes, free
 
@@ -285,12 +306,12 @@ class InverseView:
         return u
 
     def _sizes(
-        self, x: Array, target: Array, positive: NDArray[np.bool_], away: Array | None
+        self, x: Array, target: Array, positive: NDArray[np.bool_], told: Array | None
     ) -> tuple[Array, NDArray[np.bool_]]:
-        """Least squares on the judged samples without contact at a stop."""
+        """Least squares on the judged samples, weighted by what they tell."""
         x, target = x[self.at], target[self.at]
-        if away is not None:
-            x, target = x * away[:, None], target * away
+        if told is not None:
+            x, target = x * told[:, None], target * told
         return ols.solve(x, target, positive)
 
     def with_sizes(self, model: ServoHypothesis, sizes: Array) -> ServoHypothesis:
@@ -362,8 +383,8 @@ class InverseView:
 
     def _solved_gap(self, model: ServoHypothesis) -> tuple[ServoHypothesis, Array]:
         solved, x, target, sizes, _ = self.solved(model)
-        left = target - stop.without_pushes(model, x) @ sizes
-        return solved, stop.outside(left[self.at], stop.away(self, model))
+        left = (target - stop.without_pushes(model, x) @ sizes)[self.at]
+        return solved, weighted(left, self.told(model))
 
     def taken_off(self, model: ServoHypothesis) -> float:
         """Rms of the drive over that of what terms leave of it which multiply it (see `target`).
@@ -395,7 +416,7 @@ class InverseView:
         rate = ols.slope(predicted, self.step)[self.at]
         left = (self.target(model)[0] - predicted)[self.at] - (0.0 if self.artefact is None else self.artefact)
         left -= self._plausible_age(model, float(rate @ left) / (float(rate @ rate) + 1e-300)) * rate
-        return stop.outside(left, stop.away(self, model))
+        return weighted(left, self.told(model))
 
     def with_pushes(self, model: ServoHypothesis) -> Array:
         """The same residual, with only the spring and damper part of a stop's push subtracted."""
@@ -436,6 +457,11 @@ class InverseView:
         slopes = -factor * columns[self.at][:, sizes]
         slopes[:, rest] = jacobian(moved, x[rest], r, model.steps()[rest], high[rest])
         return Linearised(x, low, high, r, slopes, model.with_vector)
+
+
+def weighted(left: Array, weight: Array | None) -> Array:
+    """The residual times the weights, if there are any."""
+    return left if weight is None else left * weight
 
 
 def unphysical(view: InverseView, model: ServoHypothesis, index: int) -> str:

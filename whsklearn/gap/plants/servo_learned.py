@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
-from scipy.sparse import csc_array, csr_array
+from scipy.sparse import csc_array, csr_array, diags_array
 
 from whsklearn.effects import LearnedTorque
 from whsklearn.effects.equations import hill
@@ -25,6 +25,7 @@ from whsklearn.gap import least_squares as ols
 from whsklearn.gap.diagnosis import Curve
 from whsklearn.gap.plant import LEARNED_SHARE, PAYS, Learned
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, Candidate, ColumnSignals
+from whsklearn.gap.plants.servo_inverse import weighted
 from whsklearn.gap.plants.servo_model import ServoHypothesis, ServoTerm
 from whsklearn.gap.record import Array
 
@@ -150,9 +151,12 @@ class CurveProblem:
         x, positive = view.columns(model, torque)
         self.inertia, self.timing, p = float(sizes[0]), fitted.timing, x.shape[1]
         # a curve over the position of a periodic motion can replace inertia and timing, so these are held
-        self.target = (target - full[:, p:] @ sizes[p:] - x[:, 0] * self.inertia)[view.at]
-        self.base, self.positive = x[view.at, 1:], positive[1:]
-        self.seen = thinned(view, view.motion if torque is None else view.motion._replace(drive=torque))
+        told = view.told(model)
+        self.target = weighted((target - full[:, p:] @ sizes[p:] - x[:, 0] * self.inertia)[view.at], told)
+        base = x[view.at, 1:]
+        self.base, self.positive = base if told is None else base * told[:, None], positive[1:]
+        self.signals, smoother = thinned(view, view.motion if torque is None else view.motion._replace(drive=torque))
+        self.smoother = smoother if told is None else diags_array(told) @ smoother
         nothing = np.zeros((0, 0))
         self.error = (
             curves[-1].error if curves else self.cross_validated(self.normal(self.base), self._penalty(nothing))
@@ -202,14 +206,14 @@ class CurveProblem:
         return float(self.view.n_effective * np.log(self.error / max(error, 1e-300)))
 
     def hills(self, form: Form, n: int) -> tuple[Array, Array, float]:
-        """(columns of n hills behind the view's Gaussian at the judged samples, their centres, their width)."""
+        """(weighted columns of n hills behind the Gaussian at the judged samples, their centres, their width)."""
         if form.period:
             width = form.period / n
             centres = width * np.arange(n)
         else:
             width = (form.high - form.low) / (n - 1)
             centres = form.low + width * np.arange(-1, n + 1)
-        s, smoother = self.seen
+        s = self.signals
         x = form.along(s)
         order = np.argsort(x)
         rising = x[order]
@@ -223,7 +227,7 @@ class CurveProblem:
             rows.append(at)
         first = np.cumsum([0, *(r.size for r in rows)])
         raw = csc_array((np.concatenate(values), np.concatenate(rows), first), shape=(x.size, centres.size))
-        return (smoother @ raw).toarray(), centres, width
+        return (self.smoother @ raw).toarray(), centres, width
 
     def fitted(self, form: Form, n: int) -> CurveFit | None:
         """The curve of a form at its best smoothness; None if the record does not reach its hills."""

@@ -145,7 +145,7 @@ class ObserverView:
         model = dataclasses.replace(model, scene=self.scene, step=self.step)
         if model.has_play:
             return settled_play(self, model)
-        return _settle(self, model, tolerance=5e-4)[0]
+        return _settle(self, model)[0]
 
     # --- fitting ---------------------------------------------------------------------------
     def fitted(
@@ -178,11 +178,7 @@ def with_load(view: ObserverView, model: ServoHypothesis, kind: Candidate) -> Se
     first, fit = min(tried, key=lambda f: f[1].cost)
     if _hopeless(view, model, fit):
         return first
-    best, _ = _settle(view, first)
-    if best.has_play:  # the cost over the contact's frequency has ripples of its own
-        others = [_settle(view, _contact_at(best, factor))[0] for factor in (0.8, 1.25)]
-        best = min((best, *others), key=lambda m: view.rms(view.gap(m), "train"))
-    return best
+    return settled_play(view, first) if first.has_play else _settle(view, first)[0]
 
 
 def _best_start(view: ObserverView, model: ServoHypothesis, fit: Minimum, kind: Candidate) -> tuple[float, ...]:
@@ -211,12 +207,12 @@ def _hopeless(view: Any, model: ServoHypothesis, fit: Minimum) -> bool:
     return bool(r.size * np.log(float(r @ r) / max(fit.cost, 1e-300)) < PAYS * numbers)
 
 
-def _settle(view: Any, model: ServoHypothesis, *, tolerance: float = 2e-3) -> tuple[ServoHypothesis, Minimum]:
+def _settle(view: Any, model: ServoHypothesis) -> tuple[ServoHypothesis, Minimum]:
     """Repeated fits, each weighted for the gap of the previous one: the weights of a large gap hide a small one."""
     gap = view.rms(view.gap(model), "all")
     for _ in range(3):
         view.weigh(gap)
-        model, fit = view.fitted(model, tolerance=tolerance)
+        model, fit = view.fitted(model)
         before, gap = gap, view.rms(view.gap(model), "all")
         if gap > 0.8 * before:
             break
@@ -233,9 +229,10 @@ def _contact_at(model: ServoHypothesis, factor: float) -> ServoHypothesis:
 
 
 def settled_play(view: Any, model: ServoHypothesis) -> ServoHypothesis:
-    """The model with its play refitted from its own contact frequency and from others, because the cost has ripples."""
-    fits = [_settle(view, m)[0] for m in (model, _contact_at(model, 0.8), _contact_at(model, 1.25))]
-    return min(fits, key=lambda m: view.rms(view.gap(m), "train"))
+    """The model with its play refitted, then from other contact frequencies, because the cost has ripples."""
+    best, _ = _settle(view, model)
+    others = (_settle(view, _contact_at(best, factor))[0] for factor in (0.8, 1.25))
+    return min((best, *others), key=lambda m: view.rms(view.gap(m), "train"))
 
 
 def _variants(view: ObserverView, q: tuple[float, ...]) -> list[tuple[float, ...]]:

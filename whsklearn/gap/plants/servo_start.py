@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from copy import copy
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -176,9 +175,9 @@ def reversing_early(view: InverseView, model: ServoHypothesis) -> ServoHypothesi
         return view.rms(view.gap(some)) ** 2
 
     def unexplained(some: ServoHypothesis) -> float:
-        seen = copy(view.bare())
-        seen.own = own(seen, seen.fit(some), np.random.default_rng(0))[0]
-        return seen.rms(seen.gap(some)) ** 2
+        bare = view.bare()
+        fitted, left = bare.fit_with_gap(some)
+        return bare.rms(left - own(bare, fitted, np.random.default_rng(0))[0].mean) ** 2
 
     def enough(after: float, before: float) -> bool:
         return after <= (1.0 - LEAST_SHARE) * before

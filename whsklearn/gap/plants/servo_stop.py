@@ -128,11 +128,6 @@ def away(view: Any, model: ServoHypothesis) -> Array | None:
     return None if touched is None else (touched == 0.0).astype(float)
 
 
-def outside(left: Array, away: Array | None) -> Array:
-    """The residual at samples without contact at a stop, zero at the others."""
-    return left if away is None else left * away
-
-
 def pushes(model: ServoHypothesis, columns: Array) -> NDArray[np.bool_]:
     """Mask of the columns (that of inertia first) that belong to a stop."""
     out = [False]
