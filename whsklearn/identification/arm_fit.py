@@ -14,7 +14,7 @@ from scipy.optimize import minimize
 from sklearn.base import clone
 from threadpoolctl import threadpool_limits
 
-from whsklearn.effects import Coulomb, Effect, InputOffset, LoadFriction, PreslidingHysteresis, Viscous
+from whsklearn.effects import Coulomb, Effect, InputOffset, LoadFriction, PreslidingHysteresis, QuadraticDrag, Viscous
 from whsklearn.effects.base import Array
 from whsklearn.identification.arm_checks import enough_rows, in_another_order, in_another_scale, in_degrees, suspicions
 from whsklearn.identification.joint_least_squares import BLOCKS, GROWS, ROUNDING, SAME, fitted, held_out, with_blocks
@@ -150,10 +150,11 @@ def reversals_of(rows: ArmRows, beside: Sequence[Effect] = ()) -> dict[str, tupl
     """How dry friction reverses at each joint where that predicts held-out blocks better: see `RigidBodyLags`.
 
     The two numbers of a joint minimise its error on blocks that were not fitted.  They are kept if that lowers
-    Schwarz's criterion, n ln(error squared) + 2 ln n, and if presliding friction, which reverses over a distance and is
-    an effect by itself, does not lower it further by as much.  In MuJoCo, friction that reverses at once leaves two to
-    ten times the error at a wrist, and a delay is then not told from a lag, which the records do tell
-    (`python -m benchmarks.blind_arms --evidence`).
+    Schwarz's criterion, n ln(error squared) + 2 ln n, and if no effect by itself does as well: presliding friction,
+    which reverses over a distance, by as much again, and a curve of the speed, such as friction that grows ever more
+    slowly, at all.  Over half of all speeds a reversal is such a curve, but an arm whose dry friction jumps then has
+    too much of it.  In MuJoCo, friction that reverses at once leaves two to ten times the error at a wrist, and a delay
+    is then not told from a lag, which the records do tell (`python -m benchmarks.blind_arms --evidence`).
 
     ``beside``: effects that joints may lack, which are fitted with the others; without viscous friction, a reversal
     over a wide range of speeds looks like it. So is the second derivative of the drives: that of a delay of ten
@@ -193,7 +194,9 @@ def reversals_of(rows: ArmRows, beside: Sequence[Effect] = ()) -> dict[str, tupl
         simplex = best + np.array([[0.0, 0.0], [0.5, 0.0], [0.0, 0.1 * LEADS]])
         found = minimize(left, best, method="Nelder-Mead", options={"maxfev": EVALUATIONS, "initial_simplex": simplex})
         abrupt, memory = error(phi[:, k, at]), min(error(np.hstack([phi[:, k, at], x])) for x in over)
-        if n * np.log(abrupt / found.fun) > 2.0 * np.log(n) >= n * np.log(found.fun / memory):
+        curved = error(np.hstack([phi[:, k, at], rows.axis_columns(joint, [QuadraticDrag()])]))
+        enough = 2.0 * np.log(n)
+        if n * np.log(abrupt / found.fun) > enough >= n * np.log(found.fun / memory) and found.fun < curved:
             out[joint] = float(np.exp(found.x[0]) * speed), float(found.x[1])
     return out
 

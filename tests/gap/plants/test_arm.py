@@ -386,6 +386,16 @@ def test_a_wrong_gain_is_the_first_thing_to_repair():
     assert re.match("Repair the log first: .*j1", found.diagnosis_.next_experiment)
 
 
+def test_a_centre_that_an_offset_stands_for_stays_where_it_is():
+    arm = drawn_arm(3, 5103, slides=0.0, branch=0.0, gravity=(0, 0, -9.81))
+    arm = arm.with_effects({j: (Viscous(0.5), Coulomb(0.5)) for j in arm.joints})
+    plant = arm_plant(arm, record({"j1": [CableSpring(6.3)]}, arm, duration=12.0), law=None, tolerance=0.004)
+    plant.check()
+    model = plant.base(np.random.default_rng(0))
+    look = next(k for k in plant.looks(model, np.random.default_rng(0)) if k.name == "cable_spring at j1")
+    assert plant.objection(model, plant.refine(model, look)) == ""
+
+
 def test_a_joint_that_does_not_move_is_told():
     r = record(duration=12.0)
     still = dataclasses.replace(r, position=r.position * [1.0, 0.0])

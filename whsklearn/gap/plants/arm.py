@@ -90,6 +90,17 @@ class ArmPlant(Plant):
         Smallest effect worth naming: its rms as a share of its joint's rms drive.
     known : Known, optional
         What another record knows of the numbers.
+
+    Examples
+    --------
+    >>> from whsklearn.datasets import default_arm, make_arm_log
+    >>> q, u = make_arm_log(duration=4.0, return_arrays=True)
+    >>> plant = arm_plant(default_arm(), (np.arange(len(q)) / 500.0, q, u), law=None, tolerance=0.004)
+    >>> plant.check()
+    []
+    >>> dry, unit = plant.numbers(plant.base(np.random.default_rng(0)))["yaw.coulomb"]  # 0.3 Nm in truth
+    >>> round(dry, 2), unit
+    (0.3, 'Nm')
     """
 
     units: tuple[str, str] = ("Nm", "rad")

@@ -207,7 +207,7 @@ def polished(view: ArmView, tangent: Tangent, term: JointTerm) -> JointTerm:
     bounds = [(np.log(a), np.log(b)) if g else (a, b) for (a, b), g in zip(ranges, logs, strict=True)]
     widths = np.array([_width(view, kind, g, b) for g, b in zip(logs, bounds, strict=True)])
     low, high = np.transpose(bounds) / widths
-    x = x / widths
+    x = start = x / widths
     for _ in range(SPREADS if len(free) > 1 else 1):
         inwards = np.where(x + 1.0 > high, -1.0, 1.0)
         simplex = np.clip(np.vstack([x, x + np.diag(inwards)]), low, high)
@@ -216,8 +216,9 @@ def polished(view: ArmView, tangent: Tangent, term: JointTerm) -> JointTerm:
             options={"maxfev": EVALUATIONS, "initial_simplex": simplex, "xatol": FINE, "fatol": FINE},
         )  # fmt: skip
         x = found.x
-    x = x * widths
-    return JointTerm(kind, (*term.q[: kind.linear], *shape_at(x)))
+    if cost(start * widths) - found.fun < FINE:  # such as a spring's centre beside the offset of its joint
+        x = start
+    return JointTerm(kind, (*term.q[: kind.linear], *shape_at(x * widths)))
 
 
 def _placed(view: ArmView, tangent: Tangent, term: JointTerm) -> JointTerm:

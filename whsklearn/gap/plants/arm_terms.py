@@ -25,7 +25,13 @@ ALONG_TWO = ("viscous", "coulomb")  # friction that depends on a neighbour's mot
 
 @dataclass(frozen=True)
 class Load(Effect):
-    """A point mass at a link: its mass, and the position of its centre in the joint's frame."""
+    """A point mass at a link: its mass, and the position of its centre in the joint's frame.
+
+    Examples
+    --------
+    >>> Load(2.0, x=0.1).labelled()
+    {'mass_kg': 2.0, 'x_m': 0.1, 'y_m': 0.0, 'z_m': 0.0}
+    """
 
     mass: float = 0.0
     x: float = 0.0
@@ -42,7 +48,13 @@ class Load(Effect):
 
 @dataclass(frozen=True)
 class JointInertia(Effect):
-    """Inertia of a motor, seen from the joint."""
+    """Inertia of a motor, seen from the joint.
+
+    Examples
+    --------
+    >>> JointInertia(0.02).labelled()
+    {'inertia_kg_m2': 0.02}
+    """
 
     inertia: float = 0.0
     name: ClassVar[str] = "joint_inertia"
@@ -54,7 +66,13 @@ class JointInertia(Effect):
 
 @dataclass(frozen=True)
 class Weight(Effect):
-    """Gravity of all links, for a model that has none."""
+    """Gravity of all links, for a model that has none.
+
+    Examples
+    --------
+    >>> Weight().magnitude, Weight().labelled()
+    (9.81, {})
+    """
 
     acceleration: float = 9.81
     name: ClassVar[str] = "gravity"
