@@ -22,6 +22,8 @@ NOISES = {
     "student": lambda rng, n: rng.standard_t(3, size=n),
     "coloured": lambda rng, n: lfilter([1.0], [1.0, -0.7], rng.normal(size=n)),
     "offset": lambda rng, n: 1e-9 * rng.normal(size=n) + 5e-9,
+    # what a model lacks comes in spells, as the motion does
+    "spells": lambda rng, n: rng.normal(size=n) * np.repeat(rng.choice([1.0, 2.0], p=[0.8, 0.2], size=n // 30 + 1), 30)[:n],
 }
 
 
@@ -166,7 +168,7 @@ def test_evidence_is_that_of_the_recursion_written_out():
     edges = np.linspace(-2, 2, LEVELS.size)
     e, ar = np.random.default_rng(0).normal(size=40), np.array([0.5, -0.2])
     past, counts, evidence, rest = begun()
-    assert watch(e, 0, past, ar, edges, tilts(), counts, evidence, rest, 1e12, 1e9) == -1
+    assert watch(e, 0, past, ar, edges, tilts(), counts, evidence, rest, 1.0, 1e12, 1e9) == -1
     by_hand, seen, spoilt = np.zeros(N_BETS), np.full(LEVELS.size + 1, 50.0), 0
     for t in range(e.size):
         w = e[t] - sum(ar[i] * e[t - 1 - i] for i in range(2) if t - 1 - i >= 0)
@@ -185,7 +187,7 @@ def test_it_stops_at_the_sample_that_raised_the_alarm_and_goes_on_behind_it():
     edges = np.linspace(-2, 2, LEVELS.size)
     e = np.r_[np.zeros(5), np.full(60, 9.0)]
     past, counts, evidence, rest = begun()
-    at = watch(e, 0, past, np.empty(0), edges, tilts(), counts, evidence, rest, 50.0, 1e9)
+    at = watch(e, 0, past, np.empty(0), edges, tilts(), counts, evidence, rest, 1.0, 50.0, 1e9)
     assert 5 <= at < e.size
     assert counts.sum() == 50.0 * (LEVELS.size + 1) + at + 1
 
@@ -193,7 +195,7 @@ def test_it_stops_at_the_sample_that_raised_the_alarm_and_goes_on_behind_it():
 def test_old_counts_fade_when_there_are_many():
     past, counts, evidence, rest = begun()
     edges = np.linspace(-2, 2, LEVELS.size)
-    watch(np.zeros(10), 0, past, np.empty(0), edges, tilts(), counts, evidence, rest, 1e12, 905.0)
+    watch(np.zeros(10), 0, past, np.empty(0), edges, tilts(), counts, evidence, rest, 1.0, 1e12, 905.0)
     assert counts.sum() < 905.0
 
 

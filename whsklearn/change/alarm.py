@@ -63,9 +63,13 @@ class ChangeAlarm(BaseEstimator):
     updated.  A bet k on a wider or shifted distribution pays e_k = f_k(cell) / E f_k, so
     E e_k = 1 as long as nothing changes, and R_k <- (1 + R_k) e_k makes R_k - t a martingale: the
     mean time to a false alarm of R = mean_k R_k >= A is at least A (Shiryaev 1963; Pollak 1985, Ann. Statist.
-    13(1); for mixtures of bets Shin, Ramdas and Rinaldo 2024, e-detectors).  The noise need not be Gaussian, but the
-    innovations are assumed to be independent after whitening.  An outlier stays in the whitening filter for
-    ``order`` samples and would be counted as often, as one wrong sign of dx is; these samples are left out.
+    13(1); for mixtures of bets Shin, Ramdas and Rinaldo 2024, e-detectors).  The noise need not be Gaussian, and the
+    innovations need not be independent after whitening: what a model lacks follows the motion and comes in spells.
+    So a bet pays e_k^(1 / tau), tau being the largest integrated autocorrelation time of the log e_k in the reference,
+    1 if they are independent.  By Hoelder's inequality the product of tau such payments has a mean of at most one,
+    however they depend on each other; the price is that a change is noticed tau times later.  An outlier stays in the
+    whitening filter for ``order`` samples and would be counted as often, as one wrong sign of dx is; these samples are
+    left out.
     Samples where y is predicted exactly (an idle axis) are skipped.  The bets are on a larger spread and on a shift,
     so an estimator whose innovations become smaller raises no alarm.
 
@@ -92,6 +96,7 @@ class ChangeAlarm(BaseEstimator):
     _counts: NDArray[np.float64]
     _evidence: NDArray[np.float64]
     _rest: NDArray[np.int64]
+    _power: float  # 1 / tau
 
     def __init__(self, interval: float = 1e6, n_reference: int = 2000, order: int = 4, n_settle: int = 1000):
         self.interval = interval
@@ -119,7 +124,7 @@ class ChangeAlarm(BaseEstimator):
                 start = self._learn(e, start)
                 continue
             learnt = (self._past, self._ar, self._edges, tilts(), self._counts, self._evidence, self._rest)
-            at = int(watch(e, start, *learnt, float(self.interval), _MOST))
+            at = int(watch(e, start, *learnt, self._power, float(self.interval), _MOST))
             if at < 0:
                 break
             alarms.append(at)
@@ -154,7 +159,7 @@ class ChangeAlarm(BaseEstimator):
         names = ("n_samples_", "n_alarms_", "_settled", "_filled", "_buffer", "_past", "_ar", "_edges", "_counts")
         return {
             name: value.copy() if isinstance(value, np.ndarray) else value
-            for name in (*names, "_evidence", "_rest")
+            for name in (*names, "_evidence", "_rest", "_power")
             if (value := getattr(self, name, None)) is not None
         }
 
@@ -180,7 +185,7 @@ class ChangeAlarm(BaseEstimator):
     def _begin(self) -> None:
         """Settle, then learn a new reference."""
         self._settled = self._filled = 0
-        self._rest = np.zeros(1, dtype=np.int64)
+        self._rest, self._power = np.zeros(1, dtype=np.int64), 1.0
         self._buffer = np.zeros(self.n_reference)
 
     def _learn(self, e: NDArray[np.float64], start: int) -> int:
@@ -206,6 +211,9 @@ class ChangeAlarm(BaseEstimator):
         self._counts = np.bincount(cells, minlength=LEVELS.size + 1).astype(np.float64)
         self._past = reference[::-1][:m].copy()
         self._evidence = np.zeros(N_BETS)
+        odds = tilts()
+        paid = np.log(odds[:, cells] * cells.size / (odds @ self._counts)[:, None])
+        self._power = 1.0 / max(map(dependence, paid))
         self._buffer = None
 
 
@@ -219,11 +227,27 @@ def _autoregression(e: NDArray[np.float64], order: int) -> NDArray[np.float64]:
     return np.linalg.solve(toeplitz + 1e-9 * r[0] * np.eye(order), r[1:])
 
 
+def dependence(x: NDArray[np.float64]) -> float:
+    """Integrated autocorrelation time of a stationary series, in samples: 1 if its samples are independent.
+
+    The sum ends at the first autocorrelation that two standard errors of white noise cover.
+
+    >>> noise = np.random.default_rng(0).normal(size=4000)
+    >>> dependence(noise), 15 < dependence(np.convolve(noise, np.ones(20), "valid")) < 25
+    (1.0, True)
+    """
+    n, centred = x.size, x - x.mean()
+    spectrum = np.fft.rfft(centred, 2 * n)
+    r = np.fft.irfft(spectrum * spectrum.conj())[1 : n // 4] / max(float(centred @ centred), 1e-300)
+    white = np.flatnonzero(r <= 2.0 / np.sqrt(n))
+    return float(1.0 + 2.0 * r[: white[0] if white.size else None].sum())
+
+
 @njit(cache=True)
-def watch(innovations, first, past, ar, edges, tilt, counts, evidence, rest, threshold, most):
+def watch(innovations, first, past, ar, edges, tilt, counts, evidence, rest, power, threshold, most):
     """Process samples from index ``first`` until the evidence reaches the threshold.
 
-    ``evidence`` holds R of each bet and is updated by R <- (1 + R) e, with e = f(cell) / E f, where the
+    ``evidence`` holds R of each bet and is updated by R <- (1 + R) e^power, with e = f(cell) / E f, where the
     expectation is under the cell frequencies seen so far.  ``rest`` counts the samples that an outlier still
     spoils.  Returns the index of the sample that raised the alarm, or -1.
     """
@@ -250,7 +274,7 @@ def watch(innovations, first, past, ar, edges, tilt, counts, evidence, rest, thr
             expected = 0.0
             for j in range(n_cells):
                 expected += tilt[k, j] * counts[j]
-            evidence[k] = (1.0 + evidence[k]) * tilt[k, cell] * total / expected
+            evidence[k] = (1.0 + evidence[k]) * (tilt[k, cell] * total / expected) ** power
             mean += evidence[k]
         counts[cell] += 1.0
         total += 1.0
