@@ -23,7 +23,9 @@ NOISES = {
     "coloured": lambda rng, n: lfilter([1.0], [1.0, -0.7], rng.normal(size=n)),
     "offset": lambda rng, n: 1e-9 * rng.normal(size=n) + 5e-9,
     # what a model lacks comes in spells, as the motion does
-    "spells": lambda rng, n: rng.normal(size=n) * np.repeat(rng.choice([1.0, 2.0], p=[0.8, 0.2], size=n // 30 + 1), 30)[:n],
+    "spells": lambda rng, n: (
+        rng.normal(size=n) * np.repeat(rng.choice([1.0, 2.0], p=[0.8, 0.2], size=n // 30 + 1), 30)[:n]
+    ),
 }
 
 

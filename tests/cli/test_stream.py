@@ -9,6 +9,7 @@ import sys
 from datetime import datetime, timedelta
 
 import numpy as np
+import pandas as pd
 import pytest
 from click.testing import CliRunner
 
@@ -17,6 +18,8 @@ from whsklearn import RLSRegressor
 from whsklearn.change import ChangeAlarm
 from whsklearn.checks import state_difference
 from whsklearn.cli.stream import main as stream_command
+from whsklearn.datasets import make_servo_log
+from whsklearn.effects import Coulomb
 from whsklearn.streaming import Options, StreamMonitor
 from whsklearn.streaming.rows import CsvParser
 
@@ -161,6 +164,63 @@ def test_a_stream_of_several_inputs_names_the_numbers_of_each(tmp_path):
     assert done.exit_code == 0, done.output
     (estimate,) = records(tmp_path / "out.jsonl", "estimate")
     assert estimate["parameters"]["a1_2"] == pytest.approx(0.5, abs=0.01)
+
+
+@pytest.fixture(scope="module")
+def changing_axis():
+    """The log of an axis at 250 Hz whose Coulomb friction is raised by two thirds in the middle."""
+    parts = [
+        make_servo_log([Coulomb(0.2)] if k else (), duration=72.0, sample_rate=250.0, random_state=k) for k in (0, 1)
+    ]
+    log = pd.concat(parts, ignore_index=True).rename(columns={"time_s": "time", "torque_nm": "torque_Nm"})
+    log["time"] = np.arange(len(log)) / 250.0 + np.repeat([0.0, 1.0], len(parts[0]))
+    return log[["time", "torque_Nm", "position_rad"]]
+
+
+@pytest.mark.parametrize("names", [("torque_Nm", "position_rad"), ("torque", "position")])
+def test_a_drive_and_a_position_are_an_axis_whose_change_is_found_and_named(tmp_path, changing_axis, names):
+    log = tmp_path / "axis.csv"
+    changing_axis.set_axis(["time", *names], axis=1).to_csv(log, index=False)
+    args = ["--no-track", "--time", "time", "--input", names[0], "--output", names[1], "--out", tmp_path / "out.jsonl"]
+    done = stream(log, *args)
+    assert done.exit_code == 0, done.output
+    assert "an axis, whose inertia and friction are estimated at 250 Hz; --orders takes them for a chain" in done.stderr
+    told = [r for r in records(tmp_path / "out.jsonl") if r["kind"] in ("alarm", "change")]
+    alarms = [r["row"] for r in told if r.get("cause") == "change"]
+    assert len(alarms) == 1, told
+    assert 18_000 < alarms[0] < 20_000
+    assert [c.split()[:2] for r in told if r["kind"] == "change" for c in r["changes"]] == [["coulomb", "rose"]]
+    assert ("Coulomb rose" in done.stderr) == (names[0] == "torque_Nm")  # the comparison needs units
+
+
+def test_an_axis_goes_on_from_its_checkpoint(tmp_path, changing_axis):
+    whole, part = tmp_path / "whole.csv", tmp_path / "part.csv"
+    changing_axis.head(3000).to_csv(whole, index=False)
+    changing_axis.head(1234).to_csv(part, index=False)
+    args = ["--no-track", "--time", "time", "--input", "torque_Nm", "--output", "position_rad", "--every", "500"]
+    assert stream(whole, *args, "--out", tmp_path / "whole.jsonl").exit_code == 0
+    for _ in range(2):
+        assert stream(part, *args, "--out", tmp_path / "part.jsonl").exit_code == 0
+        part.write_bytes(whole.read_bytes())
+    assert (tmp_path / "part.jsonl").read_bytes() == (tmp_path / "whole.jsonl").read_bytes()
+    assert state_difference(carried(f"{part}.whs"), carried(f"{whole}.whs")) == 0.0
+
+
+def test_what_a_stream_cannot_take_for_an_axis_is_told(tmp_path, changing_axis):
+    log = tmp_path / "axis.csv"
+    changing_axis.head(600).to_csv(log, index=False)
+    args = ["--no-track", "--fresh", "--out", tmp_path / "out.jsonl"]
+    swapped = stream(log, *args, "--input", "position_rad", "--output", "torque_Nm", "--time", "time")
+    assert swapped.exit_code == 2
+    assert "--input is position_rad, a position, and --output torque_Nm, a drive; exchange them" in swapped.output
+    columns = ["--input", "torque_Nm", "--output", "position_rad"]
+    assert "without --time or --rate they are taken for a chain" in stream(log, *args, *columns).stderr
+    assert "an axis" in stream(log, *args, *columns, "--rate", "250").stderr
+    assert "an axis" not in stream(log, *args, *columns, "--time", "time", "--orders", "2,1,1,1").stderr
+    changing_axis.head(1).to_csv(log, index=False)
+    short = stream(log, *args, *columns, "--time", "time")
+    assert short.exit_code == 2
+    assert "does not show its sample rate by time of three rows; give --rate HZ too" in short.output
 
 
 def test_a_rate_is_given_instead_of_a_time(tmp_path):

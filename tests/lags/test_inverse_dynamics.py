@@ -183,6 +183,35 @@ def test_any_cutting_of_a_stream_gives_the_same_rows(piece):
     assert np.array_equal(np.concatenate([t for _, t in pieces]), target)
 
 
+def test_a_stream_of_a_noisy_encoder_gives_the_numbers_of_the_axis():
+    """Torque that columns and target do not share the filter of had biased friction by 10 % and inertia by 0.5 %."""
+    log, truth = make_servo_log(duration=20.0, noise=5e-5, random_state=3, return_truth=True)
+    model = RLSRegressor(InverseDynamicsLags(sample_rate=1000.0, causal=True))
+    model.partial_fit(log[["position_rad"]].to_numpy(), log["torque_nm"].to_numpy())
+    for name in ("inertia", "viscous", "coulomb"):
+        assert model.parameters_[name] == pytest.approx(truth.parameters[name], rel=0.02), name
+
+
+def test_an_axis_at_rest_gives_a_stream_no_rows():
+    rng, rest = np.random.default_rng(0), np.zeros(2000)
+    lags = InverseDynamicsLags(sample_rate=RATE, causal=True)
+    for noise in (0.0, 1e-5):
+        path = rest + noise * rng.normal(size=rest.size)
+        assert len(lags.rows(path[:, None], rest + 0.1)[0]) < 0.02 * rest.size / lags.spacing
+    assert len(clone(lags).set_params(standstill=0.0).rows(path[:, None], rest + 0.1)[0]) > 150
+
+
+def test_errors_of_a_stream_stand_at_the_samples_that_give_its_rows():
+    X, y = smooth_axis(seconds=3.0)
+    lags = InverseDynamicsLags(sample_rate=RATE, causal=True)
+    theta = np.arange(1.0, 5.0)
+    errors = np.concatenate([lags.partial_errors(X[i : i + 70], y[i : i + 70], theta) for i in range(0, len(X), 70)])
+    phi, target = lags.rows(X, y)
+    at = np.flatnonzero(np.isfinite(errors))
+    assert np.array_equal(errors[at], target - phi @ theta)
+    assert not (at % lags.spacing).any()
+
+
 def test_a_new_group_starts_a_new_stream():
     X, y = smooth_axis(seconds=2.0)
     lags = InverseDynamicsLags(sample_rate=RATE, causal=True)
@@ -190,7 +219,7 @@ def test_a_new_group_starts_a_new_stream():
     both = lags.partial_rows(X, y, groups)[0]
     apart = [clone(lags).partial_rows(X[groups == g], y[groups == g])[0] for g in (0, 1)]
     assert np.array_equal(both, np.concatenate(apart))
-    assert lags.max_lag == lags.warmup_
+    assert lags.max_lag == lags.warmup_ + 2 * lags.spacing
 
 
 def test_a_stream_goes_on_from_a_record_with_a_measured_drive_apart():

@@ -21,6 +21,7 @@ from whsklearn.cli.arm_log import (
     robot_of,
     to_si,
 )
+from whsklearn.cli.axis_stream import AT_FIRST, LONGEST_STEP, head_of
 from whsklearn.cli.job import say_where, table, tracker_for, wrapped, writable_file, writable_folder
 from whsklearn.cli.options import given
 from whsklearn.cli.records import long_segments, note, rows_of, warnings_as_notes
@@ -33,9 +34,7 @@ if TYPE_CHECKING:
     from whsklearn.systems import Arm
 
 WINDOW = 0.5  # s of a free run in `simulate`: an arm replayed from its drives alone diverges within seconds
-AT_FIRST = 200  # rows from which the rate of a stream's file is estimated
 A_ROW = 1.0  # P(0) of a stream: the file's numbers weigh as much as one row, so the first rows do not discard them
-LONGEST_STEP = 2.5  # samples: a longer one begins a new experiment, because no derivative can bridge it
 
 
 def base_of(options: Mapping[str, Any]) -> Any:
@@ -172,7 +171,7 @@ def arm_stream(options: Mapping[str, Any]) -> ArmStream:
     values.
     """
     from whsklearn import RigidBodyLags, RLSRegressor
-    from whsklearn.logs.units import factor_between, unit_of
+    from whsklearn.logs.units import seconds_of, unit_of
     from whsklearn.models import load_model
 
     path, source, time = options["robot"], options["source"], options["time_column"]
@@ -182,18 +181,8 @@ def arm_stream(options: Mapping[str, Any]) -> ArmStream:
     arm, dt = known.arm, 1.0 / options["rate"] if options.get("rate") else known.dt
     if source == "-" and not options["joints"]:
         raise ColumnError('Lines on stdin have no column names; give them with --joints "NAME:POSITION,DRIVE;...".')
-    clock = factor_between(unit_of(time), "s") if time else 1.0
-    names: list[str] = []
-    if source != "-":
-        import pandas as pd
-
-        with open(source, encoding="utf-8", errors="replace") as file:
-            mark = max(",;\t", key=file.readline().count)
-        head = pd.read_csv(source, nrows=AT_FIRST, sep=mark, dtype=str, encoding_errors="replace")
-        names = [str(c) for c in head.columns]
-        if time in names and len(head) > 2:  # a comma inside a field is a decimal sign, as in the rows of a stream
-            stamps = pd.to_numeric(head[time].str.replace(",", "."), errors="coerce").dropna()
-            dt = float(np.median(np.diff(stamps))) * clock
+    names, step = head_of(source, time)
+    dt = step or dt
     given, gains = columns_of(options, arm, names), checked_gains(options, arm)
     pairs = [given[j] for j in arm.joints]
     factors = [
@@ -207,6 +196,7 @@ def arm_stream(options: Mapping[str, Any]) -> ArmStream:
     lags = RigidBodyLags.of_arm(arm, 1.0 / dt, causal=True, weights=weights, reversals=known.reversals)
     model = RLSRegressor(lags, P0=A_ROW, theta0=theta, forgetting=options["forgetting"])
     columns = [*([time] if time else []), *(q for q, _ in pairs), *(u for _, u in pairs)]
+    clock = seconds_of(unit_of(time, "s")) if time else 1.0
     scale = (*([clock] if time else []), *(far for far, _ in factors), *(by for _, by in factors))
     return ArmStream(model, columns, scale, arm.joints, LONGEST_STEP * dt / clock, arm, dt)
 

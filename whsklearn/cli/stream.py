@@ -1,4 +1,4 @@
-"""Identify an axis or an arm continuously, row by row: estimates, predictions, alarms.
+"""Identify an axis, an arm or a chain continuously, row by row: estimates, predictions, alarms.
 
 Rows come from a CSV file, from the same file as it grows (``--follow``), or as JSON lines on stdin (``-``).
 The state is kept in a checkpoint that is replaced atomically. When the stream is restarted, by hand or after a crash,
@@ -18,6 +18,7 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
+from whsklearn.cli.axis_stream import axis_stream
 from whsklearn.cli.job import job, root
 from whsklearn.cli.options import (
     FILE,
@@ -60,35 +61,47 @@ OF_A_CHAIN = ("inputs", "output", "estimator", "orders", "law", "p")  # options 
 def main(**options: Any) -> None:
     """Identify from SOURCE, a CSV file or - for JSON lines on stdin, row by row; it resumes automatically.
 
-    With --robot the rows are those of an arm, and the parameters of its joints are estimated.
+    A drive and a position, by the names or units of the columns, are taken for an axis, whose inertia and friction are
+    estimated; anything else, and with --orders these too, for a chain. With --robot the rows are those of an arm, and
+    the parameters of its joints are estimated.
 
     \b
-    whsklearn stream axis.csv --input torque_nm --output velocity_rad_s --follow --out records.jsonl
+    whsklearn stream axis.csv --input torque_nm --output position_rad --time time_s --follow --out records.jsonl
     """  # noqa: D301 - click reads the backspace
     from whsklearn.compare import at_an_alarm, at_an_alarm_of
     from whsklearn.streaming import Files, Options, run_stream
 
     source, robot, timed, rate = (options[k] for k in ("source", "robot", "time_column", "rate"))
-    if timed and rate:
-        raise click.UsageError("--rate is for rows without a time; leave out --time or --rate.")
+    say = functools.partial(click.echo, err=True)
+    source_of = click.get_current_context().get_parameter_source
+    chosen = {name for name in options if source_of(name) == ParameterSource.COMMANDLINE}
     dt = 1.0 / rate if rate else None  # of rows without a time
     kept = options["checkpoint"] or Path("stdin.whs" if source == "-" else f"{source}.whs")
     max_step, hole = options["max_step"], options["hole"]
+    axis = None
+    if not robot:
+        refuse_without_robot(options)
+        axis = axis_stream(options, chosen, say)
+    if timed and rate and not axis:
+        raise click.UsageError("--rate is for rows without a time; leave out --time or --rate.")
     outputs: tuple[str, ...] = ("",)
+    alarm: Any = options["alarm_interval"]
     factors: tuple[float, ...] = ()
     if robot:
         from whsklearn.cli.arm import arm_stream
 
-        source_of = click.get_current_context().get_parameter_source
-        of_chain = [name for name in OF_A_CHAIN if source_of(name) == ParameterSource.COMMANDLINE]
+        of_chain = [name for name in OF_A_CHAIN if name in chosen]
         if of_chain:
             raise click.UsageError(f"--robot is an arm's model, to which {of_chain[0]} does not apply; leave it out.")
         arm = arm_stream(options)
         model, columns, factors, outputs = arm.model, arm.columns, arm.factors, arm.joints
         max_step, hole = min(max_step, arm.max_step), "restart"
         compare: Any = at_an_alarm_of(arm.arm, None if timed else arm.dt)
+    elif axis:
+        model, columns, alarm = axis.model, axis.columns, axis.alarm
+        max_step, hole = min(max_step, axis.max_step), "restart"
+        compare = at_an_alarm(columns, None if timed else axis.dt)
     else:
-        refuse_without_robot(options)
         model = build_model(options)
         columns = [*([timed] if timed else []), *options["inputs"], options["output"]]
         compare = at_an_alarm(columns, dt) if timed or dt else None
@@ -101,6 +114,5 @@ def main(**options: Any) -> None:
         options["disk_full"] == "stop",
     )  # fmt: skip
     run_stream(
-        model, columns, files, rows, options["alarm_interval"], compare=compare,
-        root=root() if options["track"] else None, say=functools.partial(click.echo, err=True),
+        model, columns, files, rows, alarm, compare=compare, root=root() if options["track"] else None, say=say,
     )  # fmt: skip

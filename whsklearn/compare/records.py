@@ -523,7 +523,8 @@ SHORTEST = 50  # samples of an experiment that is used
 def at_an_alarm(columns: Sequence[str], dt: float | None = None) -> Callable[[Side, Side], dict[str, Any]] | None:
     """What compares the rows of an axis's stream; None unless they are time, a drive and a motion by their units.
 
-    ``columns``: of the rows: time, input, output. ``dt``: sampling time (s) of rows without a time.
+    ``columns``: of the rows: time, drive and motion, or time, motion and drive. ``dt``: sampling time (s) of rows
+    without a time.
 
     Examples
     --------
@@ -533,6 +534,10 @@ def at_an_alarm(columns: Sequence[str], dt: float | None = None) -> Callable[[Si
     if len(columns) != 3 - (dt is not None):
         return None
     clock, drive, motion = (unit_of(c) for c in ("s", *columns)[-3:])
+    first, second = (factor_of(unit)[1] for unit in (drive, motion))
+    backwards = first in MOTIONS and first not in KINDS["drive"] and second in KINDS["drive"]
+    if backwards:
+        drive, motion = motion, drive
     (per, position), rate = integral_of(motion), factor_of(motion)[1].endswith("/s")
     kind = factor_of(position)[1]
     if UNKNOWN in (drive, motion) or factor_of(drive)[1] not in KINDS["drive"] or kind not in MOTIONS:
@@ -541,7 +546,8 @@ def at_an_alarm(columns: Sequence[str], dt: float | None = None) -> Callable[[Si
 
     def record(side: Side) -> ServoRecord:
         parts, starts, n = [], [], 0
-        for t, u, y in evenly(side, by, dt):
+        for t, *signals in evenly(side, by, dt):
+            u, y = signals[::-1] if backwards else signals
             if rate:
                 y = per * np.concatenate([[0.0], np.cumsum(0.5 * (y[1:] + y[:-1]) * np.diff(t))])
             parts.append((t, u, y))

@@ -131,6 +131,34 @@ def causal_delay(
     return joined[: len(x)], joined[len(x) :].copy()
 
 
+def window_averages(
+    signals: NDArray[np.float64], taps: NDArray[np.float64], ends: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """Weighted averages of signals (n, k) over the windows that end at some samples, (len(ends), k).
+
+    ``taps`` (window,): weights, the oldest sample first. ``ends``: indices of samples with a full window.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> window_averages(np.arange(4.0)[:, None], np.full(3, 1 / 3), np.array([2, 3])).ravel().round(9)
+    array([1., 2.])
+    """
+    return np.asarray(_averaged(signals, taps, ends))
+
+
+@njit(cache=True)
+def _averaged(signals, taps, ends):
+    """Each column's weighted sum over the window that ends at each index; loops, so that no cutting changes a bit."""
+    out = np.zeros((ends.size, signals.shape[1]))
+    for j in range(ends.size):
+        first = ends[j] - taps.size + 1
+        for i in range(taps.size):
+            for k in range(signals.shape[1]):
+                out[j, k] += taps[i] * signals[first + i, k]
+    return out
+
+
 @njit(cache=True)
 def _slide(joined, skip, kernels):
     """Kernels along the path; positions are taken relative to the window's middle, which spares digits."""

@@ -68,15 +68,22 @@ def stack_columns(
 
 
 class RowState(NamedTuple):
-    """State of a causal transformer: the last samples of position, drive and torque, and the number seen so far."""
+    """State of a causal transformer: last samples, and how many came before.
+
+    ``path``, ``drive``, ``torque``: as logged. ``signals``: columns, torque and speed before their average.
+    ``sums``: number, squared speed, and distance of the position from its polynomial, of the samples so far.
+    """
 
     path: Array
     drive: Array
     torque: Array
+    signals: Array
+    sums: Array
     seen: int
 
 
-AT_START = RowState(np.empty(0), np.empty(0), np.empty(0), 0)
+_NONE = np.empty(0)
+AT_START = RowState(_NONE, _NONE, _NONE, _NONE, np.zeros(3), 0)
 
 
 def checked_torque(y: ArrayLike, n: int) -> Array:

@@ -11,14 +11,15 @@ from collections.abc import Iterable
 from typing import Any, Self
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import check_array, check_is_fitted, validate_data
 
 from whsklearn.effects import Effect, FrictionLaw, PreslidingHysteresis
 from whsklearn.effects.base import Array
-from whsklearn.filtering.records import decimate, motion, motion_cutoff, velocity_noise, zero_phase
-from whsklearn.filtering.streams import causal_delay, causal_kernels, causal_motion, causal_window
+from whsklearn.filtering.records import Motion, decimate, motion, motion_cutoff, velocity_noise, zero_phase
+from whsklearn.filtering.streams import causal_delay, causal_kernels, causal_motion, causal_window, window_averages
 from whsklearn.lags.axis_rows import (
     AT_START,
     DRIVEN,
@@ -41,6 +42,9 @@ def validated(owner: Any, X: ArrayLike, reset: bool = False) -> Array:
 
 
 SHORTEST = 64  # samples below which the noise cannot be estimated from the record
+NOISY = 5.0  # standard deviations of the velocity's noise below which an axis may be at rest
+SLOW = 0.1  # of the speed so far: slower, friction is not yet the sign of the velocity; the arms' lags have 0.08
+MEAN_DEVIATION = (2.0 / np.pi) ** 0.5  # E|x| of a standard normal number
 
 
 class InverseDynamicsLags(TransformerMixin, BaseEstimator):
@@ -58,20 +62,23 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
         Cut-off of the filter on the position, in Hz. For records, the default is the highest at which encoder noise
         makes up 1e-6 of the acceleration's variance, or what the motion needs (`motion_cutoff`). Torque and all
         columns then pass the same filter, so that only frequencies above it are lost. For streams, which start
-        without a record to choose from, the default is a tenth of the sampling rate.
+        without a record to choose from, the default is a tenth of the sampling rate; the rows of `rows` and
+        `partial_rows` are averages over two periods of it.
     order : int, default=4
         Order of the zero-phase Butterworth filter.
     decimate : int, optional
-        The result of `rows` is low-pass filtered and every ``decimate``-th row is kept (records only). By default,
-        all rows are kept if ``cutoff`` is given. Otherwise two rows per period of the cut-off are kept, as many as
-        are independent after the filter; with more, the standard errors of the fit would be too small.
+        The result of `rows` is low-pass filtered and every ``decimate``-th row is kept. By default,
+        all rows of a record are kept if ``cutoff`` is given. Otherwise two rows per period of the cut-off are kept,
+        of a stream one, as many as are independent after the filter; with more, the standard errors of the fit would
+        be too small.
     border : int, default=0
-        Number of rows that `rows` drops at the start of each record, where the filter has no past. If ``cutoff`` is
+        Number of samples without rows at the start of each record, where the filter has no past. If ``cutoff`` is
         not given, one period of the cut-off is also dropped at both ends.
     standstill : float, optional
         Speed below which `rows` drops rows. At rest, friction equals whatever drive is applied, and the sign of a
         noisy velocity is random, which biases Coulomb friction towards viscous friction. The default is five times
-        the noise of the velocity for a record, and 0 for a stream or if a hysteresis models the standstill.
+        the noise of the velocity, for a stream also a tenth of its rms so far, and 0 if a hysteresis models the
+        standstill.
     causal : bool, default=False
         False is for whole records and adds no delay. True is for streams and fits a polynomial
         over a moving window. Row t then holds the values from ``delay_`` samples earlier, and
@@ -123,6 +130,8 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
     >>> list(lags.get_feature_names_out())
     ['inertia', 'viscous', 'coulomb', 'input_offset']
     """
+
+    _stream: RowState
 
     def __init__(
         self,
@@ -207,20 +216,21 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
             If the torque is zero throughout, or a record is too short for the filters.
         """
         target = checked_torque(y, len(X))  # type: ignore[arg-type]
+        if self.causal:
+            X = validated(self.fit(X, y), X)
+            return self._rows_of(X, target, groups)[:2]
         phi = self._fresh(X, y, groups)
         pieces = []
         for s in experiments(groups, len(phi)):
-            late = causal_delay(target[s], np.empty(0), self.delay_)[0]
-            path = np.asarray(X, dtype=float)[s, 0]
-            speed = self._speed(path)
+            path, smooth = np.asarray(X, dtype=float)[s, 0], target[s]
+            speed = motion(path, self.sample_rate, self.cutoff_, self.order).velocity
             if self._is_automatic:
-                edge = min(int(self.sample_rate / self.cutoff_), late.size // 4)
-                late = zero_phase(late, self.sample_rate, self.cutoff_, self.order)
-                both = np.column_stack([speed, phi[s], late])[max(self.border, edge) : late.size - edge]
+                edge = min(int(self.sample_rate / self.cutoff_), smooth.size // 4)
+                smooth = zero_phase(smooth, self.sample_rate, self.cutoff_, self.order)
+                both = np.column_stack([speed, phi[s], smooth])[max(self.border, edge) : smooth.size - edge]
                 both = both[:: self.decimate or max(round(self.sample_rate / (2.0 * self.cutoff_)), 1)]
             else:
-                both = np.column_stack([speed, phi[s], late])[max(self.border, self.warmup_) :]
-                both = both if self.causal else decimate(both, self.decimate or 1)
+                both = decimate(np.column_stack([speed, phi[s], smooth])[self.border :], self.decimate or 1)
             pieces.append(both[np.abs(both[:, 0]) >= self._limit(path), 1:])
         both = np.concatenate(pieces)
         return both[:, :-1], both[:, -1]
@@ -234,30 +244,30 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
         transformer is not causal, or an effect needs the whole record.
         """
         X = self._next_piece(X)
-        drive = self._drive(X, y)
-        return self._go_on(X, drive, drive, groups)[0]
+        drive, stream, out = self._drive(X, y), self._stream, []
+        for i, s in enumerate(experiments(groups, len(X))):
+            phi, _, _, stream = self._advance(AT_START if i else stream, X[s, 0], drive[s], drive[s])
+            out.append(phi)
+        self._stream = stream
+        return np.concatenate(out)
 
     def partial_rows(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> tuple[Array, Array]:
-        """Regression rows of the next piece of a stream, the torque delayed like the columns.
+        """Regression rows of the next piece of a stream: averages of columns and torque, a period of the cut-off apart.
 
-        Rows of the warm-up are dropped, so the first pieces may give no rows.
+        The average is the same for both, so it takes no parameter from its value. There are no rows during the warm-up
+        and none of windows with standstill, so a piece may give none.
 
         ``X``, ``y``, ``groups``: as for `rows`; a new label begins a new stream.
         """
-        X = self._next_piece(X)
-        target = np.asarray(y, dtype=float).ravel()
-        if len(target) != len(X) or not np.isfinite(target).all():
-            raise ValueError(f"y must be {len(X)} finite torques; give one for each row of X.")
-        memory = self._stream.path
-        phi, late, warm = self._go_on(X, self._drive(X, target), target, groups)
-        keep = ~warm
-        if self.standstill:
-            speeds = [
-                causal_motion(X[s, 0], np.empty(0) if i else memory, self._kernels)[0].velocity
-                for i, s in enumerate(experiments(groups, len(X)))
-            ]
-            keep &= np.abs(np.concatenate(speeds)) >= self.standstill
-        return phi[keep], late[keep]
+        return self._rows_of(*self._checked_piece(X, y), groups)[:2]
+
+    def partial_errors(self, X: ArrayLike, y: ArrayLike, theta: Array, groups: ArrayLike | None = None) -> Array:
+        """Errors (n,) of the weights ``theta`` in the rows that `partial_rows` gives; NaN for samples without one."""
+        X, target = self._checked_piece(X, y)
+        phi, late, at = self._rows_of(X, target, groups)
+        out = np.full(len(X), np.nan)
+        out[at] = late - phi @ theta
+        return out
 
     def begin(self) -> None:
         """Begin a new experiment: the next row of a stream has no past."""
@@ -282,36 +292,72 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
         """
         if not isinstance(state, dict) or not {"n_features_in", "cutoff", *RowState._fields} <= state.keys():
             raise ValueError("This is not a state of InverseDynamicsLags; give what get_state() returned.")
-        path, drive, torque = (np.array(state[name], dtype=float) for name in ("path", "drive", "torque"))
         self._settle()
         self.n_features_in_ = int(state["n_features_in"])
         self.cutoff_ = float(state["cutoff"])
-        self._stream = RowState(path, drive, torque, int(state["seen"]))
+        kept = {name: np.array(state[name], dtype=float) for name in RowState._fields if name != "seen"}
+        self._stream = RowState(**kept, seen=int(state["seen"]))
         return self
 
-    def _go_on(
-        self, X: Array, drive: Array, target: Array, groups: ArrayLike | None
-    ) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Columns, delayed torque and warm-up rows of a piece of the stream; a new group starts a new stream."""
-        stream, out = self._stream, []
+    def _rows_of(self, X: Array, target: Array, groups: ArrayLike | None) -> tuple[Array, Array, NDArray[np.int64]]:
+        """Rows of the next piece of the stream, their torque, and the samples at which they end."""
+        drive, stream, out = self._drive(X, target), self._stream, []
         for i, s in enumerate(experiments(groups, len(X))):
             stream = AT_START if i else stream
-            warm = stream.seen + np.arange(s.stop - s.start) < self.warmup_
-            phi, late, stream = self._advance(stream, X[s, 0], drive[s], target[s])
-            out.append((phi, late, warm))
+            both, at, stream = self._chosen(stream, X[s, 0], *self._advance(stream, X[s, 0], drive[s], target[s]))
+            out.append((both, at + s.start))
         self._stream = stream
-        phis, lates, warms = zip(*out, strict=True)
-        return np.concatenate(phis), np.concatenate(lates), np.concatenate(warms)
+        rows, at = (np.concatenate(parts) for parts in zip(*out, strict=True))
+        return rows[:, :-1], rows[:, -1], at
 
-    def _advance(self, stream: RowState, path: Array, drive: Array, target: Array) -> tuple[Array, Array, RowState]:
-        """Columns and delayed torque of the next piece, zeros in the warm-up, and the stream after it."""
+    def _advance(
+        self, stream: RowState, path: Array, drive: Array, target: Array
+    ) -> tuple[Array, Array, Motion, RowState]:
+        """Columns (zeros in the warm-up), delayed torque and motion of the next piece, and the stream after it."""
         moved, past = causal_motion(path, stream.path, self._kernels)
         force, past_drive = causal_delay(drive, stream.drive, self.delay_)
         late, past_torque = causal_delay(target, stream.torque, self.delay_)
         time = (stream.seen - self.delay_ + np.arange(len(path))) / self.sample_rate
         phi = stack_columns(self.terms_, moved, force, time)
         phi[: max(self.warmup_ - stream.seen, 0)] = 0.0
-        return phi, late, RowState(past, past_drive, past_torque, stream.seen + len(path))
+        seen = stream.seen + len(path)
+        return phi, late, moved, stream._replace(path=past, drive=past_drive, torque=past_torque, seen=seen)
+
+    def _chosen(
+        self, before: RowState, path: Array, phi: Array, late: Array, moved: Motion, after: RowState
+    ) -> tuple[Array, NDArray[np.int64], RowState]:
+        """Averages of columns and torque where the axis moved, the samples at which they end, and the stream."""
+        count, window = before.seen + np.arange(len(path)), self._taps.size
+        speed = np.abs(moved.velocity)
+        signals = np.column_stack([phi, late, speed])
+        signals = np.concatenate([before.signals.reshape(-1, signals.shape[1]), signals])
+        ends = np.arange(len(signals) - len(path), len(signals))
+        middle = np.concatenate([before.path, path])[np.maximum(len(before.path) + count - count[0] - self.delay_, 0)]
+        warm = count < self.warmup_
+        now = np.where(warm, 0.0, [np.ones(len(path)), speed**2, np.abs(middle - moved.position)]).T
+        sums = np.cumsum(np.concatenate([before.sums[None], now]), axis=0)[1:]
+        full = (ends >= window - 1) & (count >= max(self.warmup_ + window - 1, self.border))
+        at = np.flatnonzero(full & (count % self.spacing == 0))
+        if at.size:
+            slowest = sliding_window_view(signals[:, -1], window)[ends[at] - window + 1].min(axis=1)
+            at = at[slowest > self._least_speed(sums[at]) if self.standstill is None else slowest >= self.standstill]
+        rows = window_averages(signals[:, :-1], self._taps, ends[at])
+        return rows, at, after._replace(signals=signals[max(len(signals) - window + 1, 0) :].copy(), sums=sums[-1])
+
+    def _least_speed(self, sums: Array) -> Array:
+        """Speed below which an axis of a stream may be at rest or reverse, for each of its `RowState.sums`."""
+        n, squares, away = np.maximum(sums.T, [[1.0], [0.0], [0.0]])
+        position, velocity = self._kernels[:2]
+        noise = away / n / MEAN_DEVIATION / np.sqrt(1.0 - position[self.delay_])
+        return np.asarray(np.maximum(SLOW * np.sqrt(squares / n), NOISY * noise * np.linalg.norm(velocity)))
+
+    def _checked_piece(self, X: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
+        """A piece of a stream, and its torque."""
+        X = self._next_piece(X)
+        target = np.asarray(y, dtype=float).ravel()
+        if len(target) != len(X) or not np.isfinite(target).all():
+            raise ValueError(f"y must be {len(X)} finite torques; give one for each row of X.")
+        return X, target
 
     def _next_piece(self, X: ArrayLike) -> Array:
         """Check a piece of a stream; the first piece fixes the columns."""
@@ -331,18 +377,30 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
 
     @property
     def max_lag(self) -> int:
-        """Samples of the past that a row needs: a window for streams, a period of the cutoff for records."""
+        """Samples of the past that a row needs: its windows for streams, a period of the cutoff for records."""
         cutoff = 0.1 * self.sample_rate if self.cutoff is None else float(self.cutoff)
         if not self.causal:
             cutoff = getattr(self, "cutoff_", cutoff)
             return round(self.sample_rate / cutoff)
-        return (causal_window(self.sample_rate, cutoff, self.degree) if self.window is None else self.window) - 1
+        window = causal_window(self.sample_rate, cutoff, self.degree) if self.window is None else self.window
+        return window - 1 + 2 * self._period(cutoff)
+
+    def _period(self, cutoff: float) -> int:
+        """Samples of a period of a cut-off, in Hz."""
+        return max(round(self.sample_rate / cutoff), 1)
+
+    @property
+    def spacing(self) -> int:
+        """Samples from one row of a stream to the next: half the window of their average."""
+        return self.decimate or self._period(0.1 * self.sample_rate if self.cutoff is None else float(self.cutoff))
 
     @property
     def independent_share(self) -> float:
-        """Share of `rows` that are independent after the filter: two per period of its cut-off."""
+        """Share of `rows` that are independent after the filter: two per period of its cut-off, of a stream one."""
         check_is_fitted(self, "terms_")
         apart = self.sample_rate / (2.0 * self.cutoff_)
+        if self.causal:
+            return min(1.0, self.spacing / (2.0 * apart))
         kept = self.decimate or (max(round(apart), 1) if self._is_automatic else 1)
         return min(1.0, kept / apart)
 
@@ -387,6 +445,8 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
         if self.causal:
             window = causal_window(self.sample_rate, cutoff, self.degree) if self.window is None else self.window
             self._kernels = causal_kernels(self.sample_rate, window, self.degree)
+            self._taps = np.hanning(2 * self._period(cutoff) + 3)[1:-1]
+            self._taps /= self._taps.sum()
             delay = (window - 1) // 2
         self.terms_, self.cutoff_, self.delay_, self.warmup_ = terms, cutoff, delay, 2 * delay
         self._stream = AT_START
@@ -418,7 +478,7 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
         pieces = []
         for s in experiments(groups, len(X)):
             if self.causal:
-                phi, _, stream = self._advance(AT_START, X[s, 0], drive[s], target[s])
+                phi, _, _, stream = self._advance(AT_START, X[s, 0], drive[s], target[s])
             else:
                 phi = self._record_columns(X[s, 0], drive[s])
             pieces.append(phi)
@@ -438,16 +498,10 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
         phi[:, 0] = motion(path, rate, self.cutoff_, order).acceleration
         return phi
 
-    def _speed(self, path: Array) -> Array:
-        """Velocity of a record, as used in its columns."""
-        if self.causal:
-            return causal_motion(path, np.empty(0), self._kernels)[0].velocity
-        return motion(path, self.sample_rate, self.cutoff_, self.order).velocity
-
     def _limit(self, path: Array) -> float:
         """Speed below which a row counts as standstill."""
         if self.standstill is not None:
             return float(self.standstill)
-        if self.causal or any(isinstance(t, PreslidingHysteresis) for t in self.terms_):
+        if any(isinstance(t, PreslidingHysteresis) for t in self.terms_):
             return 0.0
-        return 5.0 * velocity_noise(path, self.sample_rate, self.cutoff_, self.order)
+        return NOISY * velocity_noise(path, self.sample_rate, self.cutoff_, self.order)

@@ -9,7 +9,7 @@ import numpy as np
 
 from whsklearn.logs.errors import ColumnError
 from whsklearn.logs.source import Source
-from whsklearn.logs.units import factor_of, unit_in
+from whsklearn.logs.units import UNSTATED, factor_of, unit_in, unit_of
 
 # In order of preference; one word of the column's name must equal one of these.
 WORDS: dict[str, tuple[str, ...]] = {
@@ -92,6 +92,21 @@ def guess(source: Source, role: str) -> str | None:
             f"{source.name} has several columns for {role}: {', '.join(found[:8])}; name one with --{role}."
         )
     return found[0] if found else None
+
+
+def says(column: str, role: str) -> bool:
+    """Whether a column's name alone tells its role, by its unit or a word; a letter, input and output tell nothing.
+
+    >>> [says(c, "drive") for c in ("torque", "M1 [Nm]", "u", "input", "torque_cmd")]
+    [True, True, False, False, False]
+    >>> says("position", "position"), says("angle_deg", "position"), says("speed_deg_s", "position")
+    (True, True, False)
+    """
+    unit = unit_of(column)
+    if unit not in UNSTATED:
+        return _ROLE_OF_UNIT.get(factor_of(unit)[1]) == role
+    told = {word for word in WORDS[role] if len(word) > 1} - {"input", "output", "load"}
+    return bool(told & set(words_of(column))) and not _other(role, column)
 
 
 def _changing(source: Source, columns: list[str]) -> list[str]:

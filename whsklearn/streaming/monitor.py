@@ -33,8 +33,8 @@ CONTEXT = 300  # rows before a block, over which the effect of the predictor's s
 class Innovations:
     """One-step errors of a learning model, block by block; the outputs are the last columns of a row.
 
-    Where the lags smooth over a moving window (those of an arm), an innovation belongs to the sample in the middle of
-    the window that ends with the row.
+    Where the lags smooth over a moving window (those of an arm or an axis), an innovation belongs to the sample in the
+    middle of the window that ends with the row.
     """
 
     def __init__(self, model: Any, n_outputs: int = 1):
@@ -50,28 +50,37 @@ class Innovations:
         self.experiments = np.concatenate([self.experiments, experiments])
         self.new += len(rows)
 
-    def of_block(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Outputs of the complete block and their innovations, (n, n_outputs) each; the next block begins.
+    def of_block(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Outputs of the complete block, their innovations, and those to be watched; the next block begins.
 
-        Innovations are NaN where there was no model yet.
+        Each is (n, n_outputs). Innovations are NaN where there was no model yet; those to be watched are of the rows
+        that the model learns from, and NaN at the other samples.
         """
         first = len(self.rows) - self.new
         y = self.rows[:, -self.n_outputs :]
-        e = np.full((self.new, self.n_outputs), np.nan)
+        e = watched = np.full((self.new, self.n_outputs), np.nan)
         if self._before is not None:
             X, known = self.rows[:, : -self.n_outputs], y if self.n_outputs > 1 else y[:, 0]
             y_hat = self._before.predict_ahead(X, known, horizon=1, groups=self.experiments, settle=False)
-            if self.n_outputs > 1:
-                lags = self._before.lags_
+            y_hat = y_hat.reshape(y.shape)
+            lags: Any = getattr(self._before, "lags_", None)
+            if hasattr(lags, "delay_"):
                 y = np.roll(y, lags.delay_, axis=0)
                 begun = np.flatnonzero(np.diff(self.experiments, prepend=self.experiments[0] - 1))
                 past = np.arange(len(y)) - begun[np.searchsorted(begun, np.arange(len(y)), side="right") - 1]
                 y_hat[past < lags.warmup_] = np.nan
-            e = (y - y_hat.reshape(y.shape))[first:]
+            e = watched = (y - y_hat)[first:]
+            if hasattr(lags, "partial_errors"):
+                if 0 < first < len(y) and self.experiments[first] != self.experiments[first - 1]:
+                    lags.begin()
+                watched = lags.partial_errors(X[first:], known[first:], self._before.theta_, self.experiments[first:])
+                watched = watched.reshape(e.shape)
         self._before = copy.copy(self.model)  # what set_state of a clone does, without its checks
         self._before.state_ = copy.deepcopy(self.model.state_)
+        if hasattr(self.model, "lags_"):
+            self._before.lags_ = copy.copy(self.model.lags_)
         self.rows, self.experiments, self.new = self.rows[-CONTEXT:], self.experiments[-CONTEXT:], 0
-        return y[first:], e
+        return y[first:], e, watched
 
     def get_state(self) -> dict[str, Any]:
         """Everything that `set_state` needs to continue identically."""
@@ -236,7 +245,7 @@ class StreamMonitor:
         # outputs share the false alarms of the interval
         self.alarms = [alarm] if n == 1 else [clone(alarm).set_params(interval=n * alarm.interval) for _ in range(n)]
         self.innovations = Innovations(model, n)
-        self.sides = None if compare is None else Sides(compare, alarm.n_settle)
+        self.sides = None if compare is None else Sides(compare, alarm.n_settle * getattr(model.lags, "spacing", 1))
         self.carried = Carried(poor=[False] * n)
         self._count_anew()
         self.clock = Clock()
@@ -433,12 +442,12 @@ class StreamMonitor:
         for told in self.sides.done(wait) if self.sides is not None else ():
             self.emit({"kind": "moved"} | told)
 
-    def _watch(self, y: NDArray[np.float64], e: NDArray[np.float64]) -> None:
-        """Emit predictions of a complete block, check the alarms and update the sums; y and e are (n, n_outputs)."""
+    def _watch(self, y: NDArray[np.float64], errors: NDArray[np.float64], e: NDArray[np.float64]) -> None:
+        """Emit predictions of a complete block, check the alarms with e and update the sums; all are (n, n_outputs)."""
         first = self.carried.rows - len(e) + 1
         if self.options.predictions:
-            for i, (values, errors) in enumerate(zip(y.tolist(), e.tolist(), strict=True)):
-                told = {"y": values, "y_hat": [v - e for v, e in zip(values, errors, strict=True)]}
+            for i, (values, missed) in enumerate(zip(y.tolist(), errors.tolist(), strict=True)):
+                told = {"y": values, "y_hat": [v - e for v, e in zip(values, missed, strict=True)]}
                 self.emit(self._record("prediction", first + i) | {k: self._by_output(v) for k, v in told.items()})
         if self.carried.adapting:
             self._adapt(max(self.carried.adapting - BLOCK, 0))
@@ -584,6 +593,17 @@ class StreamMonitor:
                 return  # keep the reference
         c.reference = {"values": after, "variances": variances, "row": c.rows}
         c.alarm_row, c.looks = -1, 0
+
+
+# Of averages (`InverseDynamicsLags.spacing`), 100 settle the numbers of an axis, and 1,000 show what is normal: 12 s at
+# 1 kHz. They are not whitened: the noise of an acceleration is all above the motion, and what is left
+# below it once it is taken out follows the motion. Either matters in benchmarks/axis_alarm.py.
+OF_AVERAGES: dict[str, int] = {"n_settle": 100, "n_reference": 1000, "order": 0}
+
+
+def alarm_of_averages(interval: float = 1e6) -> ChangeAlarm:
+    """The alarm on an axis's stream, whose innovations are those of averages; ``interval`` counts them."""
+    return ChangeAlarm(interval, **OF_AVERAGES)
 
 
 def _finite(row: Any, width: int) -> list[float]:

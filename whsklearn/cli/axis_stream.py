@@ -1,0 +1,99 @@
+"""The stream of an axis: whether a source's columns are one, and the model, the rate and the alarm that it takes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from whsklearn.logs.errors import ColumnError
+
+AT_FIRST = 200  # rows from which the rate of a stream's file is estimated
+LONGEST_STEP = 2.5  # samples: a longer one begins a new experiment, because no derivative can bridge it
+
+
+class AxisStream(NamedTuple):
+    """Inputs of ``stream`` for an axis: estimator, columns in the order of a row, alarm, longest and usual time step.
+
+    ``max_step`` is in the unit of the time column, ``dt`` in s.
+    """
+
+    model: Any
+    columns: list[str]
+    alarm: Any
+    max_step: float
+    dt: float
+
+
+def head_of(source: str, time: str | None) -> tuple[list[str], float | None]:
+    r"""Names of a file's columns, and the usual step (s) of its time; no names of stdin, and no step without a time.
+
+    >>> from tempfile import NamedTemporaryFile
+    >>> with NamedTemporaryFile("w+") as file:
+    ...     _ = file.write("t_ms;q\n0;0\n2;0\n4;0\n")
+    ...     file.flush()
+    ...     head_of(file.name, "t_ms")
+    (['t_ms', 'q'], 0.002)
+    """
+    import numpy as np
+    import pandas as pd
+
+    from whsklearn.logs.units import seconds_of, unit_of
+
+    if source == "-":
+        return [], None
+    with open(source, encoding="utf-8", errors="replace") as file:
+        mark = max(",;\t", key=file.readline().count)
+    try:
+        head = pd.read_csv(source, nrows=AT_FIRST, sep=mark, dtype=str, encoding_errors="replace")
+    except (pd.errors.EmptyDataError, pd.errors.ParserError):  # the stream itself says what is wrong with it
+        return [], None
+    names = [str(c).strip().strip('"') for c in head.columns]
+    if time not in names or len(head) < 3:
+        return names, None
+    text = head.iloc[:, names.index(time)]
+    # a comma inside a field is a decimal sign, as in the rows of a stream
+    stamps = pd.to_numeric(text.str.replace(",", "."), errors="coerce").dropna()
+    if len(stamps) < 3:
+        dates = pd.to_datetime(text, errors="coerce", format="ISO8601", utc=True).dropna()
+        step = float(np.median(np.diff(dates.astype("int64")))) * 1e-9 if len(dates) > 2 else 0.0
+    else:
+        step = float(np.median(np.diff(stamps))) * seconds_of(unit_of(time, "s"))
+    return names, step if step > 0.0 else None
+
+
+def axis_stream(options: Mapping[str, Any], chosen: set[str], say: Any) -> AxisStream | None:
+    """``stream SOURCE``: recursive least squares of an axis if the columns are its drive and its position.
+
+    ``chosen``: the options given on the command line; those of a chain ask for one. ``say``: called with the sentence
+    that tells what is taken, and why it is not an axis where the columns alone would be one.
+    """
+    from whsklearn import InverseDynamicsLags, RLSRegressor
+    from whsklearn.logs.roles import says
+    from whsklearn.logs.units import seconds_of, unit_of
+    from whsklearn.streaming.monitor import alarm_of_averages
+
+    source, time, rate, inputs = (options[k] for k in ("source", "time_column", "rate", "inputs"))
+    drive, position = inputs[0], options["output"]
+    if chosen & {"estimator", "orders", "p"} or len(inputs) > 1:
+        return None
+    if says(position, "drive") and says(drive, "position"):
+        raise ColumnError(
+            f"--input is {drive}, a position, and --output {position}, a drive; exchange them, or give --orders for a "
+            "chain from the position to the drive."
+        )
+    if not (says(drive, "drive") and says(position, "position")):
+        return None
+    dt = 1.0 / rate if rate else head_of(source, time)[1]
+    what = f"{drive} and {position} are the drive and the position of an axis"
+    if dt is None and (time is None or source == "-"):
+        say(f"{what}, but without {'--time or ' if time is None else ''}--rate they are taken for a chain.")
+        return None
+    if dt is None:
+        raise ColumnError(f"{source} does not show its sample rate by {time} of three rows; give --rate HZ too.")
+    say(f"{what}, whose inertia and friction are estimated at {1.0 / dt:.6g} Hz; --orders takes them for a chain.")
+    law = options["law"] if "law" in chosen else "viscous,coulomb"
+    lags = InverseDynamicsLags(float(f"{1.0 / dt:.6g}"), law=law, causal=True)
+    model = RLSRegressor(lags, forgetting=options["forgetting"])
+    alarm = alarm_of_averages(options["alarm_interval"])
+    clock = seconds_of(unit_of(time, "s")) if time else 1.0
+    return AxisStream(model, [*([time] if time else []), position, drive], alarm, LONGEST_STEP * dt / clock, dt)
