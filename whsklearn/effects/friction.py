@@ -386,7 +386,9 @@ class FrictionDrift(Effect):
     """
 
     torque: float = number(-0.1, "Nm", -1e3, 1e3)
-    time_constant: float = number(20.0, "s", 1.0, 1e4, log=True, span=(0.03, 30.0), starts=(0.1, 0.27, 0.71, 1.9, 5.0))
+    time_constant: float = number(
+        20.0, "s", 1.0, 1e4, log=True, span=(0.03, 30.0), starts=(0.1, 0.27, 0.71, 1.9, 5.0), open_above=True
+    )
 
     name = "friction_drift"
     place = "friction"

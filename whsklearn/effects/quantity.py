@@ -113,9 +113,9 @@ class Quantity:
     scan : str
         How a fine grid finds it if starting points are too coarse: ``position`` (the order of a wave over position),
         ``time`` (a frequency), ``step`` (an instant); empty if the starting points suffice.
-    open_below : bool
-        Whether the effect is still itself below its range, where a record shows that it is there but not how large
-        this number is. Otherwise it has become another effect there, as a slow wave becomes an offset.
+    open_below, open_above : bool
+        Whether the effect is still itself below or above its range, where a record shows that it is there but not how
+        large this number is. Otherwise it has become another effect there, as a slow wave becomes an offset.
 
     References
     ----------
@@ -140,6 +140,7 @@ class Quantity:
     scale: str = ""
     scan: str = ""
     open_below: bool = False
+    open_above: bool = False
 
     def labelled(self, name: str) -> str:
         """The ``name`` with the unit appended, as in a column name: ``torque_nm``.

@@ -75,6 +75,14 @@ def test_friction_of_the_base_law_gives_no_energy_and_that_of_an_effect_may():
     assert low[4] < 0.0
 
 
+def test_friction_that_goes_on_drifting_evenly_is_at_no_end():
+    """Its time constant is longer than any range; a step in the middle of a record had stood in its place."""
+    kind = candidate("friction_drift")
+    ((low, high),) = kind.ranged(SCENE)
+    assert model(ServoTerm(kind, (0.1, high))).at_the_end(0) == ""
+    assert "time_constant" in model(ServoTerm(kind, (0.1, low))).at_the_end(0)
+
+
 def test_a_number_at_the_end_of_its_range_is_told_and_one_within_is_not():
     kind = candidate("stribeck")
     low, high = kind.ranged(SCENE)[0]

@@ -400,8 +400,9 @@ class ArmPlant(Plant):
                 return said
             n = 2 if t.kind.cls is ContactStop else 1  # the first is a place or width; a stop's second, its softness
             for field, value, (low, high) in list(zip(fields, t.shape, ranges, strict=True))[:n]:
-                closed = not t.kind.catalogued.cls.quantities[field].open_below
-                if (low and closed and value <= low + 1e-3 * abs(low)) or value >= high - 1e-3 * abs(high):
+                quantity = t.kind.catalogued.cls.quantities[field]
+                below = low and value <= low + 1e-3 * abs(low) and not quantity.open_below
+                if below or (value >= high - 1e-3 * abs(high) and not quantity.open_above):
                     return f"its {field} reaches the limit of the plausible range"
         shaped = t.kind.catalogued is not None and not t.effect.elementary and t.kind.n_numbers > 1
         for c in at_a_joint() if shaped else ():

@@ -97,8 +97,9 @@ class ServoHypothesis:
         asked = (*kind.fields[kind.linear : kind.linear + 1], *kind.cls.essential)
         for value, a, b, (i, j, _) in zip(self.vector()[2:], low[2:], high[2:], self.free(), strict=True):
             if i == index and kind.fields[j] in asked:
-                below = value <= a + 1e-6 * abs(a) and not kind.cls.quantities[kind.fields[j]].open_below
-                if below or value >= b - 1e-6 * abs(b):
+                quantity = kind.cls.quantities[kind.fields[j]]
+                below = value <= a + 1e-6 * abs(a) and not quantity.open_below
+                if below or (value >= b - 1e-6 * abs(b) and not quantity.open_above):
                     return f"its {kind.fields[j]} reaches the limit of the plausible range"
         return ""
 
