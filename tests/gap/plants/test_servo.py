@@ -257,3 +257,13 @@ def test_what_is_missing_is_called_by_what_the_drive_is(unit, word):
     t = np.arange(400) / 100
     record = ServoRecord(t, np.cos(t), np.sin(t), units=(unit, "deg"))
     assert ServoPlant(record, ("viscous", "coulomb"), None, 0.004).gap_word == f"missing {word}"
+
+
+def test_a_limit_that_the_fitted_samples_do_not_reach_runs_no_worse():
+    """They run alike with it and without it; a limit reached in one held-out stretch only was refused for that."""
+    columns = record().to_numpy().T
+    plant = ServoPlant(ServoRecord(*columns), ("viscous", "coulomb"), None, 0.004)
+    base = plant.base(np.random.default_rng(0))
+    limits = np.abs(columns[1]).max() * np.array([1.1, 0.5])
+    worse = [plant._runs_worse(base, base.with_term(ServoTerm(candidate("saturation"), (x,)))) for x in limits]
+    assert worse == [False, True]

@@ -207,7 +207,7 @@ class ServoPlant(Plant):
             return True
         horizon, _ = self._horizons(after)
         old, new = (servo_run.train_error(self.observer, m, horizon) for m in (before, after))
-        return not new < old
+        return not new <= old < np.inf  # they are equal if the drive reaches its limit in held-out samples only
 
     def _weighs(self, model: ServoHypothesis) -> bool:
         """Whether the inertia accounts for a considerable share of the drive; otherwise a free run shows nothing."""
