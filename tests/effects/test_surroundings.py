@@ -47,6 +47,7 @@ def test_a_tone_on_a_line_of_the_command_is_not_believed_without_a_drive(hertz, 
         (ContactStop(1.0, -1.1, side="upper"), True),
         (ContactStop(1.0, 0.8, side="upper"), False),
         (ContactStop(1.0, 1.1, side="lower"), True),
+        (ContactStop(1.0, 0.2, side="upper"), True),
         (CableSpring(1.0), False),
     ],
 )

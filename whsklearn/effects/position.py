@@ -11,6 +11,8 @@ from whsklearn.effects.base import Effect
 from whsklearn.effects.quantity import choice, number
 from whsklearn.effects.surroundings import Surroundings
 
+TOUCHED = 0.5  # share of the record, and part of the free travel, from which on what is touched is no end of the travel
+
 
 class Cogging(Effect):
     """The rotor's magnets prefer certain angles, A cos(k q + phi) (Nm); a gear in between makes the order fractional.
@@ -167,16 +169,21 @@ class EndStop(Effect):
         return -self.angle, self.angle
 
     def implausible(self, seen: Surroundings) -> str:
-        """The objection that the axis touches a stop for most of the record: a spring.
+        """The objection that the axis touches a stop for most of the record, or of its travel: a spring.
 
         A torque with a bend at about half of the travel is gravity or a spring that something else modulates, such as
-        the neighbouring joints of an arm.
+        the neighbouring joints of an arm.  What touches a stop says nothing about the rest of a model, so that a weight
+        taken up halfway was a stop, with certainty, and explained all.
 
         ``seen``: see `Effect.implausible`.
         """
         low, high = self.ends
-        free = np.mean((seen.position > low) & (seen.position < high))
-        return "" if free > 0.5 else f"the axis would touch it for {100 * (1.0 - free):.0f} % of the time: a spring"
+        lowest, highest = float(np.min(seen.position)), float(np.max(seen.position))
+        touched = max(low - lowest, 0.0) + max(highest - high, 0.0)
+        if touched > TOUCHED * (highest - lowest - touched):
+            return f"it would give way over {100 * touched / (highest - lowest):.0f} % of the travel: a spring"
+        at_it = np.mean((seen.position <= low) | (seen.position >= high))
+        return "" if at_it < TOUCHED else f"the axis would touch it for {100 * at_it:.0f} % of the time: a spring"
 
 
 class ContactStop(EndStop):
