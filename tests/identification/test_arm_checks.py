@@ -209,6 +209,10 @@ def test_a_stop_at_a_joint_is_no_wrong_gain_of_the_next():
     assert told(q, torque) == []
 
 
+def test_an_effect_that_the_model_lacks_is_no_wrong_gain():
+    assert told(*make_arm_log(effects={"pitch": [Cogging(0.1, order=7.0)]}, return_arrays=True)) == []
+
+
 def test_friction_that_drives_tells_a_wrong_sign_where_nothing_else_does():
     arm = drawn_arm(1, 3, slides=0.0, branch=0.0).with_effects({"j0": (Viscous(2.0), Coulomb(5.0))})
     q, u = smooth_log(arm)

@@ -350,7 +350,8 @@ def by_masses(rows: ArmRows) -> dict[int, Scale]:
     """Each joint's drive as a multiple of the one that the masses given require, if it has the same form.
 
     That is, if these explain it about as well as free numbers do.  A payload gives it another form, and so do masses
-    that are wrong in another way than by a factor.
+    that are wrong in another way than by a factor.  Nothing is known of a factor that explains little more than one
+    does: where little depends on it, an effect that the model lacks moves it by more than its standard error.
     """
     arm, names = rows.lags.arm_, rows.lags.base_.names
     out: dict[int, Scale] = {}
@@ -364,9 +365,13 @@ def by_masses(rows: ArmRows) -> dict[int, Scale]:
         own = rows.phi[:, j, law & np.any(rows.phi[:, j] != 0.0, axis=0)]
         phi = np.column_stack([own, motors[:, j], asked[:, j]])[:, None]
         one = replace(plain, phi=phi, target=rows.target[:, [j]], keep=rows.keep[:, [j]])
-        if _left(phi, one.target, one.keep)[0] <= free[j] / CLEARLY:
+        left, kept = _left(phi, one.target, one.keep)[0], rows.keep[:, j]
+        if left <= free[j] / CLEARLY:
             theta, covariance = with_blocks(one, rows.weights[[j]])
-            out[int(j)] = Scale(float(theta[-1]), float(np.sqrt(covariance[-1, -1])))
+            rest = one.target - phi[:, :, -1]  # with a factor of one
+            given = _left(phi[:, :, :-1], rest, one.keep)[0] * np.var(rest[kept])
+            better = left * np.var(one.target[kept]) <= CLEARLY * given
+            out[int(j)] = Scale(float(theta[-1]), float(np.sqrt(covariance[-1, -1])) if better else np.inf)
     return out
 
 

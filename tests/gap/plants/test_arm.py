@@ -386,6 +386,19 @@ def test_a_wrong_gain_is_the_first_thing_to_repair():
     assert re.match("Repair the log first: .*j1", found.diagnosis_.next_experiment)
 
 
+def test_no_name_is_certain_beside_a_wrong_gain():
+    arm = drawn_arm(3, 3, slides=0.0, branch=0.0, gravity=(0, 0, -9.81)).with_effects(
+        {joint: (Viscous(0.5), Coulomb(0.5)) for joint in ("j0", "j1", "j2")}
+    )
+    r = record(
+        {"j2": [Cogging(1.5 * float(record(None, arm, duration=6.0).drive[:, 2].std()), 7.0)]}, arm, duration=12.0
+    )
+    found = GapFinder(arm).fit(dataclasses.replace(r, drive=r.drive * [1.7, 1.0, 1.0]))
+    assert "drive of j0 is 1.7 +- 0.001 times" in found.diagnosis_.problems[0].explanation
+    assert found.verdict_ == "partial"  # two of its names are at j0, where nothing is missing
+    assert names(found)[0] == "cogging at j2"
+
+
 def test_a_centre_that_an_offset_stands_for_stays_where_it_is():
     arm = drawn_arm(3, 5103, slides=0.0, branch=0.0, gravity=(0, 0, -9.81))
     arm = arm.with_effects({j: (Viscous(0.5), Coulomb(0.5)) for j in arm.joints})

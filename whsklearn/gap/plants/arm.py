@@ -319,6 +319,13 @@ class ArmPlant(Plant):
         silent = quiet(last, self.floor, self.tolerance)
         return bool(np.all((silent | (last <= STILL * first))[here]))
 
+    def enough(self, model: ArmState) -> bool:
+        """Whether a name can be certain: not if a drive seems to have a wrong gain, unit or sign.
+
+        Joints share numbers, so a wrong gain leaves an error at all of them, for which a name may stand.
+        """
+        return not self.repair
+
     def _against_its_stop(self, model: ArmState, grown: ArmState) -> str:
         """The objection that a term explains little outside the contact with its joint's stop, which is in the model.
 
