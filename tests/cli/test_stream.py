@@ -223,6 +223,13 @@ def test_what_a_stream_cannot_take_for_an_axis_is_told(tmp_path, changing_axis):
     assert "does not show its sample rate by time of three rows; give --rate HZ too" in short.output
 
 
+@pytest.mark.parametrize("forgetting", ["2", "0", "nan"])
+def test_a_forgetting_factor_that_is_none_is_a_wrong_option(tmp_path, forgetting):
+    done = stream(write(tmp_path / "log.csv", ["0,1,2\n"]), "--no-track", "--forgetting", forgetting)
+    assert done.exit_code == 2
+    assert "--forgetting" in done.output
+
+
 def test_a_rate_is_given_instead_of_a_time(tmp_path):
     log = write(tmp_path / "log.csv", ["0,1,2\n"])
     done = stream(log, "--no-track", "--time", "t", "--rate", "100")

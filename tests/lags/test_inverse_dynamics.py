@@ -184,7 +184,7 @@ def test_any_cutting_of_a_stream_gives_the_same_rows(piece):
 
 
 def test_a_stream_of_a_noisy_encoder_gives_the_numbers_of_the_axis():
-    """Torque that columns and target do not share the filter of had biased friction by 10 % and inertia by 0.5 %."""
+    """Torque that columns and target do not share the filter of had made the friction of an axis 4 to 7 % too small."""
     log, truth = make_servo_log(duration=20.0, noise=5e-5, random_state=3, return_truth=True)
     model = RLSRegressor(InverseDynamicsLags(sample_rate=1000.0, causal=True))
     model.partial_fit(log[["position_rad"]].to_numpy(), log["torque_nm"].to_numpy())

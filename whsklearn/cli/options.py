@@ -124,7 +124,7 @@ model_options = _together(
     click.option("--orders", type=ORDERS, default="2,2,2,2", help="Orders of the Wiener-Hammerstein model."),
     click.option("--law", default="reduced", help="Friction law: names joined by commas."),
     click.option("--p", type=int, default=4, help="Innovation length."),
-    click.option("--forgetting", type=float, default=1.0, help="Forgetting factor."),
+    click.option("--forgetting", type=FiniteRange(0.0, 1.0, min_open=True), default=1.0, help="Forgetting factor."),
 )
 
 
