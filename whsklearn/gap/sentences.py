@@ -100,10 +100,12 @@ def summary(d: Any, plant: Any) -> str:
         said = opening + (f"Consistent with {' and '.join(parts)}. " if parts else "")
         if open_ones:
             groups = "; ".join(article_list([e.label, *e.aliases]).replace(" and ", " or ") for e in open_ones)
-            what = "More" if parts else "Something"
-            return f"{said}{what} is missing, and this record cannot tell which: {groups}. {left}"
+            if not parts or d.effects[0] in open_ones:  # the first explains most
+                beside = f"Beside it, it is consistent with {' and '.join(parts)}. " if parts else ""
+                return f"{opening}Something is missing, and this record cannot tell which: {groups}. {beside}{left}"
+            return f"{said}More is missing, and this record cannot tell which: {groups}. {left}"
         alias = sorted({a for e in d.effects for a in e.aliases})
-        return said + left + (f" No such record can distinguish it from {article_list(alias)}." if alias else "")
+        return said + left + (f" This record does not distinguish it from {article_list(alias)}." if alias else "")
     if d.verdict == "partial":
         names, more = article_list([_or_its_rivals(e) for e in d.effects]), len(d.effects) > 1
         taken = min(d.closure, (before - after) / max(before - floor, 1e-300))  # of the drive, and in simulation
@@ -128,7 +130,7 @@ def summary(d: Any, plant: Any) -> str:
     if d.verdict == "not_testable":
         return opening + "No gap was found, but most effects could not have been detected in this record."
     if before > QUIET * floor:
-        return opening + "That is more than noise but less than the tolerance: too little to name an effect."
+        return opening + "That is more than noise but too little to name an effect."
     return (
         opening + "The model explains the log to within noise and the tolerance: nothing larger is missing that this "
         "record could show."
