@@ -265,3 +265,7 @@ def test_an_axis_that_comes_to_rest_slower_than_its_encoder_tells_lacks_nothing(
     found = GapFinder("servo").fit(log, time="t", drive="u", position="q").diagnosis_
     assert found.verdict in ("no_gap", "coloured_noise")
     assert found.figures[0] < 0.01
+    truth = {"inertia": 0.32, "viscous": 0.8, "coulomb": 2.1}
+    for row in found.base_parameters:
+        if row["name"] in truth:
+            assert abs(row["after"] - truth[row["name"]]) < 3.0 * row["after_error"], row

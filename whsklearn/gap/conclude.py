@@ -140,9 +140,9 @@ def _closing(plant: Any, found: Found, rng: np.random.Generator, given: Any, alp
     What the record could not distinguish from the last effect to go is tried in its place (`_instead`): simulation
     tells a delay from a lag.
     """
+    # as fair as the repaired model: what other numbers of the base alone close in simulation, no effect has closed
+    found.base = plant.to_simulate(found.base)
     if found.taken:
-        # as fair as the repaired model: what other numbers of the base alone close in simulation, no effect has closed
-        found.base = plant.to_simulate(found.base)
         _retold(plant, found)
     while found.taken:
         fitted = found.model
