@@ -18,7 +18,6 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
-from whsklearn.cli.axis_stream import axis_stream
 from whsklearn.cli.job import job, root
 from whsklearn.cli.options import (
     FILE,
@@ -66,8 +65,9 @@ def main(**options: Any) -> None:
     the parameters of its joints are estimated.
 
     \b
-    whsklearn stream axis.csv --input torque_nm --output position_rad --time time_s --follow --out records.jsonl
+    whsklearn stream axis.csv --input torque_nm --output position_rad --time time_s --out log.jsonl
     """  # noqa: D301 - click reads the backspace
+    from whsklearn.cli.axis_stream import axis_stream
     from whsklearn.compare import at_an_alarm, at_an_alarm_of
     from whsklearn.streaming import Files, Options, run_stream
 

@@ -50,7 +50,7 @@ class Surroundings(NamedTuple):
     >>> EndStop(10.0, 0.9).implausible(seen)
     ''
     >>> EndStop(10.0, 0.2).implausible(seen)
-    'the axis would touch it for 80 % of the time: a spring'
+    'it would give way over 80 % of the travel: a spring'
     """
 
     position: Array

@@ -262,7 +262,10 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
         return self._rows_of(*self._checked_piece(X, y), groups)[:2]
 
     def partial_errors(self, X: ArrayLike, y: ArrayLike, theta: Array, groups: ArrayLike | None = None) -> Array:
-        """Errors (n,) of the weights ``theta`` in the rows that `partial_rows` gives; NaN for samples without one."""
+        """Errors (n,) of the weights ``theta`` in the rows that `partial_rows` gives; NaN for samples without one.
+
+        ``X``, ``y``, ``groups``: as for `partial_rows`.
+        """
         X, target = self._checked_piece(X, y)
         phi, late, at = self._rows_of(X, target, groups)
         out = np.full(len(X), np.nan)
