@@ -133,3 +133,10 @@ def test_friction_that_reverses_with_the_velocity_is_not_called_early():
     finder = GapFinder("servo").fit(make_servo_log(duration=20.0, random_state=3))
     assert finder.verdict_ == "no_gap"
     assert [e.name for e in finder.model_.effects] == []
+
+
+def test_a_reversal_within_a_row_is_that_of_a_drive_held_over_the_row():
+    log = make_servo_log([EarlyReversal(5e-3)], duration=12.0, sample_rate=125.0, random_state=3)
+    finder = GapFinder("servo").fit(log)
+    assert finder.verdict_ == "no_gap"
+    assert [e.name for e in finder.model_.effects] == []
