@@ -15,6 +15,12 @@ class AxisStream(NamedTuple):
     """Inputs of ``stream`` for an axis: estimator, columns in the order of a row, alarm, longest and usual time step.
 
     ``max_step`` is in the unit of the time column, ``dt`` in s.
+
+    Examples
+    --------
+    >>> axis = AxisStream("a model", ["t_ms", "q", "u"], "an alarm", max_step=2.5, dt=0.001)
+    >>> axis.columns[-1], axis.max_step
+    ('u', 2.5)
     """
 
     model: Any
@@ -55,7 +61,7 @@ def head_of(source: str, time: str | None) -> tuple[list[str], float | None]:
     stamps = pd.to_numeric(text.str.replace(",", "."), errors="coerce").dropna()
     if len(stamps) < 3:
         dates = pd.to_datetime(text, errors="coerce", format="ISO8601", utc=True).dropna()
-        step = float(np.median(np.diff(dates.astype("int64")))) * 1e-9 if len(dates) > 2 else 0.0
+        step = float(dates.diff().dt.total_seconds().median()) if len(dates) > 2 else 0.0
     else:
         step = float(np.median(np.diff(stamps))) * seconds_of(unit_of(time, "s"))
     return names, step if step > 0.0 else None

@@ -82,12 +82,12 @@ def prove(
 
     The floor of a horizon is the error of the repaired model against records that it simulated itself, restarted by
     the same rule: the error due to noise in the restarts alone.  Where friction sticks and slips, one record has half
-    again the floor of another, so it is the rms over `OWN_RUNS` of them.  Both runs of the log use the same restarts,
-    so an error below this floor is a chance result of the noise, and the floor is never printed above it.  ``given``
-    is the record as it was given and its base model, if the plant has repaired a reading
-    (`whsklearn.gap.plant.Reading`); the error before is then computed from these.
+    again the floor of another, so it is the rms over `OWN_RUNS` of them; exact records differ by their noise only.
+    Both runs of the log use the same restarts, so an error below this floor is a chance result of the noise, and the
+    floor is never printed above it.  ``given`` is the record as it was given and its base model, if the plant has
+    repaired a reading (`whsklearn.gap.plant.Reading`); the error before is then computed from these.
     """
-    others = [plant.made(model, rng) for _ in range(OWN_RUNS)]
+    others = [plant.made(model, rng) for _ in range(1 if plant.exact else OWN_RUNS)]
     y, held = plant.measured(base, model)
     spread = float(np.std(y[held]))
     other_record, first = given or (plant, base)

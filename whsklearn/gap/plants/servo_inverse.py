@@ -174,11 +174,8 @@ class InverseView:
         """The same view of another record of the same experiment, judged at the same samples."""
         other = InverseView(record, self.scene, self.cutoff, self.start, self.noise)
         other.usable, other.at, other.n_effective = self.usable, self.at, self.n_effective
-        other.unknown, other.slowest, other.motion = (
-            self.unknown,
-            self.slowest,
-            other.motion._replace(kappa=self.motion.kappa),
-        )
+        other.unknown, other.slowest = self.unknown, self.slowest
+        other.motion = other.motion._replace(kappa=self.motion.kappa)
         return other
 
     def spread(self, left: Array) -> Array:
@@ -256,23 +253,23 @@ class InverseView:
         torque = self.torque(model) if self._driven(model) else None
         x, positive = self.columns(model, torque)
         target, share = self.target(model)
-        told, target, x = stop.away(self, model), share * target, share * x
+        away, target, x = stop.away(self, model), share * target, share * x
         if self.artefact is not None:
             target[self.at] -= self.artefact
         open_x = stop.without_pushes(model, x)
-        sizes, free = self._sizes(open_x, target, positive, told)
+        sizes, free = self._sizes(open_x, target, positive, away)
         rate = ols.slope(open_x @ sizes, self.step)
-        sizes, free = self._sizes(np.column_stack([open_x, rate]), target, np.append(positive, False), told)
+        sizes, free = self._sizes(np.column_stack([open_x, rate]), target, np.append(positive, False), away)
         timing = self._plausible_age(model, float(sizes[-1]))
         # u(t - T) = m means u = m + T m' + T^2 m'' / 2; without the second order a lag looks like a delay
         target = target - 0.5 * timing**2 * ols.slope(rate, self.step)
         if timing == sizes[-1]:
             columns = np.column_stack([x, rate])
-            sizes, free = self._sizes(np.column_stack([open_x, rate]), target, np.append(positive, False), told)
+            sizes, free = self._sizes(np.column_stack([open_x, rate]), target, np.append(positive, False), away)
         else:
             columns, target = x, target - timing * rate
-            sizes, free = self._sizes(open_x, target, positive, told)
-        if stop.holds(model):
+            sizes, free = self._sizes(open_x, target, positive, away)
+        if away is not None:
             sizes = sizes + stop.stiffness(model, columns[self.at], (target - columns @ sizes)[self.at])
         return self.with_sizes(model, np.append(sizes[: x.shape[1]], timing)), columns, target, sizes, free
 
@@ -306,12 +303,12 @@ class InverseView:
         return u
 
     def _sizes(
-        self, x: Array, target: Array, positive: NDArray[np.bool_], told: Array | None
+        self, x: Array, target: Array, positive: NDArray[np.bool_], away: Array | None
     ) -> tuple[Array, NDArray[np.bool_]]:
-        """Least squares on the judged samples, weighted by what they tell."""
+        """Least squares on the judged samples without contact at a stop."""
         x, target = x[self.at], target[self.at]
-        if told is not None:
-            x, target = x * told[:, None], target * told
+        if away is not None:
+            x, target = x * away[:, None], target * away
         return ols.solve(x, target, positive)
 
     def with_sizes(self, model: ServoHypothesis, sizes: Array) -> ServoHypothesis:

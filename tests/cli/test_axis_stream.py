@@ -1,0 +1,34 @@
+"""What a source's first rows say of an axis; streams of one are in `test_stream`."""
+
+from __future__ import annotations
+
+import pytest
+
+from whsklearn.cli.axis_stream import head_of
+
+
+@pytest.mark.parametrize(
+    ("time", "stamps"),
+    [
+        ("time_s", ["0", "0.002", "0.004", "0.006"]),
+        ("t_ms", ["0", "2", "4", "6"]),
+        ("time_s", ["0,000", "0,002", "0,004", "0,006"]),
+        ("stamp", [f"2026-01-01T00:00:00.00{k}Z" for k in (0, 2, 4, 6)]),
+        ("time_s", ["0", "0.002", "0.004", "0.5", "0.502"]),
+    ],
+    ids=["seconds", "milliseconds", "decimal comma", "dates", "a pause"],
+)
+def test_the_usual_step_is_that_of_the_time_in_any_form(tmp_path, time, stamps):
+    log = tmp_path / "log.csv"
+    log.write_text(f"{time};q\n" + "".join(f"{t};1\n" for t in stamps))
+    names, step = head_of(str(log), time)
+    assert names == [time, "q"]
+    assert step == pytest.approx(0.002)
+
+
+@pytest.mark.parametrize("rows", ["", "t,q\n", "t,q\n0,1\n1,1\n", "t,q\n5,1\n5,1\n5,1\n"])
+def test_a_source_that_shows_no_step_has_none(tmp_path, rows):
+    log = tmp_path / "log.csv"
+    log.write_text(rows)
+    assert head_of(str(log), "t")[1] is None
+    assert head_of("-", "t") == ([], None)
