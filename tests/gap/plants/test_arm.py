@@ -393,9 +393,11 @@ def test_no_name_is_certain_beside_a_wrong_gain():
     r = record(
         {"j2": [Cogging(1.5 * float(record(None, arm, duration=6.0).drive[:, 2].std()), 7.0)]}, arm, duration=12.0
     )
-    found = GapFinder(arm).fit(dataclasses.replace(r, drive=r.drive * [1.7, 1.0, 1.0]))
+    right, found = (GapFinder(arm).fit(dataclasses.replace(r, drive=r.drive * [k, 1.0, 1.0])) for k in (1.0, 1.7))
+    assert right.plant_.enough(right.found_.model)
+    assert not found.plant_.enough(found.found_.model)
     assert "drive of j0 is 1.7 +- 0.001 times" in found.diagnosis_.problems[0].explanation
-    assert found.verdict_ == "partial"  # two of its names are at j0, where nothing is missing
+    assert found.verdict_ == "partial"  # one of its names is at j0, where nothing is missing
     assert names(found)[0] == "cogging at j2"
 
 
@@ -406,7 +408,9 @@ def test_a_centre_that_an_offset_stands_for_stays_where_it_is():
     plant.check()
     model = plant.base(np.random.default_rng(0))
     look = next(k for k in plant.looks(model, np.random.default_rng(0)) if k.name == "cable_spring at j1")
-    assert plant.objection(model, plant.refine(model, look)) == ""
+    grown = plant.refine(model, look)
+    assert grown.terms[-1].shape == pytest.approx(look.start.shape, rel=1e-9)
+    assert plant.objection(model, grown) == ""
 
 
 def test_a_joint_that_does_not_move_is_told():
