@@ -63,6 +63,15 @@ class PreslidingHysteresis(Effect):
     parent = "coulomb"
     code = codes.DAHL
 
+    def implausible(self, seen: Surroundings) -> str:
+        """The objection that friction has built up before the encoder counts one step.
+
+        To the record that is Coulomb friction, whose reversals a fit then only shapes.
+
+        ``seen``: see `Effect.implausible`.
+        """
+        return "it builds up within one step of the encoder" if self.distance < seen.step else ""
+
 
 class LuGre(PreslidingHysteresis):
     """LuGre: Dahl's spring whose end level falls with speed (Stribeck), with damping; c (z + d dz/dt) (Nm).
@@ -100,7 +109,9 @@ class LuGre(PreslidingHysteresis):
         ``seen``: see `Effect.implausible`.
         """
         ratio = 0.5 * self.damping * math.sqrt(self.torque / (self.distance * seen.inertia))
-        return f"its bristles would be damped {ratio:.0f} times as much as critically" if ratio > MOST_DAMPED else ""
+        if ratio > MOST_DAMPED:
+            return f"its bristles would be damped {ratio:.0f} times as much as critically"
+        return super().implausible(seen)
 
     def labelled(self) -> dict[str, float | str]:
         """All fields under names with their unit; without the Stribeck speed if the level does not fall.

@@ -93,7 +93,8 @@ class SensorRectification(_SensorEffect):
 
 
 class EncoderEccentricity(_SensorEffect):
-    """The disc of the encoder is off centre (order 1) or bent (order 2): y = q + A cos(k q + phi) (rad).
+    """The disc of the encoder is off centre (order 1), bent (order 2), or a resolver of several pole pairs errs with
+    each of them: y = q + A cos(k q + phi) (rad).
 
     See Also
     --------
@@ -107,7 +108,7 @@ class EncoderEccentricity(_SensorEffect):
     """
 
     amplitude: float = number(1e-3, "rad", 1e-6, 0.1, log=True)
-    order: float = number(1.0, "1", 0.8, 64.0, starts=(1.0, 2.0, 3.0, 4.0))
+    order: float = number(1.0, "1", 0.8, 256.0, scan="position")
     phase: float = number(0.0, "rad", -math.pi, math.pi)
 
     name = "encoder_eccentricity"
@@ -116,6 +117,7 @@ class EncoderEccentricity(_SensorEffect):
     needs = "a turn at two speeds"
     reference = "makers' notes: Celera Motion, scale eccentricity (order 1, e/R); Synapticon Circulo, ovality (order 2)"
     phased = True
+    repeats = True
     code = codes.ENCODER_ECCENTRICITY
 
     def implausible(self, seen: Surroundings) -> str:
