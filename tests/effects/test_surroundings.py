@@ -17,6 +17,7 @@ from whsklearn.effects import (
     EndStop,
     LuGre,
     ParameterChange,
+    PreslidingHysteresis,
     Saturation,
     Stribeck,
     Surroundings,
@@ -132,3 +133,11 @@ def test_the_reading_follows_the_axis_and_shows_what_it_is_said_to_show():
         assert bool(EncoderEccentricity(0.01, 2.0).implausible(here)) == refused
     assert Backlash(1e-3).implausible(seen(step=9e-4)) == ""
     assert Backlash(1e-3).implausible(seen(step=2e-3))
+
+
+@pytest.mark.parametrize("law", [PreslidingHysteresis, LuGre])
+@pytest.mark.parametrize(("distance", "refused"), [(0.9e-3, True), (1.1e-3, False)])
+def test_bristles_give_way_over_more_than_a_step_of_the_encoder(law, distance, refused):
+    """Dry friction of MuJoCo had been bristles of 0.7 steps, with certainty, beside a spring."""
+    assert bool(law(0.1, distance=distance).implausible(seen(step=1e-3))) == refused
+    assert law(0.1, distance=distance).implausible(seen()) == "", "its step is not known"

@@ -136,7 +136,7 @@ def test_a_rival_goes_that_runs_farther_from_the_record_in_its_place():
             return np.zeros(4000), np.ones(4000, dtype=bool)
 
         def simulate(self, model, horizon):
-            return noise["abc".index(model)] * {"a": 1.0, "b": 1.0, "c": 1.3}[model]
+            return noise["abc".index(model)] * {"": 1.5, "a": 1.0, "b": 1.0, "c": 1.3}[model]
 
     fitted = [
         Named(SimpleNamespace(name=x, place=frozenset()), Terms(x), np.zeros(1), np.zeros(1), rivals=["b", "c", "d"])
@@ -145,6 +145,32 @@ def test_a_rival_goes_that_runs_farther_from_the_record_in_its_place():
     steps = [SimpleNamespace(looks=[], fitted=fitted)]
     found = SimpleNamespace(base=Terms(), model=Terms("a"), taken=fitted[:1], remainder=[], steps=steps)
     assert conclude._standing_rivals(Plant(None), found, 0, 0.01) == ["b", "d"]
+
+
+@pytest.mark.parametrize(("left", "kept"), [((0.3, 0.6), []), ((0.3, 0.45), ["b"]), ((0.55, 0.8), ["b"])])
+def test_a_rival_that_would_be_a_part_of_the_answer_goes_where_the_one_taken_is_most_of_it(left, kept):
+    """Both are wrong in one block only, as of a stop that is touched once: blocks do not tell them apart.
+
+    ``left``: rms of the errors with the one taken and with the rival, as shares of that of the base model.
+    """
+    once = np.where(np.arange(4000) < 100, 1.0, 0.0)
+
+    class Plant(Runs):
+        headline, horizons = 1.0, (1.0,)
+
+        def measured(self, *models):
+            return np.zeros(4000), np.ones(4000, dtype=bool)
+
+        def simulate(self, model, horizon):
+            return once * {"": 1.0, "a": left[0], "b": left[1]}[model]
+
+    fitted = [
+        Named(SimpleNamespace(name=x, place=frozenset()), Terms(x), np.zeros(1), np.zeros(1), rivals=["b"])
+        for x in "ab"
+    ]
+    steps = [SimpleNamespace(looks=[], fitted=fitted)]
+    found = SimpleNamespace(base=Terms(), model=Terms("a"), taken=fitted[:1], remainder=[], steps=steps)
+    assert conclude._standing_rivals(Plant(None), found, 0, 0.01) == kept
 
 
 def test_what_is_below_the_tolerance_counts_where_the_free_run_shows_it():

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from whsklearn.effects.base import rms
 from whsklearn.gap import localisation
 from whsklearn.gap.calibration import gain, n_effective, p_value, separable, vuong
 from whsklearn.gap.diagnosis import (
@@ -228,6 +229,9 @@ def _standing(
 def _standing_rivals(plant: Any, found: Found, i: int, alpha: float) -> list[str]:
     """The rivals of the effect ``i`` that simulate held-out samples as well in its place, with all numbers refitted.
 
+    A rival with which more than half of the error stays, as it does not with the one taken, would itself be no more
+    than a part of the answer.  Blocks cannot show that of a stop that is touched twice: a limit of the drive had been
+    left as its equal.
     The search compares effects by the drive, where the forms of some are of first order only: a play seen from the
     load, and a flexible coupling.  Over exact records its comparison is already one of simulations.
     """
@@ -239,8 +243,10 @@ def _standing_rivals(plant: Any, found: Found, i: int, alpha: float) -> list[str
             swapped = found.model.with_terms((*terms[:index], fitted[name].model.terms[-1], *terms[index + 1 :]))
             rival = plant.to_simulate(swapped)
             plant.headline, plant.horizons = kept
-            y, held = plant.measured(found.model, rival)
-            left, rest = ((y - plant.simulate(m, plant.headline))[held] for m in (found.model, rival))
+            y, held = plant.measured(found.base, found.model, rival)
+            gap, left, rest = ((y - plant.simulate(m, plant.headline))[held] for m in (found.base, found.model, rival))
+            if rms(left) <= HALF * rms(gap) < rms(rest):
+                continue
             lead = gain(float(rest @ rest), float(left @ left), n_effective(rest))
             if separable(lead, vuong(rest, left), np.zeros(0), alpha):
                 continue

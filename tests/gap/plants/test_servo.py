@@ -267,3 +267,14 @@ def test_a_limit_that_the_fitted_samples_do_not_reach_runs_no_worse():
     limits = np.abs(columns[1]).max() * np.array([1.1, 0.5])
     worse = [plant._runs_worse(base, base.with_term(ServoTerm(candidate("saturation"), (x,)))) for x in limits]
     assert worse == [False, True]
+
+
+def test_a_model_has_no_more_numbers_than_the_record_has_independent_samples():
+    """With 14 numbers for 13.6 samples, waves of friction and of the gain took the place of a pendulum's gravity."""
+    plant = ServoPlant(ServoRecord.from_frame(record(seconds=4.0)), ("viscous", "coulomb"), None, 0.004)
+    base = plant.base(np.random.default_rng(0))
+    grown = plant.inverse.fit(base.with_term(ServoTerm(candidate("cogging"), (0.1, 0.0, 9.0))))
+    before = plant.objection(base, grown)
+    assert "more numbers" not in before
+    plant.inverse.n_effective = grown.vector().size - 0.5
+    assert "more numbers" in plant.objection(base, grown)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from tests.gap.plants.example_servo import INERTIA, RATE, TIME, opened, record_o
 from whsklearn.datasets import make_servo_log
 from whsklearn.effects import Coulomb, EarlyReversal, GravityImbalance, InputDelay, Viscous
 from whsklearn.gap import GapFinder
+from whsklearn.gap.plants import servo_start
 from whsklearn.gap.plants.servo_start import (
     base_model,
     best_view,
@@ -133,6 +135,33 @@ def test_friction_that_reverses_with_the_velocity_is_not_called_early():
     finder = GapFinder("servo").fit(make_servo_log(duration=20.0, random_state=3))
     assert finder.verdict_ == "no_gap"
     assert [e.name for e in finder.model_.effects] == []
+
+
+@pytest.mark.parametrize(("share", "early"), [(0.45, True), (0.6, False)])
+def test_friction_is_early_if_that_is_most_of_the_gap(views, share, early):
+    """Beside the edges of a contact it took a quarter of the rest, 3.4 ms for 1 ms, and a coupling was named beside it.
+
+    ``share``: of the gap's power, what is left with the best lead.
+    """
+
+    class View:
+        scene, slowest, rms = views[0].scene, 1e-3, staticmethod(abs)
+
+        def gap(self, model):
+            return 1.0 if model.early is None else np.sqrt(share) + abs(np.log(model.early.lead / 0.01))
+
+        def bare(self):
+            return self
+
+        def fit_with_gap(self, model):
+            return model, self.gap(model)
+
+    model = base_model(("viscous", "coulomb"), views[2].scene)
+    model = model.with_terms((model.terms[0], model.terms[1].with_slot(0, 0.3)))
+    nothing = SimpleNamespace(mean=0.0)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(servo_start, "own", lambda *_: (nothing, None))
+        assert bool(servo_start.reversing_early(View(), model).early) == early
 
 
 def test_a_reversal_within_a_row_is_that_of_a_drive_held_over_the_row():

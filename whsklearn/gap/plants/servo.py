@@ -406,10 +406,12 @@ class ServoPlant(Plant):
         return left
 
     def objection(self, model: ServoHypothesis, grown: ServoHypothesis) -> str:
-        """The objection to an effect: a physical one, too small a share beside play, or a worse free run."""
+        """The objection to an effect: a physical one, too many numbers, too small a share beside play, a worse run."""
         said = self.inverse.objection(grown, len(grown.terms) - 1)
         if said:
             return said
+        if grown.vector().size > self.inverse.n_effective:
+            return "with it the model has more numbers than the record has independent samples"
         before = self.errors(model)
         if model.has_play and self.size(before, self.errors(grown)) ** 2 < HALF * self.rms(before) ** 2:
             return "it explains too little of the residual beside the play"  # impacts correlate a little with all

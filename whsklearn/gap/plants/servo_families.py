@@ -71,9 +71,7 @@ class Scene:
             self.torque = view.torque(beside)
         s = view.motion if self.torque is None else view.motion._replace(drive=self.torque)
         self.signals, self.at, self.drive = s, view.at, view.reaching(model)
-        self.angle, self.speed, self.acceleration = (
-            x[:: view.every][view.at] for x in (s.position, s.velocity, s.acceleration)
-        )
+        self.angle, self.speed = (x[:: view.every][view.at] for x in (s.position, s.velocity))
         self.time = view.time[:: view.every][view.at]
         self.sigma = CUTOFF_SIGMA / (2 * np.pi * view.cutoff)
 
@@ -289,20 +287,19 @@ def orders(scene: Scene, kind: Candidate) -> Blocks:
             yield [(float(order),)], scene.columns(ServoTerm(kind, (0.0, float(order)))), 1.0
         return
     read = kind.cls.port == "output"
-    size = -scene.model.inertia if read else view.blur(kind.unit_columns((0.0,), scene.signals)[:, 0])[view.at]
-    lag = sum(t.q[0] for t in scene.model.terms if t.kind.code == k.ACTUATOR_LAG)
+    size = -scene.model.inertia if read else view.blur(kind.unit_columns((0.0,), scene.signals)[:, :1])
+    signals = scene.signals.position, scene.signals.velocity, scene.signals.acceleration
+    angle, speed, acceleration = (x[:: view.every, None] for x in signals)
     for i in range(0, values.size, AT_ONCE):
         part = values[None, i : i + AT_ONCE]
-        turned = scene.speed[:, None] * part
-        damped = np.expand_dims(size, -1) * np.exp(-0.5 * (turned * scene.sigma) ** 2)
-        phase = scene.angle[:, None] * part
+        phase, turned = angle * part, speed * part
         cos, sin = np.cos(phase), np.sin(phase)
         if read:  # J a is computed from a reading that is ahead by the wave
-            a = scene.acceleration[:, None] * part
+            a = acceleration * part
             cos, sin = -a * sin - turned**2 * cos, a * cos - turned**2 * sin
-        if lag:  # as `InverseView.before_lag`
-            cos, sin = cos - lag * turned * sin, sin + lag * turned * cos
-        yield [(float(o),) for o in part[0]], np.stack([damped * cos, damped * sin], axis=2), 1.0
+        damped = size * np.exp(-0.5 * (turned * scene.sigma) ** 2)
+        columns = view.before_lag(scene.model, np.hstack([damped * cos, damped * sin]))[view.at]
+        yield [(float(o),) for o in part[0]], columns.reshape(-1, 2, part.size).swapaxes(1, 2), 1.0
 
 
 def highest_order(view: Any) -> float:

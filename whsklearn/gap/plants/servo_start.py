@@ -19,7 +19,7 @@ from whsklearn.gap.plants.servo_model import FASTEST_COUPLING, HOLD, ServoHypoth
 from whsklearn.gap.plants.servo_own import own
 from whsklearn.gap.plants.servo_run import ObserverView
 from whsklearn.gap.record import Array, ServoRecord, held_out_blocks, noise_level
-from whsklearn.gap.search import LEAST_SHARE
+from whsklearn.gap.search import HALF
 from whsklearn.identification.drive_lead import drive_lead, earlier
 from whsklearn.logs.check import lattice
 
@@ -159,7 +159,7 @@ def logged_late(view: InverseView, model: ServoHypothesis) -> int:
 
 
 def reversing_early(view: InverseView, model: ServoHypothesis) -> ServoHypothesis:
-    """The model whose dry friction reverses ahead of the velocity, if that explains `LEAST_SHARE` of the gap's power.
+    """The model whose dry friction reverses ahead of the velocity, if that explains `HALF` of the gap's power.
 
     In the logs of a solver of contacts it explains half and more, unless something larger is missing; in those of 44
     real axes 8 % at most.  The filters smooth a step of friction that comes with the velocity's sign, which looks like
@@ -180,7 +180,7 @@ def reversing_early(view: InverseView, model: ServoHypothesis) -> ServoHypothesi
         return bare.rms(left - own(bare, fitted, np.random.default_rng(0))[0].mean) ** 2
 
     def enough(after: float, before: float) -> bool:
-        return after <= (1.0 - LEAST_SHARE) * before
+        return after <= HALF * before
 
     dry = sum(max(0.0, t.q[0]) for t in model.terms if t.name == "coulomb")
     abrupt = dataclasses.replace(model, early=None)
