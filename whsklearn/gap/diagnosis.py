@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn import __version__
+from whsklearn.logs.current import DRIVEN_BY
 from whsklearn.logs.units import factor_of, respelled
 
 VERDICTS = ("no_gap", "named", "ambiguous", "partial", "unknown", "coloured_noise", "not_testable", "data_problem")
@@ -104,20 +105,27 @@ class NamedEffect:
 
     @property
     def told(self) -> list[tuple[str, Any, float | None, str]]:
-        """(name, value, standard error, unit) of every number, as a person reads it: a wave along a line has a period.
+        """(name, value, standard error, unit) of every number, as a person reads it.
+
+        A wave along a line has a period, and what is a torque on a rotary axis is a force there, or a current.
 
         Examples
         --------
+        >>> from whsklearn.effects import Coulomb
+        >>> NamedEffect(Coulomb(0.2), {"torque_nm": 0.01}, 80.0, 0.9, units=("A", "rad")).told
+        [('current', 0.2, 0.01, 'A')]
         >>> from whsklearn.effects import Cogging
         >>> wave = Cogging(0.1, order=2 * np.pi / 0.024)
         >>> NamedEffect(wave, {"amplitude_nm": 0.01}, 80.0, 0.9, units=("N", "mm")).told[:2]
         [('amplitude', 0.1, 0.01, 'N'), ('period', 24.0, None, 'mm')]
         """
         known = {}
-        factor, si = factor_of(self.units[1])
+        (_, driven), (factor, si) = map(factor_of, self.units)
         for name, q in getattr(self.effect, "quantities", {}).items():
             label = in_units(q.labelled(name), self.units) if any(self.units) else name
             unit = q.unit if name.startswith("phase") else respelled(q.unit, self._spelled)[1]
+            if name == "torque":
+                name = DRIVEN_BY.get(driven, name)
             if name == "angle" and si == "m":  # the place of a stop along a line
                 name = "position"
             known[label] = name.replace("_", " "), "" if unit == "1" or not any(self.units) else unit

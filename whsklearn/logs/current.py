@@ -12,6 +12,8 @@ from whsklearn.logs.units import UNKNOWN, factor_of
 
 _CURRENT = {"current", "strom", "iq", "ampere", "amps"}
 AMPERES = ("A", "Arms", "Apk")  # SI symbols of a current
+# What a drive in this SI unit is
+DRIVEN_BY = {"Nm": "torque", "N": "force", **dict.fromkeys(AMPERES, "current"), "V": "voltage", "Vrms": "voltage"}
 _EFFORT = {"effort", "load", "pwm"}
 _FORM = re.compile(r"\s*([0-9.]+(?:e[+-]?\d+)?)\s*(?:(?:\+-|\+/-|±)\s*([0-9.]+(?:e[+-]?\d+)?))?\s*", re.IGNORECASE)
 

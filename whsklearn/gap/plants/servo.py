@@ -49,11 +49,9 @@ from whsklearn.gap.plants.servo_start import (
 from whsklearn.gap.record import SPLIT, Array, ServoRecord
 from whsklearn.gap.search import HALF, LEAST_SHARE, SAME
 from whsklearn.gap.standard_errors import covariance
-from whsklearn.logs.current import AMPERES
+from whsklearn.logs.current import DRIVEN_BY
 from whsklearn.logs.units import inertia_unit
 
-# What a drive in this SI unit is
-DRIVEN_BY = {"Nm": "torque", "N": "force", **dict.fromkeys(AMPERES, "current"), "V": "voltage", "Vrms": "voltage"}
 OVER_LITTLE_TRAVEL = {"input_offset": ("gravity_imbalance",), "asymmetric_coulomb": ("gravity_imbalance",),
                       "cable_spring": ("gravity_imbalance",), "gravity_imbalance": ("cable_spring",)}  # fmt: skip
 
