@@ -194,11 +194,12 @@ ELEMENTS = {
 
 def hold_in(m: Mjcf, e: Any, others: list[Effect]) -> None:
     """Add one effect to ``m`` if MuJoCo has an equivalent; ``others`` are all effects."""
+    if lost := (_hold_force if e.place in ("drive", "position") else _hold_friction)(m, e, others):
+        m.losses.append(Loss(e.name, size_of(e), lost))
 
-    def lose(reason: str) -> None:
-        m.losses.append(Loss(e.name, size_of(e), reason))
 
-    shape = e.shape
+def _hold_friction(m: Mjcf, e: Any, others: list[Effect]) -> str:
+    """Add friction: damping by powers of the speed, dry friction, bristles; return what of it is lost."""
     match e.name:
         case "viscous" | "quadratic_drag":
             power = 1 if e.name == "viscous" else 2
@@ -209,55 +210,57 @@ def hold_in(m: Mjcf, e: Any, others: list[Effect]) -> None:
         case "early_reversal":
             grip = min(e.impedance, STIFFEST)
             m.creep = (2.0 * e.lead / grip, grip)
+        case "asymmetric_coulomb":
+            m.force -= e.magnitude
+            return "held as a constant force, which is the same in motion"
         case "stribeck":
             dry = sum(o.magnitude for o in others if o.name == "coulomb")
             if e.magnitude <= 0.0 or dry <= 0.0:
-                lose("MuJoCo holds it only on top of Coulomb friction")
-                return
-            velocity, exponent = tuple(shape.values())[:2] if len(shape) > 1 else (*shape.values(), 2.0)
+                return "MuJoCo holds it only on top of Coulomb friction"
+            velocity, exponent = (*e.shape.values(), 2.0)[:2]
+            m.lugre.append((dry / BRISTLE, dry / BRISTLE * 2e-3, dry, dry + e.magnitude, velocity))
             if exponent != 2.0:
-                lose("held with the exponent 2, which is MuJoCo's")
-            stiffness = dry / BRISTLE
-            m.lugre.append((stiffness, stiffness * 2e-3, dry, dry + e.magnitude, velocity))
+                return "held with the exponent 2, which is MuJoCo's"
         case "presliding_hysteresis":
             if type(e) not in (PreslidingHysteresis, LuGre):
-                lose("MuJoCo has Dahl's and LuGre's model only")
-                return
+                return "MuJoCo has Dahl's and LuGre's model only"
             ratio, velocity, damping = (e.ratio, e.velocity, e.damping) if isinstance(e, LuGre) else (1.0, 1.0, 0.0)
             stiffness = e.torque / e.distance
             m.lugre.append((stiffness, e.torque * damping / e.distance, e.torque, e.torque * ratio, velocity))
+    return ""
+
+
+def _hold_force(m: Mjcf, e: Any, others: list[Effect]) -> str:
+    """Add a force of the position or a constant one; return what of it is lost."""
+    shape = e.shape
+    match e.name:
         case "cogging":
             if (wave := of_a_whole_order(e)) is None:
-                lose("MuJoCo takes whole orders only")
-                return
-            if wave is not e:
-                lose(ROUNDED)
-            m.cogging.append(
-                (e.magnitude, round(shape["order"]), shape["phase"] - 0.5 * math.pi)
-            )  # -cos a = sin(a - pi/2)
+                return "MuJoCo takes whole orders only"
+            phase = shape["phase"] - 0.5 * math.pi  # -cos a = sin(a - pi/2)
+            m.cogging.append((e.magnitude, round(shape["order"]), phase))
+            return "" if wave is e else ROUNDED
         case "gravity_imbalance":
             a, p = m.gravity
             x = a * math.cos(p) + e.magnitude * math.cos(shape["phase"])
             y = a * math.sin(p) + e.magnitude * math.sin(shape["phase"])
             m.gravity = (math.hypot(x, y), math.atan2(y, x))
-        case "input_offset" | "asymmetric_coulomb":
+        case "input_offset":
             m.force -= e.magnitude
-            if e.name == "asymmetric_coulomb":
-                lose("held as a constant force, which is the same in motion")
         case "cable_spring":
             m.springref = next((o.shape["centre"] for o in others if o.name == "hardening_spring"), shape["centre"])
             m.spring[1] = m.spring.get(1, 0.0) + e.magnitude
             m.force -= e.magnitude * (m.springref - shape["centre"])
         case "hardening_spring":
             if m.spring.get(3) and shape["centre"] != m.springref:
-                lose("a joint has one spring, whose centre is already used")
-                return
+                return "a joint has one spring, whose centre is already used"
             m.springref = shape["centre"]
             m.spring[3] = m.spring.get(3, 0.0) + e.magnitude
         case "end_stop":
-            if shape.get("relaxation"):
-                lose("held without its damping: a tendon cannot be damped in contact only")
             m.stops.append((e.magnitude, *np.clip(e.ends, -FAR, FAR)))
+            if shape.get("relaxation"):
+                return "held without its damping: a tendon cannot be damped in contact only"
+    return ""
 
 
 # --- an arm for MuJoCo and as URDF -----------------------------------------------------------------------------------

@@ -362,6 +362,18 @@ def _of_position(e, hangs, force, slope):
         force[k] = power
 
 
+@part
+def _by_numbers(by, form, v, s, kick, h, by_gain, force):
+    """Slopes ``by`` of a step's acceleration by each number of theta, after a kick; those by the state stay zero."""
+    places = 4 + force.size
+    by[0], by[1], by[2], by[3] = -kick / h, by_gain - v, -s, -1.0
+    for k in range(force.size):
+        by[4 + k] = -force[k]
+    for k in range(form.knots.size):
+        bent, _, tilt = speed_hinge(form.knots[k], v)
+        by[places + k] = by_gain * tilt - bent
+
+
 @njit(cache=True, error_model="numpy")
 def axis_pass(theta, form, u, bounds, start, dt, rows):
     """Return velocity and position, (2, n); write the derivatives into rows (2, p + 2, n) unless it is empty.
@@ -377,27 +389,22 @@ def axis_pass(theta, form, u, bounds, start, dt, rows):
     first = n - rows.shape[1]
     n_samples, steps = u.shape
     motion = np.zeros((2, n_samples))
-    dv, dq = np.zeros(n), np.zeros(n)
+    dv, dq, by = np.zeros(n), np.zeros(n), np.zeros(n)
     force, slope = np.zeros(of_position), np.zeros(of_position)  # position-dependent, of unit weight
     inertia, viscous, coulomb, offset = theta[0], theta[1], theta[2], theta[3]
     h = dt / steps
     half, g = 0.5 * h, h / inertia
     for piece in range(bounds.size - 1):
         v, q = start[piece, 0], start[piece, 1]
-        dv[:] = 0.0
-        dq[:] = 0.0
-        dv[n_theta] = 1.0
-        dq[n_theta + 1] = 1.0
+        dv[:], dq[:] = 0.0, 0.0
+        dv[n_theta], dq[n_theta + 1] = 1.0, 1.0
         for t in range(bounds[piece], bounds[piece + 1]):
-            motion[0, t] = v
-            motion[1, t] = q
+            motion[0, t], motion[1, t] = v, q
             if with_rows:
                 for i in range(first, n):
-                    rows[0, i - first, t] = dv[i]
-                    rows[1, i - first, t] = dq[i]
+                    rows[0, i - first, t], rows[1, i - first, t] = dv[i], dq[i]
             for j in range(steps):
-                e = q + half * v - form.centre
-                _of_position(e, form.hangs, force, slope)
+                _of_position(q + half * v - form.centre, form.hangs, force, slope)
                 pull = u[t, j] - offset - viscous * v
                 by_v, by_q = viscous, 0.0  # slopes of the resisting forces
                 for k in range(of_position):
@@ -423,22 +430,9 @@ def axis_pass(theta, form, u, bounds, start, dt, rows):
                 if with_rows:
                     kick = new - v
                     by_gain = -kick * (0.5 if h * by_v / inertia < 0.5 else 1.0)  # effect of a slope through the gain
+                    _by_numbers(by, form, v, s, kick, h, by_gain, force)
                     for i in range(first, n):
-                        d = -by_v * dv[i] - by_q * (dq[i] + half * dv[i])
-                        if i == 0:
-                            d -= kick / h
-                        elif i == 1:
-                            d += by_gain - v
-                        elif i == 2:
-                            d -= s
-                        elif i == 3:
-                            d -= 1.0
-                        elif i < 4 + of_position:
-                            d -= force[i - 4]
-                        elif i < n_theta:
-                            bent, _, tilt = speed_hinge(knots[i - 4 - of_position], v)
-                            d += by_gain * tilt - bent
-                        d *= g / gain
+                        d = (-by_v * dv[i] - by_q * (dq[i] + half * dv[i]) + by[i]) * (g / gain)
                         dq[i] += half * (dv[i] + dv[i] + d)
                         dv[i] += d
                 q += half * (v + new)

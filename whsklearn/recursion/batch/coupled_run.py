@@ -60,6 +60,18 @@ def _kicked(v, pull, dry, viscous, inertia, h, slope):
     return v + kick
 
 
+@part
+def _begin(dv, dx, dw, dq, at_load):
+    """Derivatives of both masses' motion at the start of a piece, by its velocity, position, twist and slip."""
+    dv[:], dx[:], dw[:], dq[:] = 0.0, 0.0, 0.0, 0.0
+    at = dv.size - STATES
+    dv[at], dw[at], dx[at + 1], dq[at + 1] = 1.0, 1.0, 1.0, 1.0
+    if at_load:
+        dx[at + 2], dv[at + 3] = 1.0, 1.0
+    else:
+        dq[at + 2], dw[at + 3] = -1.0, -1.0
+
+
 @njit(cache=True, error_model="numpy")
 def coupled_pass(b, at_load, u, bounds, start, dt, rows, ends):
     """Return velocity and position at the encoder, (2, n).
@@ -70,7 +82,6 @@ def coupled_pass(b, at_load, u, bounds, start, dt, rows, ends):
     """
     n_samples, steps = u.shape
     n_rows = rows.shape[1]
-    skipped = NUMBERS + STATES - n_rows
     motion = np.zeros((2, n_samples))
     h = dt / steps
     half = 0.5 * h
@@ -87,13 +98,7 @@ def coupled_pass(b, at_load, u, bounds, start, dt, rows, ends):
         if at_load:
             v, x, w, q = v0 + slip, q0 + twist, v0, q0
         if n_rows > 0:
-            dv[:], dx[:], dw[:], dq[:] = 0.0, 0.0, 0.0, 0.0
-            at = NUMBERS - skipped
-            dv[at], dw[at], dx[at + 1], dq[at + 1] = 1.0, 1.0, 1.0, 1.0
-            if at_load:
-                dx[at + 2], dv[at + 3] = 1.0, 1.0
-            else:
-                dq[at + 2], dw[at + 3] = -1.0, -1.0
+            _begin(dv, dx, dw, dq, at_load)
         for t in range(bounds[piece], bounds[piece + 1]):
             motion[0, t] = w if at_load else v
             motion[1, t] = q if at_load else x

@@ -142,13 +142,8 @@ def run_pseudolinear(model, recent, since, forgetting, ceiling, law, p, mode, sa
     recent_u, recent_y, recent_weight = recent
     u, y, weights = samples
     dims, codes, shapes, key = law
-    n = theta.size
-    m = u.shape[1]
-    work = np.empty(before.size)
-    phi = np.empty(n)
-    gain = np.empty(n)
-    start = np.empty(n)
-    step = np.empty(n)
+    n, m = theta.size, u.shape[1]
+    work, phi, gain, start, step = np.empty(before.size), np.empty(n), np.empty(n), np.empty(n), np.empty(n)
     for t in range(y.size):
         push(recent_u, u[t])
         push(recent_y, y[t : t + 1])
@@ -159,8 +154,7 @@ def run_pseudolinear(model, recent, since, forgetting, ceiling, law, p, mode, sa
             inflate(ud, 1.0 / forgetting, ceiling)
         start[:] = theta
         step[:] = 0.0
-        newest = 0.0
-        span = 0.0
+        newest = span = 0.0
         for i in range(window):
             if i == 0 or mode == REEVALUATED:
                 work[:] = before

@@ -180,19 +180,15 @@ def _keep(recent, line):
 @part
 def _run_model(model, line, samples, since, seen, schedule, law, p, frozen, still, scratch):
     """Run one model through the samples; return the forgetting factor after the last of them."""
-    theta, ud, before, loss, motion, sharpness = model
-    recent_u, recent_y, recent_weight = samples
+    theta, ud, before, _, motion, sharpness = model
+    recent_u, recent_y, _ = samples
     dims, codes, shapes = law
     n, count = theta.size, still.size
     m = recent_u.size // recent_y.size
     nc = dims[2]
     past = past_of(before, 0, dims, 0)
-    psi, gain, start, old = (
-        piece(scratch, 0, (n,)),
-        piece(scratch, n, (n,)),
-        piece(scratch, 2 * n, (n,)),
-        piece(scratch, 3 * n, (n,)),
-    )
+    psi, start = piece(scratch, 0, (n,)), piece(scratch, n, (n,))
+    room = psi, start, piece(scratch, 2 * n, (n,)), piece(scratch, 3 * n, (n,))
     blocks, psi_blocks = by_block(start if frozen else theta, dims), by_block(psi, dims)
     b = piece(theta, dims[0] - 1, (dims[1],))
     rate = schedule.forgetting[0]
@@ -233,24 +229,33 @@ def _run_model(model, line, samples, since, seen, schedule, law, p, frozen, stil
                     motion[0] = LOSS_FORGETTING * motion[0] + dx * dx
                     motion[1] = LOSS_FORGETTING * motion[1] + 1.0
                 break
-            weight = recent_weight[newest + now]
-            if weight == 0.0:
-                continue
-            e = recent_y[newest + now] - predict(blocks, line, now + 1, recent_y[newest + now + 1 :], psi, psi_blocks)
-            if frozen:
-                for k in range(n):
-                    e -= psi[k] * (theta[k] - start[k])
-            learnt = _learn(theta, ud, psi, e, p / weight, b, gain, old)
-            if now == 0:
-                loss[0] = LOSS_FORGETTING * loss[0] + (weight * e * e if learnt else LARGEST_SIGNAL)
-                loss[1] = LOSS_FORGETTING * loss[1] + 1.0
+            _meet(model, samples, newest, line, now, blocks, psi_blocks, room, b, p, frozen)
         if learns and schedule.sharpest > 0.0:
             rms = np.sqrt(motion[0] / max(motion[1], 1.0))
             sharpness[0] = _relative_sharpness(seen, schedule.sharpest) / max(rms, LEAST_MOTION)
     return rate
 
 
-# written into its caller: as a call, a sample took 4 % longer
+# these two are written into their callers: as calls, a sample took 4 % longer
+@njit(cache=False, error_model="numpy", forceinline=True)
+def _meet(model, samples, newest, line, now, blocks, psi_blocks, room, b, p, frozen):
+    """Learn the sample in row ``now`` of the past ``line``; the loss counts a window's last."""
+    theta, ud, _, loss, _, _ = model
+    _, recent_y, recent_weight = samples
+    psi, start, gain, old = room
+    weight = recent_weight[newest + now]
+    if weight == 0.0:
+        return
+    e = recent_y[newest + now] - predict(blocks, line, now + 1, recent_y[newest + now + 1 :], psi, psi_blocks)
+    if frozen:
+        for k in range(theta.size):
+            e -= psi[k] * (theta[k] - start[k])
+    learnt = _learn(theta, ud, psi, e, p / weight, b, gain, old)
+    if now == 0:
+        loss[0] = LOSS_FORGETTING * loss[0] + (weight * e * e if learnt else LARGEST_SIGNAL)
+        loss[1] = LOSS_FORGETTING * loss[1] + 1.0
+
+
 @njit(cache=False, error_model="numpy", forceinline=True)
 def _learn(theta, ud, psi, e, variance, b, gain, old):
     """(12), and theta += gain e, or a half, a quarter .. of it until L1 with ``b`` is stable; none if it never is.
