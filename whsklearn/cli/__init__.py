@@ -25,11 +25,7 @@ WIDTH = 100
 
 
 class Lazy(click.Group):
-    """A group whose commands are modules of this package, imported on use.
-
-    >>> Lazy().list_commands(click.Context(main))[:2]
-    ['identify', 'gap']
-    """
+    """A group whose commands are modules of this package, imported on use."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Command names in the order in which a user would try them."""

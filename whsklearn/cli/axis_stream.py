@@ -15,12 +15,6 @@ class AxisStream(NamedTuple):
     """Inputs of ``stream`` for an axis: estimator, columns in the order of a row, alarm, longest and usual time step.
 
     ``max_step`` is in the unit of the time column, ``dt`` in s.
-
-    Examples
-    --------
-    >>> axis = AxisStream("a model", ["t_ms", "q", "u"], "an alarm", max_step=2.5, dt=0.001)
-    >>> axis.columns[-1], axis.max_step
-    ('u', 2.5)
     """
 
     model: Any

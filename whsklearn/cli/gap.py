@@ -135,8 +135,6 @@ def used_of(options: dict[str, Any], log: Bunch) -> Bunch:
 def zeros_apart(log: Bunch, several: bool) -> list[str]:
     """What is said of several logs whose position was integrated: the integral begins at zero in each.
 
-    Examples
-    --------
     >>> from sklearn.utils import Bunch
     >>> from whsklearn.logs import Finding, LogReport
     >>> speed = Bunch(report=LogReport((Finding("LOG018", "warning", "Only the velocity is logged."),)))

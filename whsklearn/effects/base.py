@@ -554,8 +554,6 @@ def shapes_of(name: str) -> tuple[type[Effect], ...]:
 
     ``name``: such as ``presliding_hysteresis``.
 
-    Examples
-    --------
     >>> from whsklearn.effects.base import shapes_of
     >>> [c.__name__ for c in shapes_of("presliding_hysteresis")]
     ['PreslidingHysteresis', 'LuGre']

@@ -87,8 +87,6 @@ def chatters(x: Array) -> bool:
 
     ``x`` (n,): the signal, without its mean where that counts for nothing.
 
-    Examples
-    --------
     >>> noise = np.random.default_rng(0).standard_normal(900)
     >>> chatters(np.sin(0.1 * np.arange(900))), chatters(noise), chatters(np.repeat(noise, 9))
     (False, True, False)

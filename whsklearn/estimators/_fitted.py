@@ -227,8 +227,6 @@ class FittedModel(BaseEstimator):
     def summary(self) -> Summary:
         """Structure, parameters with 95 % intervals, poles and noise, to print or to show in a notebook.
 
-        Examples
-        --------
         >>> import numpy as np
         >>> from whsklearn import RLSRegressor
         >>> X = np.random.default_rng(0).standard_normal((100, 2))
@@ -247,8 +245,6 @@ class FittedModel(BaseEstimator):
         first is a tuple of systems, one per input. Raises ValueError if the estimator works on rows and has no blocks,
         or if ``dt`` is not a positive number.
 
-        Examples
-        --------
         >>> from whsklearn import RMILSRegressor, WienerHammersteinLags
         >>> from whsklearn.datasets import make_wiener_hammerstein
         >>> X, y = make_wiener_hammerstein(400, snr_db=40, random_state=0)

@@ -127,8 +127,6 @@ def lost_parts(axis: ServoAxis, *, timing: bool, transmission: bool, limit: bool
 class Exported:
     """A model ready for export.
 
-    Examples
-    --------
     >>> model = Exported(units={"input": "mNm", "output": "deg"})
     >>> model.factors[0], model.si
     (0.001, ('Nm', 'rad'))

@@ -107,8 +107,6 @@ FAR = 1e3  # position of a stop that does not exist
 class Mjcf:
     """Attributes of the elements of the file.
 
-    Examples
-    --------
     >>> from whsklearn.effects import Viscous
     >>> mapped(ServoAxis(inertia=0.05, law=[Viscous(0.2)])).damping  # by the power of the speed
     {1: 0.2}

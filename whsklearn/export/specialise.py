@@ -43,8 +43,6 @@ class Specialiser:
     ``wave(name, i, argument)`` writes a sine or cosine of the motion from the previous one in slot i of the state;
     without it, each is a function call.
 
-    Examples
-    --------
     >>> from whsklearn.export.languages import C
     >>> work = Specialiser(C())
     >>> work.text(work.binary("Add", Symbol("x"), 0.5))

@@ -138,8 +138,6 @@ def window_averages(
 
     ``taps`` (window,): weights, the oldest sample first. ``ends``: indices of samples with a full window.
 
-    Examples
-    --------
     >>> import numpy as np
     >>> window_averages(np.arange(4.0)[:, None], np.full(3, 1 / 3), np.array([2, 3])).ravel().round(9)
     array([1., 2.])

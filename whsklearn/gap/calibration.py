@@ -206,8 +206,6 @@ def smoothed_power(x: Array) -> Array:
 
     A tone is spread over its band, so noise with this spectrum contains no tone; slow parts stay slow.
 
-    Examples
-    --------
     >>> import numpy as np
     >>> power = smoothed_power(np.sin(2 * np.pi * 100 * np.arange(1000) / 1000))
     >>> int(power.argmax()) in range(70, 140), bool(power.max() < 0.1 * 500.0**2)

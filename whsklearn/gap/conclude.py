@@ -286,8 +286,6 @@ def stays_open(rows: list[dict[str, Any]]) -> bool:
     Noise of the record's own colour, or held-out samples that happen to be louder than the others, hide over the whole
     record what a prediction of one step shows.
 
-    Examples
-    --------
     >>> [stays_open([{"closure": 0.03, "before": before, "floor": 1.0}]) for before in (2.0, 1.0)]
     [True, False]
     """

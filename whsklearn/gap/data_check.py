@@ -64,8 +64,6 @@ class DataProblem:
 def check_servo(record: ServoRecord) -> list[DataProblem]:
     """Problems of a servo log, the fatal ones first.
 
-    Examples
-    --------
     >>> import numpy as np
     >>> t = np.arange(8000) / 1000
     >>> [p.code for p in check_servo(ServoRecord(t, np.zeros(8000), np.zeros(8000)))]

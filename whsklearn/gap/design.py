@@ -32,8 +32,6 @@ MOST_SHRINKING = 20  # 0.8 to the twentieth: a hundredth of the travel
 class Limits(NamedTuple):
     """Limits of the next run, in SI: largest position, speed and drive, and its length (s).
 
-    Examples
-    --------
     >>> Limits(position=0.5, speed=2.0, drive=1.2, seconds=6.0).speed
     2.0
     """

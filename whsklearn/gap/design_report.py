@@ -29,8 +29,6 @@ def write_design(
     ``limits``: as given, in ``units``. ``folder``: created if it does not exist. ``units``: of drive and position;
     empty where the log states none. Returns the path of the page.
 
-    Examples
-    --------
     >>> from tempfile import TemporaryDirectory
     >>> reached = Limits(0.4, 1.9, 1.1, 6.0)
     >>> made = Design(np.arange(50.0), *np.zeros((2, 50)), reached, {"cogging": True}, {})
@@ -77,8 +75,6 @@ def write_design(
 class Picture(NamedTuple):
     """A signal against its limit: the points of a polyline, and the heights of the limits and of zero, in px.
 
-    Examples
-    --------
     >>> picture = against(np.array([0.0, 1.0]), np.array([0.5, -0.5]), 0.5)
     >>> picture.points, picture.limit
     ('0.0,16.0 680.0,114.0', 0.5)
@@ -94,8 +90,6 @@ class Picture(NamedTuple):
 def against(time: Array, signal: Array, limit: float) -> Picture:
     """A signal over time, scaled so that the limits on both sides are the edges of the picture.
 
-    Examples
-    --------
     >>> picture = against(np.array([0.0, 1.0]), np.array([0.0, -0.5]), 0.5)
     >>> picture.points, picture.top, picture.zero, picture.bottom
     ('0.0,65.0 680.0,114.0', 16.0, 65.0, 114.0)

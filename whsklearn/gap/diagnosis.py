@@ -25,8 +25,6 @@ MAP_POINTS = 1440  # of a map over one turn: four to a degree, nine to a period 
 def spoken(label: str) -> str:
     """The name of an effect in words; that of its joint stays as the robot's file spells it.
 
-    Examples
-    --------
     >>> from whsklearn.gap.diagnosis import spoken
     >>> spoken("cable_spring at wrist_1_joint")
     'cable spring at wrist_1_joint'
@@ -222,8 +220,6 @@ def in_units(label: str, units: tuple[str, str]) -> str:
 
     A phase and an order count radians of a wave on any axis.
 
-    Examples
-    --------
     >>> in_units("velocity_rad_per_s", ("N", "m")), in_units("coefficient_nm_s_per_rad", ("N", "m"))
     ('velocity_m_per_s', 'coefficient_n_s_per_m')
     """

@@ -23,8 +23,6 @@ WHITENING = 12  # order of the autoregression that whitens the errors of an axis
 class ResidualFilter:
     """The filter, its rate and the samples to which it is applied.
 
-    Examples
-    --------
     >>> mean = ResidualFilter(np.full(4, 0.25), every=2, gains=(0.0, 0.0), cutoff=10.0, dt=0.01)
     >>> mean.noise_gain, mean.pick(np.arange(5.0)).tolist()
     (0.5, [0.0, 2.0, 4.0])

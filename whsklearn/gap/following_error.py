@@ -25,8 +25,6 @@ POSITIVE = np.array([True, True, True, False, False, False, True, True])
 class Loop(NamedTuple):
     """What is known of a position loop, beside its gain: delay of the command (s), T_D (s) and 1 / T_I (1/s).
 
-    Examples
-    --------
     >>> Loop(delay=0.1, derivative=0.0, integral=0.5)
     Loop(delay=0.1, derivative=0.0, integral=0.5)
     """

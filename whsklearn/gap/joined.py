@@ -24,8 +24,6 @@ def joined(records: Sequence[ServoRecord]) -> ServoRecord:
     first sample.
     Raises ValueError if there is none, if one cannot be used, or if sampling rates or kinds of drive and motion differ.
 
-    Examples
-    --------
     >>> from whsklearn.datasets import make_servo_log
     >>> logs = [make_servo_log(duration=10.0, random_state=k) for k in (0, 1)]
     >>> both = joined([ServoRecord.from_frame(log) for log in logs])

@@ -36,8 +36,6 @@ RIDGE = 3e-5  # per sample, for columns of unit rms: far below the information o
 class Minimum:
     """Result of a minimisation.
 
-    Examples
-    --------
     >>> wide = np.array([10.0])
     >>> found = least_squares(lambda x: x - 3.0, np.zeros(1), 1e-4 * wide, (-wide, wide))
     >>> round(float(found.x[0]), 3), found.cost < 1e-6

@@ -53,8 +53,6 @@ def locate(axes: dict[str, tuple[Array, str]], gap: Array, rng: np.random.Genera
 class Bins:
     """A signal x of shape (n,) in bins of equally many samples.
 
-    Examples
-    --------
     >>> angle = np.linspace(0.0, 6.28, 400)
     >>> bins = Bins(angle)
     >>> bins.between(np.sin(angle)) > 0.95, bins.between(np.cos(200.0 * angle)) < 0.1
@@ -89,8 +87,6 @@ class Bins:
     def shifted(self, values: Array, shifts: NDArray[np.intp]) -> Array:
         """`between` of the values rolled by each shift, all at once: the sums are circular correlations.
 
-        Examples
-        --------
         >>> x, y = np.random.default_rng(0).standard_normal((2, 300))
         >>> bins = Bins(x)
         >>> bool(np.allclose(bins.shifted(y, np.array([0, 7])), [bins.between(y), bins.between(np.roll(y, 7))]))

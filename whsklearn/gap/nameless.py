@@ -45,8 +45,6 @@ def generic_basis(scene: Scales, angle: Array, v: Array, u: Array) -> list[tuple
 def hats(q: Array, width: float) -> Array:
     """Piecewise linear functions, each around one position within -1 to 1, shape (n, k); they sum to one.
 
-    Examples
-    --------
     >>> hats(np.array([-1.0, -0.25, 1.0]), 0.5)
     array([[1. , 0. , 0. , 0. , 0. ],
            [0. , 0.5, 0.5, 0. , 0. ],

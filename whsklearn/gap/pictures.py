@@ -109,8 +109,6 @@ def thinned(*series: Any) -> list[Any]:
 
     The first series is the axis. The extremes are those of the second; further ones are taken at the same samples.
 
-    Examples
-    --------
     >>> import numpy as np
     >>> t = np.arange(1e6)
     >>> thinned(t, np.sin(t))[1].size <= 2 * DRAWN
@@ -218,8 +216,6 @@ def bins_of(x: Any, waves: list[float]) -> tuple[Any, float]:
     A wave is folded into its period, and several waves into the one that they share, if the signal covers that period
     at least twice; otherwise the whole travel is drawn. Without a wave the bins contain equally many samples.
 
-    Examples
-    --------
     >>> x = np.linspace(0.0, 3.0, 4000)
     >>> edges, period = bins_of(x, [24.0 / (2 * np.pi), 16.0 / (2 * np.pi)])  # both repeat every eighth of a turn
     >>> round(2 * np.pi / period), edges.size - 1 >= 3 * A_PERIOD

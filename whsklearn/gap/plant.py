@@ -47,8 +47,6 @@ PAYS = least_lead(ALPHA)
 def quiet(left: Any, floor: Any, least: Any) -> Any:
     """Whether a residual is no more than noise, of the rms ``floor``, and what is not worth naming, ``least``.
 
-    Examples
-    --------
     >>> quiet(1.2, 1.0, 0.0), quiet(1.5, 1.0, 0.0), quiet(1.5, 1.0, 0.5)
     (True, False, True)
     """
@@ -59,8 +57,6 @@ def quiet(left: Any, floor: Any, least: Any) -> Any:
 class FittedTerm:
     """A candidate with its numbers.
 
-    Examples
-    --------
     >>> from whsklearn.gap.plants.servo_candidates import candidate
     >>> t = FittedTerm(candidate("cable_spring"), (2.0, 0.1))
     >>> t.name, t.effect, t.with_vector([3.0, 0.2]).q
@@ -106,8 +102,6 @@ def with_vectors(terms: tuple[Any, ...], x: Array) -> tuple[Any, ...]:
 class Linearised(NamedTuple):
     """A fitted vector with its residual and derivatives.
 
-    Examples
-    --------
     >>> one = np.ones(1)
     >>> fit = Linearised(one, 0.0 * one, 2.0 * one, np.zeros(3), np.ones((3, 1)), rebuild=lambda x: {"gain": x[0]})
     >>> float(fit.rebuild(fit.x)["gain"])
@@ -126,8 +120,6 @@ class Linearised(NamedTuple):
 class Learned(NamedTuple):
     """A model with its learned nameless torques, and their curves.
 
-    Examples
-    --------
     >>> Learned("the model itself", ()).curves
     ()
     """
@@ -139,8 +131,6 @@ class Learned(NamedTuple):
 class Gap(NamedTuple):
     """The residual of a model along the record, and the signals that it may follow.
 
-    Examples
-    --------
     >>> speed = np.array([0.0, 1.0, 2.0])
     >>> gap = Gap(0.1 * speed, 0.01, {"velocity": (speed, "rad/s")}, {"viscous": (0.5, speed)})
     >>> float(gap.left @ gap.columns["viscous"][1] / (speed @ speed))  # by how much viscous friction is off
@@ -157,8 +147,6 @@ class Gap(NamedTuple):
 class Figures(NamedTuple):
     """Rms of the gap before and after, of noise alone, and of what still follows the motion without a name.
 
-    Examples
-    --------
     >>> before, after, floor, *_ = Figures(before=0.2, after=0.03, floor=0.01)
     >>> round((before - after) / (before - floor), 3)  # share of the gap that is closed
     0.895
@@ -175,8 +163,6 @@ class Figures(NamedTuple):
 class Reading:
     """What a record shows before any model is fitted.
 
-    Examples
-    --------
     >>> from whsklearn.effects import Quantization
     >>> Reading([Quantization(0.01)]).effects, Reading().shortfall
     ([Quantization(step=0.01)], '')
@@ -194,8 +180,6 @@ class Reading:
 class Told:
     """What a plant adds to the report.
 
-    Examples
-    --------
     >>> Told(tests=[], notes=["The drive is logged 2 ms late."], pictures={}).notes
     ['The drive is logged 2 ms late.']
     """

@@ -22,8 +22,6 @@ NO_GAP = 1e-3
 class FreeRun:
     """Errors of one simulation on held-out samples, y - y_hat.
 
-    Examples
-    --------
     >>> FreeRun(nmse=0.01, mu_e=0.0, rmse=0.002).as_dict()
     {'nmse': 0.01, 'mu_e': 0.0, 'rmse': 0.002}
     """
@@ -56,8 +54,6 @@ def closure(before: float, after: float, floor: float, spread: float = np.inf) -
     diverges is larger and would let any repair close the whole gap.  The gap is therefore counted from ``spread``, and
     a repaired model that is no better than none has closed nothing.
 
-    Examples
-    --------
     >>> closure(2.0, 1.1, 1.0)
     0.9
     >>> closure(1000.0, 2.5, 0.0, spread=5.0), closure(1000.0, 6.0, 0.0, spread=5.0)

@@ -90,8 +90,6 @@ def significant(value: Any) -> str:
 def probability(p: float) -> str:
     """A p-value; small ones as a bound, because they depend on the tail of a fitted distribution.
 
-    Examples
-    --------
     >>> probability(0.034), probability(3e-9), probability(1.0)
     ('0.034', '< 0.0001', '1')
     """
@@ -125,8 +123,6 @@ def as_model(system: Any, units: tuple[str, str] = ("Nm", "rad")) -> AxisModel |
     ``system``: the ``model_`` of a finder. ``units``: of drive (or input) and position (or output), as logged; empty if
     the log states none.
 
-    Examples
-    --------
     >>> from whsklearn import ServoAxis
     >>> from whsklearn.effects import Cogging
     >>> from whsklearn.gap.report import as_model

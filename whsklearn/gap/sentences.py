@@ -34,8 +34,6 @@ RICH = (
 def article_list(names: list[str]) -> str:
     """Names joined as in a sentence.
 
-    Examples
-    --------
     >>> article_list(["cogging", "stribeck", "backlash"])
     'cogging, stribeck and backlash'
     """

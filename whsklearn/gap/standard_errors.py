@@ -135,8 +135,6 @@ def with_drive_error(diagnosis: Diagnosis, relative: float) -> None:
     ``diagnosis``: changed in place. ``relative``: standard deviation of the torque constant as a share of it; 0 changes
     nothing.
 
-    Examples
-    --------
     >>> from whsklearn.effects import Cogging
     >>> from whsklearn.gap import NamedEffect
     >>> errors = {"amplitude_nm": 0.003, "order": 0.01}

@@ -47,8 +47,6 @@ def drive_lead(
     ``either_way``: whether to report a drive that acts later than it was logged, as a negative number; otherwise that
         is a delay.
 
-    Examples
-    --------
     >>> drive_lead(lambda lead: (0.6 * (lead - 8) * 0.001, abs(lead - 8.0)), 8.0, 0.001)
     8
     """
@@ -175,8 +173,6 @@ def moved(log: View, lead: int) -> View:
 def earlier(u: Array, samples: int) -> Array:
     """A signal shifted earlier by a number of samples (negative: later); its last or first value is held.
 
-    Examples
-    --------
     >>> import numpy as np
     >>> earlier(np.arange(5.0), 2).tolist(), earlier(np.arange(5.0), -1).tolist()
     ([2.0, 3.0, 4.0, 4.0, 4.0], [0.0, 0.0, 1.0, 2.0, 3.0])

@@ -125,8 +125,6 @@ class Known(NamedTuple):
     ``covariance`` (p, p) is that of the values, zero where nothing is known; ``unexplained`` the rms of what they left
     of each joint's drive in that record (Nm or N), by joint, and ``varied`` the standard deviation of that drive.
 
-    Examples
-    --------
     >>> import numpy as np
     >>> from whsklearn.datasets import default_arm
     >>> numbers = {"pitch.coulomb": 1.0, "pitch.input_offset": 5.0}

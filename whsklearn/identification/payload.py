@@ -318,8 +318,6 @@ def slopes_at(place: Array) -> Array:
     Its inertia I(m, h) = (h.h - h h') / m is homogeneous of first degree, so the derivatives times (m, h) give it
     exactly (Euler's theorem).
 
-    Examples
-    --------
     >>> import numpy as np
     >>> from whsklearn.systems.arm_files import body_numbers
     >>> load = body_numbers(2.0, (0.1, 0.0, 0.3), np.zeros((3, 3)))

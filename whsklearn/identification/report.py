@@ -89,8 +89,6 @@ def on_intervals(found: Identification) -> str:
 def spelled(value: float, error: float | None) -> tuple[str, str]:
     """A number and its 95 % interval, with as many digits as the width of the interval asks for.
 
-    Examples
-    --------
     >>> spelled(1.5, 2e-7), spelled(0.0212345, 0.004), spelled(3.0, None)
     (('1.5', '1.49999961 to 1.50000039'), ('0.0212', '0.0134 to 0.0291'), ('3', '-'))
     """
@@ -166,8 +164,6 @@ def page(found: Identification) -> str:
 def error_of(value: float | None, trivial: float = 1.0, digits: int = 3) -> str:
     """An error with three significant digits; a word if the run diverged.
 
-    Examples
-    --------
     >>> error_of(0.0336), error_of(None), error_of(5.6e103, trivial=0.73)
     ('0.0336', '-', 'diverges')
     """

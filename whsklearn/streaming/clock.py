@@ -36,11 +36,7 @@ def _shown(stamp: float) -> str:
 
 
 class Verdict(NamedTuple):
-    """The class of a row (``row``, ``bad``, ``restart`` or ``repeated``), with its line number and a reason.
-
-    >>> Verdict("bad", 7, [0.3, 1.0], "time 0.3 after 0.4").what
-    'bad'
-    """
+    """The class of a row (``row``, ``bad``, ``restart`` or ``repeated``), with its line number and a reason."""
 
     what: str
     line: int

@@ -419,8 +419,6 @@ class ChainPlant(Plant):
 def check_chain(u: Array, y: Array) -> list[DataProblem]:
     """Problems of a record; all of them are fatal.
 
-    Examples
-    --------
     >>> import numpy as np
     >>> [p.code for p in check_chain(np.ones(1000), np.random.default_rng(0).normal(size=1000))]
     ['data-no-drive']

@@ -20,8 +20,6 @@ def taken_from(log: Log, kind: str) -> tuple[Any, dict[str, Any]]:
 
     ``kind``: ``servo`` for an axis or a simulator of one, ``wiener-hammerstein``, or ``arm``, whose log is in SI.
 
-    Examples
-    --------
     >>> t = np.arange(400) / 100
     >>> log = Log(time=t, X=np.cos(t)[:, None], y=np.rad2deg(np.sin(t)), reference=None, command=None)
     >>> log |= Log(groups=np.zeros(400, dtype=int), units={"drive": "mNm", "position": "deg"})
@@ -57,8 +55,6 @@ def taken_from(log: Log, kind: str) -> tuple[Any, dict[str, Any]]:
 def speed_noise(log: Log) -> float:
     """Noise of a logged velocity whose integral is the position, in the position's unit per s; 0 if none is.
 
-    Examples
-    --------
     >>> t = np.arange(2000) / 100
     >>> rpm = 60 * np.sin(t) + np.random.default_rng(0).standard_normal(2000)
     >>> frame, units = pd.DataFrame({"velocity": rpm}), {"velocity": "rpm", "position": "turns"}

@@ -187,8 +187,6 @@ def _size_unit(candidate: Candidate, scales: Scales) -> float:
 def catalogue() -> tuple[Candidate, ...]:
     """Every defined effect that a missing torque can show, in all variants.
 
-    Examples
-    --------
     >>> [c.label for c in catalogue() if c.name == "flexible_coupling"]
     ['flexible_coupling', 'flexible_couplingL']
     """

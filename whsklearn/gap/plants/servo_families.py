@@ -366,8 +366,6 @@ def left_of(x: Array, columns: Array) -> Array:
 def mutual(acceleration: Array, columns: Array) -> float:
     """Squared partial correlation of the acceleration and the drive, the first of the columns, beside the others.
 
-    Examples
-    --------
     >>> force, noise, drive = np.random.default_rng(0).standard_normal((3, 100_000))
     >>> a = drive - 3.0 * force
     >>> [round(mutual(a, np.column_stack([drive + 0.1 * noise, *rest])), 2) for rest in ([noise], [noise, force])]

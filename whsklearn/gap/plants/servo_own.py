@@ -146,8 +146,6 @@ def weights(view: Any, model: ServoHypothesis, rest: Array) -> Array:
 def contradicted(mean: Array, left: Array, most: float) -> bool:
     """Whether artefacts, shape (n,), are not in a residual of at most ``most`` independent samples: see `own`.
 
-    Examples
-    --------
     >>> mean, noise = np.random.default_rng(0).standard_normal((2, 1000))
     >>> [contradicted(mean, size * mean + 0.3 * noise, 1000.0) for size in (0.0, 1.0)]
     [True, False]

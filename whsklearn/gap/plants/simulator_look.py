@@ -157,8 +157,6 @@ def catalogue(record: Any, signals: Any, further: tuple[type[Effect], ...] = ())
 def whole(shapes: list[Effect], fields: tuple[str, ...]) -> list[Effect]:
     """The shapes with these fields rounded to whole numbers, each once.
 
-    Examples
-    --------
     >>> from whsklearn.effects import Cogging
     >>> [e.order for e in whole([Cogging(0.1, 5.8), Cogging(0.1, 6.1), Cogging(0.1, 6.6)], ("order",))]
     [6.0, 7.0]
