@@ -402,17 +402,10 @@ class Effect(_Frozen):
     def columns(self, signals: Any) -> NDArray[np.float64]:
         """Regressor columns at this shape; the effect is ``columns @ coefficients``.
 
-        Parameters
-        ----------
-        signals : object
-            With 1-D arrays as attributes ``time`` (s), ``position`` (rad), ``velocity``,
-            ``acceleration`` and ``drive`` (Nm); ``kappa`` (s/rad) for tanh(kappa v) in place of sign(v).
-
-        Returns
-        -------
-        ndarray of shape (n_samples, n_columns)
-            Torque (position if the port is ``output``) per unit of each coefficient; no column if the effect can only
-            be simulated.
+        ``signals``: with 1-D arrays as attributes ``time`` (s), ``position`` (rad), ``velocity``, ``acceleration`` and
+        ``drive`` (Nm); ``kappa`` (s/rad) for tanh(kappa v) in place of sign(v). Returns (n_samples, n_columns): torque
+        (position if the port is ``output``) per unit of each coefficient; no column if the effect can only be
+        simulated.
         """
         n = np.asarray(signals.position).size
         if self.column_kind == "first_order":  # what a small delay or lag takes from the drive, per second of either

@@ -145,12 +145,8 @@ class AxisRegressor(RegressorMixin, CheckedModel):
     ) -> float:
         """R2 of the free run.
 
-        Parameters
-        ----------
-        X, y : array-like of shape (n, n_features), (n,), or lists of them
-        sample_weight : array-like of shape (n,), optional
-        groups : array-like of shape (n,), optional
-            Experiments; each starts at rest.
+        ``X`` (n, n_features), ``y`` and ``sample_weight`` (n,): as for `fit`, or lists of them. ``groups`` (n,):
+        experiments; each starts at rest.
         """
         from sklearn.metrics import r2_score
 

@@ -95,16 +95,8 @@ class StreamingPEMRegressor(ChainRegressor):
     ) -> Self:
         """Learn further samples; without ``groups`` they continue the last experiment.  Raises as `fit` does.
 
-        Parameters
-        ----------
-        X : array-like of shape (n, n_features)
-            Input.
-        y : array-like of shape (n,)
-            Output.
-        groups : array-like of shape (n,), optional
-            The experiment of each row; by default the last one continues.
-        sample_weight : array-like of shape (n,), optional
-            1 / variance of each sample.
+        ``X`` (n, n_features), ``y`` (n,): input and output. ``groups`` (n,): the experiment of each row; by default the
+        last one continues. ``sample_weight`` (n,): 1 / variance of each sample.
         """
         with self._alone(), self._unchanged_if_refused():
             before = self.state_["seen"] if hasattr(self, "state_") else 0

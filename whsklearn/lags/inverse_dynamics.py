@@ -195,25 +195,10 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
     def rows(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> tuple[Array, Array]:
         """Regression rows of records: columns and torque, filtered alike, from a clean start.
 
-        Parameters
-        ----------
-        X : array-like of shape (n, 1) or (n, 2)
-            Position, and the drive if it is not y.
-        y : array-like of shape (n,)
-            Torque or force, with the same positive direction as the position.
-        groups : array-like of shape (n,), optional
-            Marks experiments; filters restart at each.
-
-        Returns
-        -------
-        phi : ndarray of shape (m, n_terms)
-        target : ndarray of shape (m,)
-            Decimated, without border, warm-up and standstill: m < n.
-
-        Raises
-        ------
-        ValueError
-            If the torque is zero throughout, or a record is too short for the filters.
+        ``X`` (n, 1) or (n, 2): position, and the drive if it is not y. ``y`` (n,): torque or force, with the same
+        positive direction as the position. ``groups`` (n,): marks experiments; filters restart at each. Returns
+        ``phi`` (m, n_terms) and ``target`` (m,), decimated, without border, warm-up and standstill: m < n. Raises
+        ValueError if the torque is zero throughout, or a record is too short for the filters.
         """
         target = checked_torque(y, len(X))  # type: ignore[arg-type]
         if self.causal:
@@ -282,16 +267,9 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
         return {"n_features_in": int(self.n_features_in_), "cutoff": float(self.cutoff_), **self._stream._asdict()}
 
     def set_state(self, state: dict[str, Any]) -> Self:
-        """Continue from what `get_state` of a transformer with the same parameters returned.
+        """Continue from a ``state`` that `get_state` of a transformer with the same parameters returned.
 
-        Parameters
-        ----------
-        state : dict
-
-        Raises
-        ------
-        ValueError
-            If the state is of another kind.
+        Raises ValueError if it is of another kind.
         """
         if not isinstance(state, dict) or not {"n_features_in", "cutoff", *RowState._fields} <= state.keys():
             raise ValueError("This is not a state of InverseDynamicsLags; give what get_state() returned.")

@@ -165,15 +165,8 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
     def of_arm(cls, arm: Arm, sample_rate: float, law: Any = None, **settings: Any) -> Self:
         """Columns with an arm's own effects as the law: those at its joints and an offset, or ``law`` if given.
 
-        Parameters
-        ----------
-        arm : Arm
-        sample_rate : float
-            In Hz.
-        law : str, FrictionLaw or iterable of effects, optional
-            Friction of every joint; viscous and Coulomb friction if the arm has no effects.
-        **settings
-            Further parameters.
+        ``sample_rate``: in Hz. ``law``: friction of every joint of the ``arm``; viscous and Coulomb friction if it has
+        no effects. ``**settings``: further parameters.
         """
         if law is not None or not (any(arm.effects) or arm.sums):
             return cls(arm, sample_rate, **({} if law is None else {"law": law}), **settings)
@@ -187,16 +180,8 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
     def fit(self, X: ArrayLike, y: ArrayLike | None = None) -> Self:
         """Set up columns, filter and delay; nothing is estimated here.
 
-        Parameters
-        ----------
-        X : array-like of shape (n, n_joints) or (n, 2 n_joints)
-        y : array-like of shape (n, n_joints), optional
-            Not used.
-
-        Raises
-        ------
-        ValueError
-            If a setting is invalid, or if the columns of X do not match the robot's joints.
+        ``X`` (n, n_joints) or (n, 2 n_joints): positions, and drives. ``y``: not used. Raises ValueError if a setting
+        is invalid, or if the columns of X do not match the robot's joints.
         """
         width = check_array(X, dtype=np.float64).shape[1]
         self._settle()
@@ -214,13 +199,8 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
     def transform(self, X: ArrayLike, y: ArrayLike | None = None, groups: ArrayLike | None = None) -> Array:
         """Columns of records, from a clean start; shape (n, n_joints, n_columns).
 
-        Parameters
-        ----------
-        X : array-like of shape (n, n_joints) or (n, 2 n_joints)
-        y : array-like of shape (n, n_joints), optional
-            Drives, if X does not contain them.
-        groups : array-like of shape (n,), optional
-            Marks experiments; filters restart at each.
+        ``X`` (n, n_joints) or (n, 2 n_joints): positions, and drives. ``y`` (n, n_joints): drives, if X does not
+        contain them. ``groups`` (n,): marks experiments; filters restart at each.
         """
         check_is_fitted(self, "base_")
         X = np.asarray(validate_data(self, X, dtype=np.float64, reset=False))
@@ -236,24 +216,10 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
     def rows(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> tuple[Array, Array]:
         """Regression rows of records, weighted by joint, from a clean start.
 
-        Parameters
-        ----------
-        X : array-like of shape (n, n_joints) or (n, 2 n_joints)
-        y : array-like of shape (n, n_joints)
-            Drives, with the same positive direction as the positions.
-        groups : array-like of shape (n,), optional
-            Marks experiments.
-
-        Returns
-        -------
-        phi : ndarray of shape (m, n_columns)
-        target : ndarray of shape (m,)
-            Joint by joint at each instant, without the filter's ends and without slow joints.
-
-        Raises
-        ------
-        ValueError
-            If a drive is zero throughout, or a record is too short.
+        ``X`` (n, n_joints) or (n, 2 n_joints): positions, and drives. ``y`` (n, n_joints): drives, with the same
+        positive direction as the positions. ``groups`` (n,): marks experiments. Returns ``phi`` (m, n_columns) and
+        ``target`` (m,), joint by joint at each instant, without the filter's ends and without slow joints. Raises
+        ValueError if a drive is zero throughout, or a record is too short.
         """
         phi, target, keep = self.joint_rows(X, y, groups)
         self.weights_ = self.joint_weights(phi, target, keep)
@@ -264,10 +230,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
     ) -> tuple[Array, Array, NDArray[np.bool_]]:
         """Unweighted rows (m, n_joints, n_columns), drives (m, n_joints), and which of them count.
 
-        Parameters
-        ----------
-        X, y, groups
-            As for `rows`.
+        ``X``, ``y``, ``groups``: as for `rows`.
         """
         if not self.causal:
             found = records_of(self, X, y, groups)
@@ -283,14 +246,8 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
     def columns(self, moved: Motion, drive: Array, time: Array) -> Array:
         """Columns of a motion as it is, without any filter, (n, n_joints, n_columns).
 
-        Parameters
-        ----------
-        moved : Motion
-            Position, velocity and acceleration, (n, n_joints) each.
-        drive : ndarray of shape (n, n_joints)
-            For effects that depend on it.
-        time : ndarray of shape (n,)
-            In s.
+        ``moved``: position, velocity and acceleration, (n, n_joints) each. ``drive`` (n, n_joints): for effects that
+        depend on it. ``time`` (n,): in s.
         """
         kept, n = self.base_.kept, self.arm_.n_joints
         out = np.zeros((len(time), n, kept.size))
@@ -309,14 +266,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
     def joint_weights(self, phi: Array, target: Array, keep: NDArray[np.bool_]) -> Array:
         """1 / standard deviation of the residual of each joint's rows, fitted alone; or the given weights.
 
-        Parameters
-        ----------
-        phi, target, keep
-            As `joint_rows` makes them.
-
-        Returns
-        -------
-        ndarray of shape (n_joints,)
+        ``phi``, ``target``, ``keep``: as `joint_rows` makes them. Returns (n_joints,).
         """
         if self.weights is not None or self.causal:
             return self.weights_
@@ -348,16 +298,8 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
     def partial_rows(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> tuple[Array, Array]:
         """Rows of the next piece of a stream, with drives delayed like the columns; none during the warm-up.
 
-        Parameters
-        ----------
-        X, y : array-like of shape (n, n_joints)
-        groups : array-like of shape (n,), optional
-            A new label begins a new stream.
-
-        Raises
-        ------
-        ValueError
-            If the transformer is not causal.
+        ``X``, ``y`` (n, n_joints): positions and drives. ``groups`` (n,): a new label begins a new stream. Raises
+        ValueError if the transformer is not causal.
         """
         if not self.causal:
             raise ValueError(
@@ -391,16 +333,9 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         return {**held, **self._stream._asdict()}
 
     def set_state(self, state: dict[str, Any]) -> Self:
-        """Continue from what `get_state` of a transformer with the same parameters returned.
+        """Continue from a ``state`` that `get_state` of a transformer with the same parameters returned.
 
-        Parameters
-        ----------
-        state : dict
-
-        Raises
-        ------
-        ValueError
-            If the state is of another kind.
+        Raises ValueError if it is of another kind.
         """
         if (
             not isinstance(state, dict)
@@ -420,10 +355,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
     def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
         """Names of the columns kept, such as ``elbow.mx``, ``elbow.armature``, ``elbow.coulomb``.
 
-        Parameters
-        ----------
-        input_features : object
-            Not used; present for scikit-learn compatibility.
+        ``input_features``: not used; present for scikit-learn compatibility.
         """
         check_is_fitted(self, "base_")
         return np.array(self.base_.names, dtype=object)
@@ -431,14 +363,9 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
     def interpret(self, theta: ArrayLike, covariance: ArrayLike | None = None, *, physical: bool = True) -> Arm:
         """The arm with these weights: physically consistent links close to the file's, motor inertias and effects.
 
-        Parameters
-        ----------
-        theta : array-like of shape (n_columns,)
-        covariance : array-like of shape (n_columns, n_columns), optional
-            Weights the deviations when links are made physically consistent.
-        physical : bool, default=True
-            False keeps exactly these weights, whether or not a real body can have such parameters; the motion is the
-            same.
+        ``theta`` (n_columns,): the weights. ``covariance`` (n_columns, n_columns): weights the deviations when links
+        are made physically consistent. ``physical``: False keeps exactly these weights, whether or not a real body can
+        have such parameters; the motion is the same.
         """
         check_is_fitted(self, "base_")
         theta = np.asarray(theta, dtype=float)
@@ -467,10 +394,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
     def weights_of(self, arm: Arm) -> Array:
         """Weights (n_columns,) of the columns for an arm's links, motors and effects: the inverse of `interpret`.
 
-        Parameters
-        ----------
-        arm : Arm
-            An arm with the same joints; only effects with the shapes set here count.
+        ``arm``: with the same joints; only effects with the shapes set here count.
         """
         check_is_fitted(self, "base_")
         sums = [arm.sum_armature.get(a, 0.0) for a in self.axes_ if a not in arm.joints]
@@ -575,13 +499,8 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
     def drives(self, moved: Motion, smooth: Array, theta: Array) -> Array:
         """Drives of one record for these weights, (n, n_joints); those of the links without their columns.
 
-        Parameters
-        ----------
-        moved : Motion
-            Behind the finer filter, (n, n_joints) each.
-        smooth : ndarray of shape (n, n_joints)
-            The measured drives behind it, for effects that depend on them.
-        theta : ndarray of shape (n_columns,)
+        ``moved``: behind the finer filter, (n, n_joints) each. ``smooth`` (n, n_joints): the measured drives behind it,
+        for effects that depend on them. ``theta`` (n_columns,): the weights.
         """
         n, at = self.arm_.n_joints, N_BODY * self.arm_.n_joints
         full = np.zeros(self.base_.mapping.shape[1])
@@ -596,10 +515,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
     def samples_of(self, length: int) -> NDArray[np.int64]:
         """Indices of the samples that give rows: two per period of the cut-off, without the ends of the filter.
 
-        Parameters
-        ----------
-        length : int
-            Samples of the record.
+        ``length``: samples of the record.
         """
         period = max(int(self.sample_rate / self.cutoff_), 1)
         edge = min(EDGE * period, length // 4)

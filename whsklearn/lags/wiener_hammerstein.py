@@ -125,14 +125,7 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
         )
 
     def fit(self, X: ArrayLike, y: ArrayLike | None = None) -> Self:
-        """Check the settings; nothing is learned.
-
-        Parameters
-        ----------
-        X : array-like of shape (n, n_inputs)
-        y : object
-            Not used.
-        """
+        """Check the settings; nothing is learned. ``X`` (n, n_inputs): inputs. ``y``: not used."""
         self.dims()
         if self.advance() != 0:
             raise ValueError(

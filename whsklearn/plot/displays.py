@@ -121,16 +121,9 @@ class TrackingDisplay(Display):
     ) -> TrackingDisplay:
         """Draw the free run of a fitted estimator.
 
-        Parameters
-        ----------
-        estimator : fitted estimator
-        X, y : array-like of shape (n, n_features) and (n,)
-        name : str, optional
-            In the legend; the class by default.
-        axes : array of matplotlib axes, optional
-            Where to draw; a new figure by default.
-        **kwargs
-            Further arguments of `TrackingDisplay`.
+        ``X`` (n, n_features), ``y`` (n,): the record that the fitted ``estimator`` predicts. ``name``: in the legend;
+        the class by default. ``axes``: array of matplotlib axes; a new figure by default. ``**kwargs``: further
+        arguments of `TrackingDisplay`.
         """
         return cls(y, {name or type(estimator).__name__: estimator.predict(X)}, **kwargs).plot(axes)
 
@@ -194,19 +187,9 @@ class ConvergenceDisplay(Display):
     ) -> ConvergenceDisplay:
         """Stream the record through a clone of `estimator` and draw what it learns.
 
-        Parameters
-        ----------
-        estimator : estimator
-            With `partial_fit`; it stays as it is.
-        X, y : array-like of shape (n, n_features) and (n,)
-        truth : mapping of str to float, optional
-            True parameters, drawn dashed.
-        every : int, default=10
-            Samples between two points.
-        name : str, optional
-            In the legend; the class by default.
-        axes : array of matplotlib axes, optional
-            Where to draw; a new figure by default.
+        ``estimator``: with `partial_fit`; it stays as it is. ``X`` (n, n_features), ``y`` (n,): the record. ``truth``:
+        true parameters, drawn dashed. ``every``: samples between two points. ``name``, ``axes``: as for
+        `TrackingDisplay.from_estimator`.
         """
         paths = parameter_paths(estimator, X, y, every=every)
         return cls({name or type(estimator).__name__: paths}, truth).plot(axes)
@@ -310,17 +293,9 @@ class HorizonDisplay(Display):
     ) -> HorizonDisplay:
         """Predict at every horizon with a fitted estimator, or with several.
 
-        Parameters
-        ----------
-        estimator : fitted estimator, or mapping of str to these
-            By their names in the legend.
-        X, y : array-like of shape (n, n_features) and (n,)
-        horizons : sequence of int
-            In samples.
-        name : str, optional
-            Of a single estimator in the legend; the class by default.
-        axes : matplotlib axes, optional
-            Where to draw; a new figure by default.
+        ``estimator``: a fitted one, or a mapping of names in the legend to these. ``X`` (n, n_features), ``y`` (n,):
+        the record. ``horizons``: in samples. ``name`` (of one alone) and ``axes``: as for
+        `TrackingDisplay.from_estimator`.
         """
         several = estimator if isinstance(estimator, Mapping) else {name or type(estimator).__name__: estimator}
         curves = {name: error_against_horizon(model, X, y, horizons) for name, model in several.items()}
@@ -387,14 +362,8 @@ class ResidualDisplay(Display):
     ) -> ResidualDisplay:
         """Draw the one-step residuals of a fitted estimator.
 
-        Parameters
-        ----------
-        estimator : fitted estimator
-        X, y : array-like of shape (n, n_features) and (n,)
-        max_lag : int, optional
-            In samples.
-        axes : array of matplotlib axes, optional
-            Where to draw; a new figure by default.
+        ``estimator``: a fitted one. ``X`` (n, n_features), ``y`` (n,): the record. ``max_lag``: in samples. ``axes``:
+        as for `TrackingDisplay.from_estimator`.
         """
         residuals = np.asarray(y, dtype=float).ravel() - estimator.predict_ahead(X, y, horizon=1)
         return cls(residuals, np.asarray(X)[:, 0], max_lag=max_lag).plot(axes)

@@ -388,12 +388,7 @@ class ServoAxis:
         return self.with_parameters(dict(zip(names, np.asarray(values, dtype=float).tolist(), strict=True)))
 
     def with_effect(self, effect: Effect) -> Self:
-        """Return the same axis with one more effect.
-
-        Parameters
-        ----------
-        effect : Effect
-        """
+        """Return the same axis with one more ``effect``."""
         return dataclasses.replace(self, effects=(*self.effects, effect))
 
     def columns(self, signals: Any) -> tuple[NDArray[np.float64], tuple[str, ...]]:
@@ -418,25 +413,11 @@ class ServoAxis:
     def simulate(self, reference: ArrayLike, **options: Any) -> Bunch:
         """Simulate the closed loop along a reference; see `whsklearn.systems.simulate_many`.
 
-        Parameters
-        ----------
-        reference : array-like of shape (n,)
-            Commanded position, one value per sample (rad).
-        **options
-            ``noise``, ``random_state``, ``disturbance``, ``reference_velocity``,
-            ``reference_acceleration``, ``initial_position``, ``initial_velocity``.
-
-        Returns
-        -------
-        Bunch
-            Arrays of shape (n,): ``time``, ``reference``, ``drive`` (as logged), ``position``
-            (as measured), ``true_position``, ``velocity``, ``torque`` (at the axis), ``load_position``,
-            ``load_velocity``.
-
-        Raises
-        ------
-        FloatingPointError
-            If the simulation does not stay finite.
+        ``reference`` (n,): commanded position, one value per sample (rad). ``**options``: ``noise``, ``random_state``,
+        ``disturbance``, ``reference_velocity``, ``reference_acceleration``, ``initial_position``, ``initial_velocity``.
+        Returns a Bunch of arrays of shape (n,): ``time``, ``reference``, ``drive`` (as logged), ``position`` (as
+        measured), ``true_position``, ``velocity``, ``torque`` (at the axis), ``load_position``, ``load_velocity``.
+        Raises FloatingPointError if the simulation does not stay finite.
         """
         return self._simulate(reference=reference, **options)
 
