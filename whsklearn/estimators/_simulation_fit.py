@@ -11,12 +11,11 @@ from whsklearn.effects import FrictionLaw, Hinge, NaturalSpline, Power, StaticEf
 from whsklearn.effects.base import Array, Bools, Integers
 from whsklearn.estimators import _model as wh
 from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
-from whsklearn.recursion.batch.best_linear import IOData
+from whsklearn.recursion.batch.best_linear import IOData, sandwich
 from whsklearn.recursion.batch.simulation_error import Fitted, FittedChain, refine, sensitivities
 from whsklearn.recursion.batch.simulation_search import UNKNOWN, Orders, SearchedOrders, record, search
 
 LARGEST_LINEAR = 8  # total order of the best linear model; beyond it poles and zeros cancel, and blocks are padded
-BATCHES = 60  # batches of the scores, for a covariance that does not assume a white error
 
 
 class SimulationFit(NamedTuple):
@@ -90,7 +89,8 @@ def described(fitted: Fitted, data: IOData, delays: tuple[int, ...], *, normed: 
     orders = {"n_a": chain.b1.shape[1], "n_b": chain.a1.size - 1, "n_c": chain.b2.size, "n_d": chain.a2.size - 1}
     natural, at = natural_of(chain)
     count = int(data.counts.sum())
-    covariance = _covariance(sensitivities(chain, data)[1][at] * data.scale, fitted.error, count)
+    covariance = sandwich(sensitivities(chain, data)[1][at] * data.scale, fitted.error)
+    covariance *= count / max(count - natural.size, 1)
     lags = {**orders, "law": chain.law.reweighted(chain.weights), "delays": tuple(delays)}
     return SimulationFit(lags, natural, covariance, fitted.cost, fitted.cost / max(count - natural.size, 1))
 
@@ -151,18 +151,3 @@ def _away_from_zero(numerator: Array) -> float:
     """The leading coefficient; one that vanishes is replaced by the smallest one that keeps the division finite."""
     first, least = float(numerator.flat[0]), 1e-9 * float(np.abs(numerator).max())
     return first if abs(first) > least else (np.copysign(least, first) or 1.0)
-
-
-def _covariance(rows: Array, error: Array, n: int) -> Array:
-    """(J J')^-1 S (J J')^-1, with S from the sums of J e over batches of the record.
-
-    The residual of a free run is seldom white, and then sigma^2 (J J')^-1 is too small. For a white error
-    the two have the same mean.  Ljung 1999, (9.26).
-    """
-    scale = np.maximum(np.linalg.norm(rows, axis=1), 1e-150)
-    unit = rows / scale[:, None]
-    inverse = np.linalg.pinv(unit @ unit.T, rcond=1e-13, hermitian=True)
-    edges = np.linspace(0, error.size, BATCHES + 1).astype(int)[:-1]
-    scores = np.add.reduceat(unit * error, edges, axis=1) if error.size >= BATCHES else unit * error
-    correction = n / max(n - rows.shape[0], 1)
-    return correction * (inverse @ (scores @ scores.T) @ inverse) / np.outer(scale, scale)

@@ -18,6 +18,7 @@ from whsklearn.recursion.batch.best_linear import (
     delayed_rows,
     filter_rows,
     least_squares_arx,
+    sandwich,
     stabilised,
     steiglitz_mcbride,
 )
@@ -116,11 +117,7 @@ def _model(log: View, data: IOData, ratio: Ratio, criterion: str) -> LinearModel
     rows = np.vstack([by_b, by_a, np.ones(free.size)]) * data.counts
     if criterion == "prediction":
         error = filter_rows(ratio.a, np.ones(1), error[None, :], data.bounds)[0] * data.counts
-    scale = np.maximum(np.linalg.norm(rows, axis=1), 1e-150)
-    inverse = np.linalg.pinv((rows @ rows.T) / np.outer(scale, scale), rcond=1e-13, hermitian=True)
-    edges = np.linspace(0, error.size, 61).astype(int)[:-1]
-    scores = np.add.reduceat(rows / scale[:, None] * error, edges, axis=1)  # the error is not white
-    errors = np.sqrt(np.maximum(np.diag(inverse @ (scores @ scores.T) @ inverse), 0.0)) / scale
+    errors = np.sqrt(np.maximum(np.diag(sandwich(rows, error)), 0.0))
     n_b, n_a = ratio.b.size, ratio.a.size - 1
     names = [*(f"b{i + 1}" for i in range(n_b)), *(f"f{i + 1}" for i in range(n_a)), "offset"]
     return LinearModel(

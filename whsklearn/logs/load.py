@@ -214,26 +214,18 @@ def _as_torque(table: _Table, constant: TorqueConstant | None) -> None:
     column, unit = table.columns["drive"], table.units["drive"]
     if constant is not None:
         table.signals["drive"] = table.signals["drive"] * factor_to_torque(constant, unit, column)
-        table.units["drive"] = "Nm"
-        table.findings[:] = [f for f in table.findings if f.code != "LOG019" or f"{column!r}" not in f.explanation]
-        told = f"{constant.value:g} Nm/A" + (
-            f" with a standard deviation of {constant.deviation:g}" if constant.deviation else ""
-        )
-        taken = ", its numbers taken as A; --unit drive=UNIT states another unit" if unit == UNKNOWN else ""
-        table.findings.append(
-            Finding("LOG022", "info", f"Column {column!r} was turned into a torque by {told}{taken}.")
-        )
+        table.units["drive"], needless = "Nm", repr(column)
+        text = f"Column {column!r} was turned into a torque by {constant.value:g} Nm/A"
+        text += f" with a standard deviation of {constant.deviation:g}" if constant.deviation else ""
+        text += ", its numbers taken as A; --unit drive=UNIT states another unit." if unit == UNKNOWN else "."
     elif is_current(column, unit):
-        taken = (
-            " It states no unit and is taken to be in A; --unit drive=UNIT states another." if unit == UNKNOWN else ""
-        )
-        table.units["drive"] = "A" if unit == UNKNOWN else unit
-        table.findings[:] = [
-            f for f in table.findings if f.code != "LOG019" or f"column {column!r}" not in f.explanation
-        ]
+        table.units["drive"], needless = "A" if unit == UNKNOWN else unit, f"column {column!r}"
         text = f"Column {column!r} is a current: sizes are in its unit, not in Nm, unless a torque constant is given."
-        text += taken
-        table.findings.append(Finding("LOG022", "info", text))
+        text += " It states no unit and is taken to be in A; --unit drive=UNIT states another." * (unit == UNKNOWN)
+    else:
+        return
+    table.findings[:] = [f for f in table.findings if f.code != "LOG019" or needless not in f.explanation]
+    table.findings.append(Finding("LOG022", "info", text))
 
 
 class _Table(Bunch):

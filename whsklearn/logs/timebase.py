@@ -444,9 +444,12 @@ def even(time: Array, signals: dict[str, Array], segment: NDArray[np.int64]) -> 
 
 
 def _resampled(t: Array, signals: dict[str, Array], period: float) -> tuple[Array, dict[str, Array]]:
-    """Resample one segment to its grid."""
+    """One segment on its grid: motions by cubic splines, the rest linearly."""
+    from scipy.interpolate import CubicSpline
+
     grid = t[0] + period * np.arange(int((t[-1] - t[0]) / period * (1 + 1e-9)) + 1)
-    return grid, {k: _at(grid, t, v, k in MOTIONS) for k, v in signals.items()}
+    smooth = {k: np.asarray(CubicSpline(t, v)(np.minimum(grid, t[-1]))) for k, v in signals.items() if k in MOTIONS}
+    return grid, {k: smooth[k] if k in smooth else np.interp(grid, t, v) for k, v in signals.items()}
 
 
 def _line(t: Array) -> Array | None:
@@ -489,12 +492,3 @@ def _rough(t: Array, motion: Array) -> float:
         weight = np.prod([(t[k] - t[k + j]) / (t[k + i] - t[k + j]) for j in others], axis=0)
         guess += weight * motion[k + i]
     return float(np.sqrt(np.mean((motion[k] - guess) ** 2)))
-
-
-def _at(grid: Array, t: Array, values: Array, smooth: bool) -> Array:
-    """Interpolate the values at new times."""
-    if not smooth:
-        return np.interp(grid, t, values)
-    from scipy.interpolate import CubicSpline
-
-    return np.asarray(CubicSpline(t, values)(np.minimum(grid, t[-1])))

@@ -130,14 +130,7 @@ def looks(
         plain = Tangent(left, own.null, numbers, own.n_effective, told)
         late = (kind for kind in inverse_kinds(model) if kind.delays)
         out += [plain.look(family(scene, kind)) for kind in late]
-    struck = [] if waves else stop.regions(view, model)
-    for kind in stop.usable(model) if struck else ():
-        term = stop.start(kind, struck)
-        if term is not None:
-            g = min(stop.share_of(view, model, term), 1.0 - 1e-12)
-            size = np.sqrt(g) * missing
-            gain = float(-own.n_effective * np.log1p(-g))
-            out.append(Look(kind.name, gain, np.zeros(own.null.shape[0]), term, 4, size))
+    out += [] if waves else struck(view, model, own, missing)
     found = with_p_values([undiluted(look, told) for look in out if look is not None], least)
     family_of = {id(look.start): f for f, look in asked if look is not None}
 
@@ -160,6 +153,16 @@ def looks(
         return look if other is None else dataclasses.replace(look, p_value=chance(look, other.null, len(found), least))
 
     return [beside_itself(k) for k in found]
+
+
+def struck(view: Any, model: ServoHypothesis, own: Own, missing: float) -> Iterator[Look]:
+    """Looks at the stops that the axis strikes, by the share of a gap of rms ``missing`` that their pushes explain."""
+    found = stop.regions(view, model)
+    for kind in stop.usable(model) if found else ():
+        if (term := stop.start(kind, found)) is not None:
+            g = min(stop.share_of(view, model, term), 1.0 - 1e-12)
+            gain = float(-own.n_effective * np.log1p(-g))
+            yield Look(kind.name, gain, np.zeros(own.null.shape[0]), term, 4, np.sqrt(g) * missing)
 
 
 def better(looks: list[Look | None], n: float, left: float, there: Callable[[Look], bool]) -> Look | None:

@@ -128,6 +128,21 @@ def damped_step(information: Array, gradient: Array, damping: float) -> Array:
 
 # --- the best linear approximation of a record: least squares, Steiglitz-McBride, output error -----------------------
 EDGE = 0.9999  # poles stay inside the circle of this radius
+BATCHES = 60  # of the scores, for a covariance that does not assume a white error
+
+
+def sandwich(rows: Array, error: Array) -> Array:
+    """(J J')^-1 S (J J')^-1 of sensitivities ``rows`` (p, n), with S from the sums of J e over batches of the record.
+
+    The residual of a free run is seldom white, and then sigma^2 (J J')^-1 is too small. For a white error
+    the two have the same mean.  Ljung 1999, (9.26).
+    """
+    scale = np.maximum(np.linalg.norm(rows, axis=1), 1e-150)
+    unit = rows / scale[:, None]
+    inverse = np.linalg.pinv(unit @ unit.T, rcond=1e-13, hermitian=True)
+    edges = np.linspace(0, error.size, BATCHES + 1).astype(int)[:-1]
+    scores = np.add.reduceat(unit * error, edges, axis=1) if error.size >= BATCHES else unit * error
+    return np.asarray(inverse @ (scores @ scores.T) @ inverse / np.outer(scale, scale))
 
 
 class IOData(NamedTuple):
