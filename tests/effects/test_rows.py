@@ -11,6 +11,7 @@ import pytest
 from sklearn.utils import Bunch
 
 import whsklearn
+from tests.systems.torque import torque_along
 from whsklearn.effects import ContactStop, ParameterChange, codes, effect_names, get_effect
 from whsklearn.effects.equations import smooth_sign, tanh
 from whsklearn.effects.rows import law_values, term
@@ -146,7 +147,7 @@ def signals():
 @pytest.mark.parametrize("effect", [*MEMORYLESS, *CHANGES, get_effect("torque_ripple")()], ids=identity)
 def test_the_pass_applies_what_the_columns_say(effect, signals):
     plant = ob.plant_of([effect], ob.bare_parts(1.0))
-    applied = ob.torque_along(plant, signals.time, signals.position, signals.velocity, signals.drive)
+    applied = torque_along(plant, signals.time, signals.position, signals.velocity, signals.drive)
     np.testing.assert_allclose(applied, effect.contribution(signals), rtol=1e-12, atol=1e-15)
 
 

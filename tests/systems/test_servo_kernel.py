@@ -13,6 +13,7 @@ from scipy.integrate import solve_ivp
 
 from tests.own_effect import Magnet
 from tests.systems.signals import DRIVE, REFERENCE
+from tests.systems.torque import torque_along
 from whsklearn.effects import (
     ActuatorLag,
     AsymmetricCoulomb,
@@ -505,8 +506,8 @@ def missing(log, effects, gains):
     e = log.position - out[ob.MEASURED]
     rate = np.gradient(e, DT)
     shown = J * (np.gradient(rate, DT) + gains[0] / DT * rate + gains[1] / DT * e)
-    true = ob.torque_along(plant, log.time, log.position, log.velocity, log.drive)
-    own = ob.torque_along(plant, log.time, out[ob.POSITION], out[ob.VELOCITY], log.drive)
+    true = torque_along(plant, log.time, log.position, log.velocity, log.drive)
+    own = torque_along(plant, log.time, out[ob.POSITION], out[ob.VELOCITY], log.drive)
     return shown, true - own
 
 

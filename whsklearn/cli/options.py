@@ -34,7 +34,6 @@ class FiniteRange(click.FloatRange):
 
 POSITIVE = FiniteRange(min=0, min_open=True)
 PROBABILITY = FiniteRange(0.0, 1.0, min_open=True, max_open=True)
-COUNT = click.IntRange(min=0)
 
 
 class OrdersType(click.ParamType):

@@ -8,8 +8,8 @@ measurement, so the controller need not be known, and what the model lacks appea
 
     missing torque = J (p^2 + l1 p + l2) e + F(q, v) - F(q^, v^),
 
-F being the torque of the effects on the measured motion and on the observer's, see `torque_along`.  All arguments
-are flat arrays in named tuples: a batch costs no more than a loop, and the kernel releases the GIL, so threads help.
+F being the torque of the effects on the measured motion and on the observer's.  All arguments are flat arrays in named
+tuples: a batch costs no more than a loop, and the kernel releases the GIL, so threads help.
 """
 
 from __future__ import annotations
@@ -564,25 +564,6 @@ def _pass(out, plant, effects, p, ends, z, chain, weights, controller, signals, 
             if j == 0:
                 out[TORQUE, k] = torque
             state = fine_step(effects, p, own, ends, z, body, state, torque, t + j * h, h)
-
-
-@njit(nogil=True, error_model="numpy")
-def torque_along(plant, time, position, velocity, drive):
-    """Drive torque for all memoryless effects along a motion (Nm), shape (n,): F(q, v) of the module's formula.
-
-    Effects with a memory of the path are omitted because noise on the path would excite them, and effects of the sensor
-    because they are not torques.
-    """
-    effects, p, all_ends = arranged(plant.codes, plant.p)
-    ends = Ends(all_ends.plain, all_ends.own, all_ends.own, all_ends.load, all_ends.sensor, all_ends.inertia)
-    z = np.zeros((1, N_STATES))
-    out = np.empty(position.size)
-    for k in range(position.size):
-        t, q, v = time[k], position[k], velocity[k]
-        s, ds = smooth_sign(v, plant.parts[KAPPA])
-        out[k] = motor_sum(effects, p, plant.own, ends, z, t, q, v, s, ds, drive[k])[0]
-        out[k] += load_sum(effects, p, all_ends, t, q, v)
-    return out
 
 
 # --- an axis that follows its own log, for fits ----------------------------------------------------------------------
