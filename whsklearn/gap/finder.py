@@ -150,10 +150,7 @@ class GapFinder(BaseEstimator):
     def report(self, path: Any) -> Any:
         """Write ``gap.html``, ``gap.json`` and ``repaired.json`` to the folder ``path``; return the path of the page.
 
-        Parameters
-        ----------
-        path : str or path
-            The folder; it is created if it does not exist.
+        The folder is created if it does not exist.
         """
         from whsklearn.gap.report import write_report
 

@@ -40,19 +40,9 @@ def following_error(record: ServoRecord) -> tuple[Array, Loop]:
     Inside the servo, torque = gain (e + T_D de/dt + 1/T_I int e dt) of the error e = command - position.  A command
     that is time-stamped when it is sent acts later.  Delay, T_D and T_I are those at which inertia, viscous and dry
     friction, a constant and gravity explain the error best; each is left out if it does not explain considerably more.
-    Neither the delay nor a filter or an integral reaches across a hole.
+    Neither the delay nor a filter or an integral reaches across a hole.  The reference of the ``record`` is the
+    command; its drive is not used.  Astrom, Hagglund 2006, Advanced PID Control, ISA, equation (3.4).
 
-    Parameters
-    ----------
-    record : ServoRecord
-        Its reference is the command; its drive is not used.
-
-    References
-    ----------
-    Astrom, Hagglund 2006, Advanced PID Control, ISA, equation (3.4).
-
-    Examples
-    --------
     >>> t = np.arange(3000) * 0.02
     >>> wave = lambda t: 0.4 * np.sin(1.3 * t) + 0.2 * np.sin(4.1 * t + 1.0) + 0.05 * np.sin(9.0 * t)
     >>> sags = wave(t - 0.1) - 0.02 * np.cos(wave(t - 0.1))

@@ -61,14 +61,7 @@ class Segmented:
         return [(slice(a, b), float(self.time[a] - self.time[0])) for a, b in pairwise(bounds)]
 
     def by_piece(self, function: Callable[..., Any], *signals: Array) -> Any:
-        """Results of a function for every segment of signals, concatenated: an array or a tuple.
-
-        Parameters
-        ----------
-        function : callable
-            Takes as many arrays as there are signals.
-        *signals : ndarray of shape (n, ...)
-        """
+        """Results of a ``function`` of all ``*signals`` (n, ...) for every segment, joined: an array or a tuple."""
         found = [function(*(x[s] for x in signals)) for s, _ in self.pieces]
         if len(found) == 1:
             return found[0]
@@ -151,15 +144,7 @@ class ServoRecord(Segmented):
         return own_units(self.units, self.logged)
 
     def told(self, value: float, unit: str) -> str:
-        """A number in a compound SI unit as a report states it, such as ``0.012 deg``.
-
-        Parameters
-        ----------
-        value : float
-            In SI.
-        unit : str
-            Its SI unit.
-        """
+        """A ``value`` in the compound SI ``unit`` as a report states it, such as ``0.012 deg``."""
         factor, spelled = respelled(unit, self.shown)
         return f"{value / factor:.3g} {spelled}"
 
@@ -184,15 +169,9 @@ class ServoRecord(Segmented):
     ) -> ServoRecord:
         """Pick the columns of a log; one whose name ends in a unit, ``_deg``, ``_mnm`` or ``_ms``, is converted to SI.
 
-        Parameters
-        ----------
-        frame : DataFrame
-        time, drive, position : str
-            Names of columns.
-        reference : str, optional
-            Name of a column.
-        resolution : float
-            Step of the encoder in the position's unit, if its data sheet states it.
+        ``frame``: the log. ``time``, ``drive``, ``position``, ``reference``: names of its columns. ``resolution``: step
+        of the encoder in the position's unit, if its data sheet states it. Raises ValueError if a column does not exist
+        or is not numeric.
 
         Examples
         --------
@@ -201,11 +180,6 @@ class ServoRecord(Segmented):
         >>> record = ServoRecord.from_frame(log, time="time_ms", drive="force_n", position="position_deg")
         >>> record.time, record.position, record.units
         (array([0.   , 0.001]), array([0.        , 3.14159265]), ('N', 'rad'))
-
-        Raises
-        ------
-        ValueError
-            If a column does not exist or is not numeric.
         """
         picked, units = {}, {}
         wanted = {"time": (time, "s"), "drive": (drive, "Nm"), "position": (position, "rad")}
@@ -236,13 +210,7 @@ class ServoRecord(Segmented):
         Point symmetry at the last sample keeps position and speed; a constant continuation would halve the
         speed from which a simulation of the segment starts.
 
-        Parameters
-        ----------
-        function : callable
-            Takes one array and returns one of the same length, or a tuple of them.
-        x : ndarray of shape (n,)
-        reach : int
-            Samples on either side that an output depends on.
+        ``function``: takes one array and returns one of the same length, or a tuple of them. ``x`` (n,): the signal.
         """
         if not self.starts:
             return function(x)
@@ -256,13 +224,7 @@ class ServoRecord(Segmented):
         return self.by_piece(inside, x)
 
     def near_a_hole(self, before: int, after: int) -> NDArray[np.bool_]:
-        """Samples close to a hole, shape (n,).
-
-        Parameters
-        ----------
-        before, after : int
-            How many samples on either side of it count as close.
-        """
+        """Samples close to a hole, shape (n,): as many as ``before`` and ``after`` it."""
         near = np.zeros(len(self), dtype=bool)
         for k in self.starts:
             near[max(k - before, 0) : k + after] = True

@@ -106,16 +106,8 @@ class Tangent:
         return x if self.weight is None else x * self.weight[rows].reshape(-1, *([1] * (x.ndim - 1)))
 
     def taken(self, family: Family, columns: Array) -> tuple[Array, Array, Array]:
-        """The power that columns of s shapes explain in every row.
-
-        Returns
-        -------
-        power : ndarray of shape (s, 1 + m)
-            Explained power.
-        sizes : ndarray of shape (s, k)
-            Least-squares sizes in the record.
-        visible : ndarray of shape (s,)
-            Share of the columns outside the subspace.
+        """The power (s, 1 + m) that columns of s shapes explain in every row, least-squares sizes (s, k), and the share
+        (s,) of the columns outside the subspace.
         """
         n, s, k = columns.shape
         z = self._weighted(columns, family.rows)

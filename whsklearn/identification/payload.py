@@ -141,13 +141,9 @@ class Beside:
         return q, error - q @ (q.T @ error)
 
     def weigh(self, joint: str, body: Array) -> tuple[Payload, float] | None:
-        """The load at a link, and the chance excess of its residual; None if no drive shows its mass.
+        """The load at the link of a ``joint``, and the chance excess of its residual; None if no drive shows its mass.
 
-        Parameters
-        ----------
-        joint : str
-        body : ndarray of shape (m, 10)
-            Columns of the ten numbers of a body at its link, weighted.
+        ``body`` (m, 10): weighted columns of the ten numbers of a body at that link.
         """
         q, left = self._whole
         body = body / self.deviation

@@ -227,25 +227,10 @@ class Record:
     step: float = 0.0
 
     @classmethod
-    def of(
-        cls,
-        u: Array,
-        y: Array,
-        dt: float,
-        dims: Integers,
-        law: FrictionLaw,
-        seen: Bools | None = None,
-    ) -> Record:
+    def of(cls, u: Array, y: Array, dt: float, dims: Integers, law: FrictionLaw, seen: Bools | None = None) -> Record:
         """The record in which the first `SKIP` samples of every piece do not count.
 
-        Parameters
-        ----------
-        u, y : ndarray of shape (n,)
-        dt : float
-        dims : ndarray of shape (5,)
-        law : FrictionLaw
-        seen : ndarray of bool, shape (n,), optional
-            By default all samples.
+        ``u``, ``y``, ``seen`` (n,); ``dims`` (5,).  By default all samples are seen.
         """
         seen = np.ones(u.size, dtype=bool) if seen is None else seen
         fit = seen.copy()

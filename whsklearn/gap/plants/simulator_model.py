@@ -127,10 +127,7 @@ class SimulatorFit:
     def error(self, simulator: Any) -> Array:
         """Measured minus simulated position, shape (n,).
 
-        Raises
-        ------
-        ValueError
-            If the simulator returns an array of another length.
+        Raises ValueError if the simulator returns an array of another length.
         """
         y = np.asarray(simulator.simulate(self.record), dtype=float)
         if y.shape != self.record.position.shape:

@@ -66,14 +66,9 @@ class EffectVariant:
         return q.log or q.low > 0.0 or bool(q.scan)
 
     def grid(self, scales: Scales, fastest: float) -> list[tuple[float, ...]]:
-        """Shapes at which a look tries it in one record; empty if the spectrum of the residual gives them.
+        """Shapes at which a look tries it in a record of these ``scales``; none if the residual's spectrum gives them.
 
-        Parameters
-        ----------
-        scales : Scales
-            Of the record.
-        fastest : float
-            Highest frequency that a filter passes (Hz).
+        ``fastest``: highest frequency that a filter passes (Hz).
         """
         if self.scanned == "time":
             return []
