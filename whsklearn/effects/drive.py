@@ -76,10 +76,7 @@ class DeadZone(_DriveEffect):
     code = codes.DEAD_ZONE
 
     def implausible(self, seen: Surroundings) -> str:
-        """The objection that the drive chatters across the zone.
-
-        ``seen``: see `Effect.implausible`.
-        """
+        """The objection that the drive chatters across the zone. ``seen``: see `Effect.implausible`."""
         return BETWEEN_ROWS if chatters(np.clip(seen.drive, -self.width, self.width)) else ""
 
 

@@ -152,13 +152,11 @@ class AsymmetricViscous(StaticEffect):
     code = codes.ASYMMETRIC_VISCOUS
 
     def implausible(self, seen: Surroundings) -> str:
-        """The objection that the friction drives the axis in one direction.
+        """The objection that the friction drives the axis in one direction (``seen``: see `Effect.implausible`).
 
         An asymmetry larger than the viscous friction is friction as long as dry friction is larger than the difference
         at all speeds.  In a record of one direction, which shows no dry friction, under a speed controller u = k (r -
         v), -k looks like such an asymmetry.
-
-        ``seen``: see `Effect.implausible`.
         """
         excess = abs(self.coefficient) - max(seen.size("viscous"), 0.0)
         driven = -np.sign(self.coefficient) * seen.velocity  # positive where friction is the smaller
@@ -198,10 +196,7 @@ class Stribeck(StaticEffect):
     code = codes.STRIBECK_EXP
 
     def implausible(self, seen: Surroundings) -> str:
-        """The objection that the drive could not have moved the axis.
-
-        ``seen``: see `Effect.implausible`.
-        """
+        """The objection that the drive could not have moved the axis. ``seen``: see `Effect.implausible`."""
         return seen.never_moved
 
     def falls_beside(self, viscous: float) -> bool:

@@ -100,13 +100,11 @@ class LuGre(PreslidingHysteresis):
     code = codes.LUGRE
 
     def implausible(self, seen: Surroundings) -> str:
-        """The objection that the bristles are dampers rather than springs.
+        """The objection that the bristles are dampers rather than springs (``seen``: see `Effect.implausible`).
 
         Bristles of stiffness s = T / d hold the inertia J at rest with the damping ratio c sqrt(s / J) / 2, c their
         damping over their stiffness.  The model was published with 0.5 (sigma_1 = sqrt(sigma_0), m = 1).  A fit that
         ends at 18 or 74 uses them as a damper of slow motion, in place of whatever else is missing there.
-
-        ``seen``: see `Effect.implausible`.
         """
         ratio = 0.5 * self.damping * math.sqrt(self.torque / (self.distance * seen.inertia))
         if ratio > MOST_DAMPED:

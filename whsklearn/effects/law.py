@@ -185,10 +185,7 @@ class FrictionLaw:
         return np.ascontiguousarray(values.T).reshape(*x.shape, len(self))
 
     def reweighted(self, weights: Sequence[float] | NDArray[np.float64]) -> FrictionLaw:
-        """The same terms with other weights.
-
-        ``weights``: one per term, in the unit of y.
-        """
+        """The same terms with other weights. ``weights``: one per term, in the unit of y."""
         return FrictionLaw([t.resized(float(w)) for t, w in zip(self.terms, weights, strict=True)])
 
 

@@ -173,9 +173,7 @@ class EndStop(Effect):
 
         A torque with a bend at about half of the travel is gravity or a spring that something else modulates, such as
         the neighbouring joints of an arm.  What touches a stop says nothing about the rest of a model, so that a weight
-        taken up halfway was a stop, with certainty, and explained all.
-
-        ``seen``: see `Effect.implausible`.
+        taken up halfway was a stop, with certainty, and explained all.  ``seen``: see `Effect.implausible`.
         """
         low, high = self.ends
         lowest, highest = float(np.min(seen.position)), float(np.max(seen.position))

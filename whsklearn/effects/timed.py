@@ -111,9 +111,7 @@ class ParameterChange(Effect):
     def implausible(self, seen: Surroundings) -> str:
         """The objection that next to no drive is left, or an inertia or friction farther below zero than it was above.
 
-        A loop that diverges looks like friction that begins to drive the axis.
-
-        ``seen``: see `Effect.implausible`.
+        A loop that diverges looks like friction that begins to drive the axis.  ``seen``: see `Effect.implausible`.
         """
         if self.parameter == "gain":
             left = 1.0 + self.change

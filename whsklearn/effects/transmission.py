@@ -123,10 +123,7 @@ class Backlash(_TransmissionEffect):
     code = codes.BACKLASH
 
     def implausible(self, seen: Surroundings) -> str:
-        """The objection that the play is narrower than the encoder can show.
-
-        ``seen``: see `Effect.implausible`.
-        """
+        """The objection that the play is narrower than the encoder can show. ``seen``: see `Effect.implausible`."""
         return "the play is narrower than a step of the encoder" if self.gap < seen.step else ""
 
 

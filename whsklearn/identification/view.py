@@ -123,10 +123,7 @@ class View:
         return noise_floor(self.y, self.bounds)
 
     def part(self, start: int, stop: int) -> View:
-        """Some of the samples.
-
-        ``start``, ``stop``: range of samples; ``stop`` is excluded.
-        """
+        """Some of the samples. ``start``, ``stop``: range of samples; ``stop`` is excluded."""
         starts = tuple(b - start for b in self.starts if start < b < stop)
         u, y, target = (x[start:stop] for x in (self.u, self.y, self.target))
         return replace(self, u=u, y=y, target=target, starts=starts)

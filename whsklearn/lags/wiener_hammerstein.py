@@ -161,10 +161,7 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
         return rows
 
     def partial_fit_transform(self, X: ArrayLike, y: ArrayLike | None = None, groups: ArrayLike | None = None) -> Any:
-        """Rows that continue where the last call ended.
-
-        ``X``, ``y``, ``groups``: as for `transform`.
-        """
+        """Rows that continue where the last call ended. ``X``, ``y``, ``groups``: as for `transform`."""
         if not hasattr(self, "_carried"):
             return self.fit_transform(X, y, groups)
         return self._rows(X, y, groups, self._carried)

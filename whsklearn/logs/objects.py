@@ -28,10 +28,7 @@ def is_json(head: bytes) -> bool:
 
 
 def open_json(path: Path) -> Source:
-    """A JSON file as a source of columns.
-
-    Raises LogError if it is truncated or damaged, or contains no vectors.
-    """
+    """A JSON file as a source of columns. Raises LogError if it is truncated or damaged, or contains no vectors."""
     with damaged(path, "JSON file", UnicodeDecodeError, *DAMAGE), opened(path) as file:
         text = file.read().decode("utf-8-sig")
     notes: list[str] = []

@@ -57,10 +57,7 @@ def foreign(head: bytes) -> str:
 
 
 def members(path: Path) -> list[str]:
-    """The files in a ZIP archive, without the metadata of file managers.
-
-    Raises LogError if the archive is damaged.
-    """
+    """The files in a ZIP archive, without the metadata of file managers. Raises LogError if the archive is damaged."""
     with damaged(path, "ZIP archive", *DAMAGE), zipfile.ZipFile(path) as archive:
         names = [i.filename for i in archive.infolist() if not i.is_dir()]
     return [n for n in names if not n.startswith("__MACOSX/") and not Path(n).name.startswith(".")]

@@ -213,10 +213,7 @@ class ChainModel(IdentifiedModel):
         }
 
     def signals(self, u: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """x, v and y before any integration, each of shape (n,), in SI.
-
-        ``u`` (n,): input in SI.
-        """
+        """x, v and y before any integration, each of shape (n,), in SI. ``u`` (n,): input in SI."""
         from scipy.signal import lfilter
 
         if self.effects:

@@ -30,10 +30,7 @@ class Display:
     axes_: Any
 
     def plot(self, axes: Any = None) -> Any:
-        """Draw it; ``figure_`` and ``axes_`` hold the picture.
-
-        ``axes``: where to draw; a new figure by default.
-        """
+        """Draw it; ``figure_`` and ``axes_`` hold the picture. ``axes``: where to draw; a new figure by default."""
         raise NotImplementedError
 
     def _axes(self, axes: Any, rows: int, columns: int, size: tuple[float, float], **kwargs: Any) -> list[Any]:

@@ -130,10 +130,7 @@ class FMUSimulator:
         return np.log(np.abs(list(self.parameters.values())))
 
     def with_numbers(self, x: Array) -> FMUSimulator:
-        """The FMU at other parameters, their signs kept.
-
-        ``x``: as ``numbers`` gives them.
-        """
+        """The FMU at other parameters, their signs kept. ``x``: as ``numbers`` gives them."""
         other = copy.copy(self)
         values: Array = np.sign(list(self.parameters.values())) * np.exp(x)
         other.parameters = dict(zip(self.parameters, map(float, values), strict=True))

@@ -328,10 +328,7 @@ class MuJoCoSimulator:
         return str(self.edited.to_xml())
 
     def write(self, path: str | os.PathLike[str]) -> Path:
-        """Write ``repaired.xml``; returns its path.
-
-        ``path``: a folder.
-        """
+        """Write ``repaired.xml``; returns its path. ``path``: a folder."""
         atomic_write(path, self.to_xml().encode())
         return Path(path)
 

@@ -323,10 +323,7 @@ def _pass(theta, chain, ports, free, given, found, inner, memory):
 
 
 def packed(effects: Sequence[Effect]) -> Ports | None:
-    """Effects as `run` takes them.
-
-    Raises ValueError if an effect has no place in a Wiener-Hammerstein chain.
-    """
+    """Effects as `run` takes them. Raises ValueError if an effect has no place in a Wiener-Hammerstein chain."""
     for e in effects:
         if not isinstance(e, Effect) or e.code < 0 or e.code == k.EARLY_REVERSAL:  # which takes an inertia
             raise ValueError(f"{e!r} has no place in a Wiener-Hammerstein chain; take one of the catalogue.")

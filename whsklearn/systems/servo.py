@@ -370,10 +370,7 @@ class ServoAxis:
         return dataclasses.replace(self, **changes)
 
     def vector(self, names: Sequence[str]) -> NDArray[np.float64]:
-        """Return the chosen parameters as a vector.
-
-        ``names``: of `parameters`.
-        """
+        """Return the chosen parameters as a vector. ``names``: of `parameters`."""
         known = self.parameters
         missing = [n for n in names if n not in known]
         if missing:

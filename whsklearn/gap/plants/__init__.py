@@ -24,10 +24,7 @@ class Base(NamedTuple):
 
 
 def make_plant(model: Any, log: Any, y: Any, base: Base, *, tolerance: float, columns: dict[str, Any]) -> Any:
-    """Make the plant for a kind of model.
-
-    Raises ValueError if the kind is not known.
-    """
+    """Make the plant for a kind of model. Raises ValueError if the kind is not known."""
     from whsklearn.models.arm import ArmModel
     from whsklearn.systems.arm import Arm
     from whsklearn.systems.servo import ServoAxis
