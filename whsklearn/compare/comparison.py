@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from scipy.stats import t as student
 
-VERDICTS = ("moved", "nothing", "cannot_tell")
 SHOWN = 0.05  # of the scale of a number: an interval of 95 %
 
 

@@ -70,18 +70,7 @@ def open_text(path: Path) -> Source:
         notes.append(f"The file is not UTF-8; it was read as {_CALLED[encoding]}.")
     if layout.decimal == ",":
         notes.append("Numbers have a decimal comma.")
-    above = clean[: layout.first]
-    ticks = ticks_in(above, names)
-    if ticks is not None and names[ticks[0]] not in units and not is_time(unit_of(names[ticks[0]])):
-        column, rate = ticks
-        units[names[column]] = f"ticks/{rate:.10g}" if rate else "ticks"
-        if rate:
-            notes.append(f"Column {names[column]!r} counts ticks, {rate:g} a second.")
-    period = None
-    if not any(is_time(units.get(n) or unit_of(n)) or {*WORDS["time"]} & {*words_of(n)} for n in names):
-        period = period_in(above) or increment_in([split(t, layout.separator) for t in above])
-    if period:
-        notes.append(f"Rows are {period:.6g} s apart, according to the header.")
+    period = _clock_above(clean[: layout.first], layout.separator, names, units, notes)
     why = _why_nameless(layout) if layout.names is None else ""
     if why:
         notes.append(f"{why[0].upper()}{why[1:]}; its columns are called 0 to {layout.width - 1}.")
@@ -104,6 +93,24 @@ def open_text(path: Path) -> Source:
         path.name, names, fetch, not why, units, notes,
         nameless=why, clocked=layout.clocks is not None, sample_rate=1.0 / period if period else None,
     )  # fmt: skip
+
+
+def _clock_above(
+    above: list[str], separator: str, names: list[str], units: dict[str, str], notes: list[str]
+) -> float | None:
+    """The time between two rows (s) by the lines above them, if there is no time column; the unit of one of ticks."""
+    ticks = ticks_in(above, names)
+    if ticks is not None and names[ticks[0]] not in units and not is_time(unit_of(names[ticks[0]])):
+        column, rate = ticks
+        units[names[column]] = f"ticks/{rate:.10g}" if rate else "ticks"
+        if rate:
+            notes.append(f"Column {names[column]!r} counts ticks, {rate:g} a second.")
+    if any(is_time(units.get(n) or unit_of(n)) or {*WORDS["time"]} & {*words_of(n)} for n in names):
+        return None
+    period = period_in(above) or increment_in([split(t, separator) for t in above])
+    if period:
+        notes.append(f"Rows are {period:.6g} s apart, according to the header.")
+    return period
 
 
 def _begin(path: Path) -> tuple[bytes, str, list[str], Dialect | None]:
@@ -316,15 +323,39 @@ def _read(table: _Table, columns: dict[str, int], notes: list[str]) -> dict[str,
 
 
 def _typed(file: str, cells: dict[str, Any], decimal: str, notes: list[str]) -> dict[str, Column]:
-    """Floats if all cells of a column are numbers, otherwise the text; words below the data and repeated headers are
-    removed. A header in between that names a column differently, as after a change of units, is refused.
-    """
+    """Floats if all cells of a column are numbers, otherwise the text; rows without data are left out."""
     import pandas as pd
 
     text = {n: pd.Series(v, dtype="string") for n, v in cells.items() if not pd.api.types.is_numeric_dtype(v)}
     rows = len(next(iter(cells.values())))
+    out = _without_data(file, text, list(cells), rows, decimal)
+    if out.any() and out.sum() < rows:
+        notes.append(
+            f"{out.sum()} row(s) of text between or below the data were left out, the first is row {out.argmax()}."
+        )
+        cells = {n: v[~out] for n, v in cells.items()}
+        text = {n: v[~out].reset_index(drop=True) for n, v in text.items()}
+    found: dict[str, Column] = {}
+    for name, values in cells.items():
+        if name not in text:
+            found[name] = Column(values)
+            continue
+        numbers, unit, more = as_numbers(text[name], decimal)
+        notes += [m for m in more if m not in notes]
+        whole = not no_numbers(text[name], numbers).any()
+        found[name] = Column(numbers.to_numpy(dtype=float), unit=unit) if whole else Column(values)
+    return found
+
+
+def _without_data(file: str, text: dict[str, Any], names: list[str], rows: int, decimal: str) -> Any:
+    """Flags (rows,) of repeated headers, words below the data, and events between them.
+
+    A header in between that names a column differently, as after a change of units, is refused.
+    """
+    import pandas as pd
+
     again = np.zeros(rows, dtype=bool)
-    words = {n: np.zeros(rows, dtype=bool) for n in cells}
+    words = {n: np.zeros(rows, dtype=bool) for n in names}
     dates: list[str] = []
     for name, values in text.items():
         again |= _true(values.str.strip().str.strip('"') == name)
@@ -348,30 +379,14 @@ def _typed(file: str, cells: dict[str, Any], decimal: str, notes: list[str]) -> 
     footer = next(iter(words.values()), np.zeros(rows, dtype=bool)).copy()
     footer[: max(rows - int(np.argmin(footer[::-1])), rows - _FOOTER)] = False
     # A row with a date, words and no number is an event or a comment, such as "STOP TRG" of a trace.
-    values = [n for n in cells if n not in dates]
+    values = [n for n in names if n not in dates]
     silent = [
         words[n] | _true(text[n].isna() | (text[n].str.strip() == "")) for n in values if n in text and n in words
     ]
     event = np.zeros(rows, dtype=bool)
     if dates and silent and len(silent) == len(values):
         event = np.logical_and.reduce(silent) & np.logical_or.reduce([words[n] for n in values])
-    out = again | footer | event
-    if out.any() and out.sum() < rows:
-        notes.append(
-            f"{out.sum()} row(s) of text between or below the data were left out, the first is row {out.argmax()}."
-        )
-        cells = {n: v[~out] for n, v in cells.items()}
-        text = {n: v[~out].reset_index(drop=True) for n, v in text.items()}
-    found: dict[str, Column] = {}
-    for name, values in cells.items():
-        if name not in text:
-            found[name] = Column(values)
-            continue
-        numbers, unit, more = as_numbers(text[name], decimal)
-        notes += [m for m in more if m not in notes]
-        whole = not no_numbers(text[name], numbers).any()
-        found[name] = Column(numbers.to_numpy(dtype=float), unit=unit) if whole else Column(values)
-    return found
+    return again | footer | event
 
 
 def _true(flags: Any) -> Any:
