@@ -34,6 +34,12 @@ def test_numbers_times_columns_are_the_drive():
     assert all(fit[:3] > 0.0)
 
 
+def test_a_drive_that_is_held_over_its_sample_has_no_delay():
+    (rows,) = axis_rows([record(seed=1)], ["a"], 0.01, np.random.default_rng(0))
+    found = estimate(rows)
+    assert abs(found.values[-1]) < 2.0 * found.errors[-1]  # ten of them with the hold and the filters in it
+
+
 def test_a_record_that_sticks_is_judged_while_it_moves():
     """Half of the time at rest with a drive that wanders inside the friction: the numbers are those of the motion."""
     t = np.arange(0.0, 20.0, 0.002)

@@ -92,10 +92,13 @@ def axis_rows(
 def traces_of(view: InverseView, model: ServoHypothesis, rng: np.random.Generator) -> Array:
     """What filters, quantization and timing alone leave of the drive at the judged samples, by the model's own records.
 
-    With the bias of the numbers that a fit behind these filters finds (`whsklearn.gap.plants.servo_own.own`).
+    With the bias of the numbers that a fit behind these filters finds (`whsklearn.gap.plants.servo_own.own`), so that
+    the age of a drive that is held over each sample is zero.
     """
     made, unbiased = own_records(view, model, rng)
-    return np.asarray(made.mean + view.columns(model)[0][view.at] @ (view.sizes(model) - view.sizes(unbiased)))
+    x, at = view.columns(model)[0], view.at
+    bias = x @ (view.sizes(model) - view.sizes(unbiased)) + made.late * ols.slope(x @ view.sizes(model), view.step)
+    return np.asarray(made.mean + bias[at])
 
 
 def unexplained(rows: Regression) -> float:

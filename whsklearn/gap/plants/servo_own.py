@@ -45,6 +45,7 @@ class Own(NamedTuple):
     n_effective: float
     apart: Array  # (k, n): how the own records differ: the part of the weighted residual that is encoder noise
     weight: Array  # (n,): of the samples, see `weights`
+    late: float  # s: what the same fit adds to the age of the drive: the hold over a sample, and what filters blur
 
 
 def needed(view: Any, model: ServoHypothesis) -> Array:
@@ -173,7 +174,8 @@ def _own(
         made = bare.beside(own_record(view, corrected, rng, feed, delay, needed(view, corrected), held=held))
         fitted, seen = made.fit_with_gap(model)
         corrected = model.with_vector(np.clip(corrected.vector() + asked - fitted.vector(), *model.bounds()))
-        delay = float(np.clip(delay + age - made.age(fitted), -OLDEST, latest))
+        late = made.age(fitted) - delay
+        delay = float(np.clip(age - late, -OLDEST, latest))
         feed = view.record.drive - bare.spread(left - seen)
     gaps, ideal = [], needed(view, corrected)
     for _ in range(N_RECORDS):
@@ -189,4 +191,4 @@ def _own(
     weight = weights(view, here, left - mean)
     rest, apart = weight * (left - mean), weight * apart
     n, null = independent(rest, view.n_effective), null_rows(rest, apart, N_DRAWS, rng) / weight
-    return Own(mean, null, float(np.sqrt(np.mean(apart**2))), n, apart, weight), corrected
+    return Own(mean, null, float(np.sqrt(np.mean(apart**2))), n, apart, weight, late), corrected
