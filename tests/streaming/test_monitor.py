@@ -169,6 +169,40 @@ def test_what_is_no_row_of_numbers_as_long_as_the_others_is_a_bad_row():
     monitor.take([rows[0][:2]], 301)
     assert told[-1]["reason"] == "2 values, expected 4"
     assert monitor.model.n_features_in_ == 2
+    monitor = StreamMonitor(RLSRegressor(), ChangeAlarm(), Options(timed=True), told.append)
+    monitor.take([rows[0][:2]])  # a time and an output alone, before any row told the width
+    assert told[-1]["reason"] == "2 values, expected 3"
+    monitor.take([rows[0][:2], rows[1]])
+    assert told[-1]["reason"] == "2 values, expected 4"
+
+
+def test_a_first_row_that_the_model_rejects_is_a_bad_row():
+    class Picky(RLSRegressor):
+        def partial_fit(self, X, y, groups=None, sample_weight=None):
+            if (X > 9.0).any():
+                raise ValueError("too large")
+            return super().partial_fit(X, y, groups, sample_weight)
+
+    told = []
+    monitor = StreamMonitor(Picky(), ChangeAlarm(), Options(every=100), told.append)
+    monitor.take([[10.0, 1.0]])
+    assert [r["kind"] for r in told] == ["bad_row"]
+
+
+@pytest.mark.parametrize("restart", [False, True])
+def test_what_stands_between_rows_whose_stamps_follow_each_other_replaces_no_sample(restart):
+    rows = np.column_stack([np.arange(300) / 100, X[:300], Y[:300]]).tolist()
+    learnt = []
+    for given, missing in ((rows, 0), ([*rows[:90], None, *rows[90:200], None, *rows[200:]], 0),
+                           ([*rows[:90], None, *rows[91:]], 1)):  # fmt: skip
+        monitor = StreamMonitor(
+            RLSRegressor(), ChangeAlarm(), Options(timed=True, restart_after_hole=restart), lambda record: None
+        )
+        monitor.take(given)
+        assert monitor.carried.rows == 300 - (missing if restart else 0)
+        assert monitor.carried.experiment == (missing if restart else 0)
+        learnt.append(monitor.model.theta_)
+    np.testing.assert_array_equal(learnt[0], learnt[1])
 
 
 def test_a_change_at_one_joint_of_an_arm_is_an_alarm_there():

@@ -25,6 +25,7 @@ from typing import Any, NamedTuple
 
 WAIT = 3  # rows that decide what the one before them was; with one more, two bad stamps in a row pass for a pause
 LEAP = 1.5  # typical steps; where a row is lost the step is two
+FEWEST_STEPS = 3  # with fewer, the typical step is not known
 STEPS = 9  # number of steps whose median is the typical step
 HEAD = 256  # first rows of a clock that are remembered, to distinguish a restart from rows sent again
 TAIL = 4096  # latest rows that are remembered
@@ -36,12 +37,16 @@ def _shown(stamp: float) -> str:
 
 
 class Verdict(NamedTuple):
-    """The class of a row (``row``, ``bad``, ``restart`` or ``repeated``), with its line number and a reason."""
+    """The class of a row (``row``, ``bad``, ``restart`` or ``repeated``), with its line number and a reason.
+
+    ``missed``: rows that, by the stamps, are missing between a ``row`` and the one before it.
+    """
 
     what: str
     line: int
     row: list[float]
     reason: str = ""
+    missed: int = 0
 
 
 @dataclass
@@ -113,7 +118,7 @@ class Clock:
 
     def _leaps(self, now: float) -> bool:
         """Whether there is room for another row before this one."""
-        if len(self.steps) < 3:
+        if len(self.steps) < FEWEST_STEPS:
             return False
         return now - self.last > (LEAP + self.missing) * self._usual_step()
 
@@ -123,7 +128,9 @@ class Clock:
 
     def _in_order(self, line: int, row: list[float]) -> Verdict:
         """Remember a row as the last one; a pause before it is told as the reason."""
-        now, mark, reason = row[0], hash(tuple(row)), ""
+        now, mark, reason, missed = row[0], hash(tuple(row)), "", self.missing
+        if self.last > float("-inf") and len(self.steps) >= FEWEST_STEPS:
+            missed = round((now - self.last) / self._usual_step()) - 1
         if self.last > float("-inf") and self._leaps(now):
             steps = (now - self.last) / self._usual_step()
             reason = f"time {_shown(now)} follows {_shown(self.last)}, a pause of {steps:.3g} usual steps"
@@ -135,7 +142,7 @@ class Clock:
         self.tail[now] = mark
         if len(self.tail) > TAIL:
             del self.tail[next(iter(self.tail))]
-        return Verdict("row", line, row, reason)
+        return Verdict("row", line, row, reason, missed)
 
     def _drain(self) -> Iterator[Verdict]:
         """Rows that waited and now continue from the last one."""

@@ -263,7 +263,8 @@ class StreamMonitor:
         refused; the rows before it are learnt.
         """
         rows = list(rows)
-        width = len(self.carried.last or next((r for r in rows if isinstance(r, Sized)), ()))
+        least = self.options.timed + 1 + len(self.options.outputs)  # an input
+        width = next((len(r) for r in (self.carried.last, *rows) if isinstance(r, Sized) and len(r) >= least), least)
         self._take_all(rows, lambda row: _finite(row, width), first)
 
     def feed(self, lines: Sequence[bytes], parse: Callable[[bytes], list[float] | None], first: int) -> None:
@@ -307,8 +308,10 @@ class StreamMonitor:
 
     def _act(self, verdict: Verdict) -> None:
         """Handle a row according to its verdict."""
-        what, number, row, reason = verdict
+        what, number, row, reason, missed = verdict
         if what == "row":
+            if self.options.timed:
+                self._replace(number, min(self.carried.bad_run, missed))
             self._end_of_bad_rows(number)
             if reason and row[0] - self.carried.time <= self.options.max_step:
                 self._pause(number, reason)
@@ -359,14 +362,20 @@ class StreamMonitor:
             self._learn(scaled, np.array(experiments), numbers)
 
     def _bad(self, number: int, reason: str) -> None:
-        """Report a row that is skipped; the last sample takes its place, at most `most_held` times in a row."""
+        """Report a row that is skipped; with a time, the next row tells whether a sample is missing there."""
         self.carried.bad += 1
         self.carried.bad_run += 1
         if self.carried.bad_run <= TOLD:
             self.emit({"kind": "bad_row", "line": number, "row": self.carried.rows, "reason": reason})
+        if not self.options.timed:
+            self._replace(number, 1)
+
+    def _replace(self, number: int, missing: int) -> None:
+        """Let the last sample stand for missing ones, at most `most_held` in a row; or begin a new experiment."""
         if self.options.restart_after_hole:
-            self.carried.experiment += 1
-        elif self.carried.last:
+            self.carried.experiment += missing > 0
+            return
+        for _ in range(missing if self.carried.last else 0):
             self.carried.held += 1
             if self.carried.held <= self.options.most_held:
                 self._take(list(self.carried.last), number)
@@ -376,6 +385,7 @@ class StreamMonitor:
                     f"more than {self.options.most_held} consecutive bad rows; the last sample is no longer held, and "
                     "a new experiment begins"
                 )
+                self._learn_taken()
                 self._warn("held_rows", number, said)
 
     def _end_of_bad_rows(self, number: int) -> None:
@@ -411,6 +421,8 @@ class StreamMonitor:
                     self.carried.bad += 1
                     bad = {"line": numbers[start], "row": self.carried.rows, "reason": str(error)}
                     self.emit({"kind": "bad_row", **bad})
+                    start = piece.stop
+                    continue
             if self.carried.rows % self.options.every == 0:
                 self._judge(numbers[piece.stop - 1])
                 self._estimate()
