@@ -10,6 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from whsklearn.cli.compare import main
+from whsklearn.compare.report import with_error
 from whsklearn.datasets import make_servo_log
 from whsklearn.effects import Cogging
 
@@ -36,7 +37,13 @@ def test_what_moved_is_said_and_written(logs, tmp_path):
     low, high = data["changes"][0]["interval"]
     assert low < 0.2 < high
     assert "Cogging rose" in result.output
-    assert (tmp_path / "compare.html").is_file()
+    page = (tmp_path / "compare.html").read_text(encoding="utf-8")
+    assert "day2.csv: " in page
+    assert "drive from &#39;torque_nm&#39; in Nm" in page
+    for row in data["numbers"]:  # with the digits of the page
+        line = next(x for x in result.output.splitlines() if x.startswith(row["name"].replace("_", " ")))
+        assert line.split("  ")[-1].strip() == row["unit"]
+        assert with_error(row["values"][0], row["standard_errors"][0]).partition(" ")[0] in line.split() or row["part"]
 
 
 def test_three_records_tell_since_when(logs, tmp_path, mlflow_root):

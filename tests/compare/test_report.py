@@ -14,8 +14,10 @@ def test_page_and_json(tmp_path):
     numbers = [{"name": "coulomb", "unit": "Nm", "values": [0.05, 0.08], "standard_errors": [0.001, 0.001]}]
     change = Change("coulomb", 0.05, 0.08, 0.002, 10.0, "Nm", 1e-4, [], 0.1)
     found = Comparison("moved", "Coulomb rose.", ["<a>.csv", "b.csv"], [change], {"coulomb": 0.01}, numbers=numbers)
-    page = write_report(found, tmp_path / "new").read_text(encoding="utf-8")
+    origins = ["<a>.csv: 20 s at 500 Hz.", "b.csv: 10 s at 500 Hz."]
+    page = write_report(found, tmp_path / "new", origins).read_text(encoding="utf-8")
     assert "Coulomb rose." in page
+    assert "b.csv: 10 s at 500 Hz." in page
     assert "&lt;a&gt;.csv" in page
     assert page.count("<circle") == 2
     assert page.count("0.0500 ± 0.0010") == 2  # in the table and beside the picture

@@ -64,6 +64,13 @@ def test_a_page_that_names_nothing_does_not_explain_a_name():
     assert "is not proof" not in render(Diagnosis("no_gap", "Nothing is missing."))
 
 
+def test_the_age_of_the_drive_is_explained_where_there_is_one():
+    row = {"name": "age of the drive (samples)", "before": 0.1, "after": 0.1, "unit": ""}
+    for rows, told in (([row], 2), ([], 0)):
+        page = render(Diagnosis("no_gap", "Nothing is missing.", base_parameters=rows))
+        assert page.count("age of the drive") == told
+
+
 def test_nothing_of_an_earlier_model_stays(tmp_path):
     write_report(FOUND, tmp_path, ServoAxis())
     write_report(FOUND, tmp_path, Xml())

@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 
 from whsklearn.effects import Coulomb, FrictionLaw, InputOffset, Viscous
 from whsklearn.identification import identify
-from whsklearn.identification.report import on_intervals, write
+from whsklearn.identification.report import figure, on_intervals, write
 from whsklearn.models import AxisModel, load_model
 from whsklearn.recursion.batch.axis_free_run import behind_the_spring
 
@@ -20,7 +20,10 @@ def test_files_hold_what_the_contract_says(tmp_path):
     u = rng.standard_normal(280)
     y = lfilter([0.0, 0.5, 0.2], [1.0, -1.2, 0.5], u) + 0.01 * rng.standard_normal(280)
     found = identify(u, y, dt=0.01, units={"input": "V", "output": "rad/s"})
-    page = write(found, tmp_path / "out").read_text()
+    page = write(found, tmp_path / "out", ["log.csv: 280 samples at 100 Hz."]).read_text()
+    assert "log.csv: 280 samples" in page
+    assert "one free run on the held-out end of the log" in page
+    assert figure(found).axes[1].get_ylabel() == "dB of rad/s per V"
     document = json.loads((tmp_path / "out" / "identify.json").read_text())
     assert document["recommended"] in ("arx", "output_error")
     assert document["model_file"] == "model.json"
@@ -44,6 +47,6 @@ def test_intervals_of_an_axis_on_a_spring_are_not_said_to_be_widened():
         train = SimpleNamespace(y=np.random.default_rng(0).normal(size=300))
         found = SimpleNamespace(white=False, recommended=SimpleNamespace(kind="axis"), model=model, train=train)
         text = on_intervals(found)
-        assert "something is missing" in text
+        assert "something may be missing" in text
         assert ("widened" in text) == told
         assert ("do not include" in text) != told

@@ -49,7 +49,7 @@ def main(**options: Any) -> None:
         raise click.UsageError("One log cannot be compared; give at least two, in the order of time.")
     folder = writable_folder(options["out"])
     labels = records.names_of(files)
-    compared = comparison_of(options, files, labels)
+    compared, logs = comparison_of(options, files, labels)
     tracker = tracker_for("compare", options["track"], data=labels[0])
     with tracker.run(f"compare {labels[0]} to {labels[-1]}") as parent:
         found = compared()
@@ -59,7 +59,7 @@ def main(**options: Any) -> None:
         if found.numbers:
             click.echo("")
             click.echo(numbers_of(found))
-        click.echo(f"Report: {write_report(found, folder)}")
+        click.echo(f"Report: {write_report(found, folder, [*map(records.origin, logs)])}")
         parent.log_params(opt.given(options))
         track(parent, found, folder)
     say_where(tracker)
@@ -67,8 +67,10 @@ def main(**options: Any) -> None:
         raise SystemExit(UNUSABLE)
 
 
-def comparison_of(options: dict[str, Any], files: tuple[str, ...], labels: list[str]) -> Callable[[], Comparison]:
-    """Read these files and compare them."""
+def comparison_of(
+    options: dict[str, Any], files: tuple[str, ...], labels: list[str]
+) -> tuple[Callable[[], Comparison], list[Bunch]]:
+    """What compares these files, and their logs."""
     from whsklearn.compare import ArmLog, compare_arms, compare_records
 
     if not options["robot"]:
@@ -79,15 +81,14 @@ def comparison_of(options: dict[str, Any], files: tuple[str, ...], labels: list[
         share_units(logs)
         taken = [as_record(options | AN_AXIS, log)[0] for log in logs]
         same_zero = not any("LOG018" in log.report.codes for log in logs)  # an integral begins at 0 in every log
-        return lambda: compare_records(
-            taken, labels, alpha=options["alpha"], same_zero=same_zero, random_state=options["seed"]
-        )
+        settings = {"alpha": options["alpha"], "random_state": options["seed"]}
+        return lambda: compare_records(taken, labels, same_zero=same_zero, **settings), logs
     from whsklearn.cli.arm_log import read_arm, robot_of  # it loads pandas, which the help does without
 
     arm = robot_of(options)
     logs = [records.longest(read_arm(file, options, arm)) for file in files]
     arms = [ArmLog(log.sample_rate, log.y, log.X) for log in logs]
-    return lambda: compare_arms(arms, arm, labels, alpha=options["alpha"])
+    return lambda: compare_arms(arms, arm, labels, alpha=options["alpha"]), logs
 
 
 def log_of(options: dict[str, Any], file: str) -> Bunch:
@@ -112,6 +113,7 @@ def share_units(logs: list[Bunch]) -> None:
 def numbers_of(found: Comparison) -> str:
     """A table with one line per number and one column per record; of many records, the first and the last ones."""
     from whsklearn.compare.comparison import spoken
+    from whsklearn.compare.report import with_error
 
     shown = range(len(found.labels)) if len(found.labels) <= 4 else (0, 1, -2, -1)
     header = ["number", *(found.labels[k] for k in shown), "std error", "unit"]
@@ -119,7 +121,7 @@ def numbers_of(found: Comparison) -> str:
     for r in found.numbers:
         if "." in r["name"]:  # combinations of an arm's links are in the report only
             continue
-        values = [float(r["values"][k]) for k in shown]
+        values = [with_error(r["values"][k], r["standard_errors"][k]).partition(" ")[0] for k in shown]
         rows.append([spoken(r), *values, float(max(r["standard_errors"])), r["unit"]])
     return table(header, rows)
 

@@ -6,7 +6,6 @@ missing) into the report folder and records the diagnosis in MLflow: a parent ru
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -183,12 +182,14 @@ def diagnose(options: dict[str, Any], log: Bunch, second: Bunch | None, folder: 
         d = finder.diagnosis_
         d.rows = log.get("rows", {})
         d.file, d.units = log.name, dict(log.units) | d.units
-        d.origin, d.notes = origin(log), [*log.notes, *d.notes]
+        d.origin, d.notes = records.origin(log), [*log.notes, *d.notes]
         tested = test(options, finder, second) if second is not None and d.verdict != "data_problem" else ""
         for problem in d.problems if options["robot"] else []:
             if not problem.fatal:
                 records.note(problem.explanation)
         click.echo(wrapped(f"{d.verdict}: {d.sentence}"))
+        if d.verdict not in ("no_gap", "data_problem"):
+            records.say_clipped(log)
         if tested:
             click.echo(wrapped(tested))
         with records.warnings_as_notes():
@@ -229,23 +230,6 @@ def test(options: dict[str, Any], finder: GapFinder, second: Bunch) -> str:
             text += " The repaired model is worse there: the named effect is not in it, or has another size in it."
     d.notes.insert(0, text)
     return text
-
-
-def origin(log: Bunch) -> str:
-    """File, columns, span, rate, date and version in one sentence."""
-    from whsklearn import __version__
-    from whsklearn.logs.units import UNSTATED
-
-    units = {role: f" in {unit}" for role, unit in log.units.items() if unit not in UNSTATED}
-    columns = ", ".join(
-        f"{r} from {c[0]!r} and {c[1]!r}" if isinstance(c, tuple) else f"{r} from {c!r}{units.get(r, '')}"
-        for r, c in log.columns.items()  # by role, or position and drive by joint
-    )
-    today = datetime.now(UTC).date().isoformat()
-    return (
-        f"{log.name}: {columns}; {len(log.y)} samples over {log.time[-1] - log.time[0]:.4g} s at "
-        f"{log.sample_rate:.6g} Hz; diagnosed on {today} by whsklearn {__version__}."
-    )
 
 
 def read_log(options: dict[str, Any], second: str | None = None) -> Bunch:

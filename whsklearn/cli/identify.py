@@ -76,11 +76,9 @@ def main(**options: Any) -> None:
     if found.recommended.kind == "axis":  # other structures have no physical numbers
         records.note_assumed(train)
     say(found)
-    if not found.white:  # what is missing may be in the log
-        for log in logs:
-            for clipped in (f for f in log.report.findings if f.code == "LOG005"):
-                click.echo(jobs.wrapped(f"{log.name}: {clipped.explanation}") + "\n")
-    page = write(found, options["out"])
+    for log in [] if found.white else logs:
+        records.say_clipped(log)
+    page = write(found, options["out"], [*map(records.origin, [*logs, *([test] if test else [])])])
     click.echo(f"The page is {page}.")
     with tracker.run(f"identify {name}") as run:
         run.log_params(opt.given(options))
@@ -199,7 +197,7 @@ def comparison(found: Identification) -> str:
         rows.append([c.name, c.size or None, *windows, *free, c.seconds or None])
     unit = found.model.units.get("output", "")
     told = f" ({unit})" if unit else ""
-    title = f"Root mean square error{told} over held-out windows, and of the free run on the test"
+    title = f"Root mean square error{told} over held-out windows, and of one free run on {found.judged_on}"
     text = jobs.table(["structure", "numbers", *found.window_names, "NMSE", "RMSE", "CPU s"], rows, title=title)
     return "\n".join([text, *(jobs.wrapped(f"{c.name}: {c.failure}") for c in found.models if c.failure)])
 

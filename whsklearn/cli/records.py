@@ -5,12 +5,14 @@ from __future__ import annotations
 import contextlib
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
 
+from whsklearn.cli.job import wrapped
 from whsklearn.cli.options import units_of
 
 if TYPE_CHECKING:
@@ -116,6 +118,14 @@ def read(source: Source, options: Mapping[str, Any], quiet: tuple[str, ...] = ()
         log.X = -log.X
         log.notes = (*log.notes, "The sign of the drive was changed.")
     return log
+
+
+def say_clipped(log: Bunch) -> None:
+    """Print which signals of a log are clipped, where a model leaves something: what is missing may be in there."""
+    report = log.get("report")
+    for finding in report.findings if report is not None else ():
+        if finding.code == "LOG005":
+            click.echo(wrapped(f"{log.name}: {finding.explanation}"))
 
 
 def note(text: str) -> None:
@@ -292,6 +302,23 @@ def record_of(options: dict[str, Any]) -> ComparedRecord:
     segment = np.repeat(np.arange(seen.bounds.size - 1), np.diff(seen.bounds))
     groups = segment if seen.starts else None
     return ComparedRecord(Path(log.name).stem, seen.u[:, None], seen.target, groups, log.columns["drive"])
+
+
+def origin(log: Bunch) -> str:
+    """File, columns, span, rate, date and version in one sentence."""
+    from whsklearn import __version__
+    from whsklearn.logs.units import UNSTATED
+
+    units = {role: f" in {unit}" for role, unit in log.units.items() if unit not in UNSTATED}
+    columns = ", ".join(
+        f"{r} from {c[0]!r} and {c[1]!r}" if isinstance(c, tuple) else f"{r} from {c!r}{units.get(r, '')}"
+        for r, c in log.columns.items()  # by role, or position and drive by joint
+    )
+    today = datetime.now(UTC).date().isoformat()
+    return (
+        f"{log.name}: {columns}; {len(log.y)} samples over {log.time[-1] - log.time[0]:.4g} s at "
+        f"{log.sample_rate:.6g} Hz; read on {today} by whsklearn {__version__}."
+    )
 
 
 def names_of(files: Sequence[str]) -> list[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -19,10 +20,10 @@ FINEST = 8  # decimal places; smaller errors are written with an exponent
 REACH = 2.0  # standard errors that a whisker reaches either way
 
 
-def write_report(found: Comparison, folder: str | os.PathLike[str]) -> Path:
+def write_report(found: Comparison, folder: str | os.PathLike[str], origins: Sequence[str] = ()) -> Path:
     """Write ``compare.html`` and ``compare.json`` of what was ``found`` into a ``folder``; return the page's path.
 
-    The folder is created if it does not exist.
+    The folder is created if it does not exist. ``origins``: a line on each record, for the head of the page.
 
     Examples
     --------
@@ -34,18 +35,19 @@ def write_report(found: Comparison, folder: str | os.PathLike[str]) -> Path:
     """
     target = Path(folder)
     target.mkdir(parents=True, exist_ok=True)
-    page = render(found).encode()
+    page = render(found, origins).encode()
     atomic_write(target / "compare.json", (json.dumps(found.as_dict(), indent=2, allow_nan=False) + "\n").encode())
     atomic_write(target / "compare.html", page)
     return target / "compare.html"
 
 
-def render(found: Comparison) -> str:
-    """The page as text."""
+def render(found: Comparison, origins: Sequence[str] = ()) -> str:
+    """The page as text, with the lines ``origins`` in place of the labels."""
     return html_of(
         Path(__file__).with_name("report.html.j2"),
         {"sig": significant, "spoken": spoken, "p": probability, "known": with_error},
         c=found,
+        origins=origins or [", ".join(found.labels)],
         colour=COLOURS[found.verdict],
         pictures=[over_records(row) for row in found.numbers],
         width=WIDTH,
@@ -56,13 +58,13 @@ def render(found: Comparison) -> str:
 def with_error(value: float, error: float) -> str:
     """A value and its standard error, both to the second digit of the error.
 
-    >>> with_error(1.474e-4, 1.13e-3), with_error(5234.0, 130.0), with_error(0.3, 0.0)
-    ('0.0001 ± 0.0011', '5230 ± 130', '0.3 ± 0')
+    >>> with_error(1.474e-4, 1.13e-3), with_error(5234.0, 130.0), with_error(0.3, 0.0), with_error(-0.02, 1.2)
+    ('0.0001 ± 0.0011', '5230 ± 130', '0.3 ± 0', '0.0 ± 1.2')
     """
     places = 1 - math.floor(math.log10(error)) if error > 0.0 else FINEST
     if places >= FINEST:
         return f"{value:.4g} ± {error:.2g}"
-    return " ± ".join(f"{round(x, places):.{max(places, 0)}f}" for x in (value, error))
+    return " ± ".join(f"{round(x, places) + 0.0:.{max(places, 0)}f}" for x in (value, error))
 
 
 class _Picture(NamedTuple):

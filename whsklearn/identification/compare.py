@@ -147,6 +147,8 @@ class Identification:
         incomplete.
     own : tuple of OwnDrive
         Timing and offset of the drive of each log.
+    tested : bool
+        Whether ``test`` is another record, and not the end of the first.
 
     References
     ----------
@@ -175,12 +177,18 @@ class Identification:
     rows: int = 0
     white: bool = True
     own: tuple[OwnDrive, ...] = ()
+    tested: bool = False
 
     @property
     def rows_used(self) -> str:
         """Number of samples used, and of segments."""
         used, segments = self.train.y.size, len(self.train.starts) + 1
         return f"{used} of {self.rows or used}" + (f" in {segments} segments" if segments > 1 else "")
+
+    @property
+    def judged_on(self) -> str:
+        """What ``test`` is, in words."""
+        return "the test log" if self.tested else "the held-out end of the log"
 
     @property
     def window_names(self) -> list[str]:
@@ -302,7 +310,9 @@ def identify(
         compared.train = _indices(compared.model, fitting, 0)
         compared.test = _indices(compared.model, judged, skip, past if judged is held_out else ())
     is_white = white(residual(chosen.model, whole), whole)
-    return Identification(tried, chosen, trivial, reason, whole.floor, whole, judged, np.size(y), is_white, own)
+    return Identification(
+        tried, chosen, trivial, reason, whole.floor, whole, judged, np.size(y), is_white, own, test is not None
+    )
 
 
 def _each_tried(
@@ -426,11 +436,11 @@ def recommend(tried: list[Compared], trivial: Compared, *, steady: bool = False)
     first, best = (min(some, key=lambda c: c.score) for some in (good, among))
     chosen = next(c for c in among if c.score <= AS_GOOD * best.score or _no_worse(c, best))
     ratio = chosen.score / trivial.score
-    reason = f"{chosen.name} leaves {ratio:.3g} of the error of a {trivial.name} over held-out windows"
+    reason = f"{chosen.name} leaves {100 * ratio:.3g} % of the error of a {trivial.name} over held-out windows"
     others = [c for c in good if c.kind != chosen.kind]
     if others:
         rival = min(others, key=lambda c: c.score)
-        reason += f", the best of another kind ({rival.name}) {rival.score / trivial.score:.3g}"
+        reason += f", the best of another kind ({rival.name}) {100 * rival.score / trivial.score:.3g} %"
     if chosen is not best:
         near = chosen.score <= AS_GOOD * best.score
         by = f"than {100 * (AS_GOOD - 1):.3g} %" if near else "than the choice of windows makes it by chance"

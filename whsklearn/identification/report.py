@@ -7,6 +7,7 @@ import io
 import json
 import math
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,16 +30,16 @@ MOST_DIGITS = 12  # of a number whose interval is next to nothing
 DIVERGED = 1e6  # times the error of a constant: a diverged run rather than a poor model
 
 
-def write(found: Identification, folder: str | os.PathLike[str]) -> Path:
+def write(found: Identification, folder: str | os.PathLike[str], origins: Sequence[str] = ()) -> Path:
     """Write ``identify.json``, ``model.json`` and ``identify.html`` into a folder, created if it does not exist.
 
-    Returns the path of the page.
+    ``origins``: a line on each log, for the head of the page. Returns the path of the page.
     """
     out = Path(folder)
     out.mkdir(parents=True, exist_ok=True)
     save_model(found.model, out / MODEL_FILE)
     atomic_write(out / "identify.json", json.dumps(document(found), indent=1, allow_nan=False).encode() + b"\n")
-    atomic_write(out / "identify.html", page(found).encode())
+    atomic_write(out / "identify.html", page(found, origins).encode())
     return out / "identify.html"
 
 
@@ -82,7 +83,8 @@ def on_intervals(found: Identification) -> str:
         )
     how = how or " The intervals do not include what that does to the numbers"
     return (
-        f"The residual of the model is not white: something is missing.{how}; whsklearn gap looks for what is missing."
+        f"The residual of the model is not white, so something may be missing.{how}; whsklearn gap tells whether "
+        "something is, and what."
     )
 
 
@@ -138,8 +140,8 @@ def _windows(c: Compared, found: Identification) -> dict[str, float]:
     return {f"{h * found.train.dt:.4g}": e for h, e in c.windows.items() if np.isfinite(e)}
 
 
-def page(found: Identification) -> str:
-    """The page as HTML with embedded pictures; without matplotlib it has none."""
+def page(found: Identification, origins: Sequence[str] = ()) -> str:
+    """The page as HTML with embedded pictures; without matplotlib it has none. ``origins``: a line on each log."""
     try:
         picture = as_png(figure(found))
     except ImportError:
@@ -148,6 +150,7 @@ def page(found: Identification) -> str:
     return html_of(
         Path(__file__).with_name("page.html.j2"),
         found=found,
+        origins=origins,
         picture=picture,
         parameters=parameters(found),
         lengths=lengths,
@@ -185,7 +188,7 @@ def figure(found: Identification) -> Any:
     FigureCanvasAgg(page)
     axes = page.subplots(2, 2)
     _overlay(axes[0, 0], found)
-    _bode(axes[0, 1], found.model)
+    _bode(axes[0, 1], found)
     _poles(axes[1, 0], found.model)
     _characteristic(axes[1, 1], found)
     return page
@@ -211,7 +214,7 @@ def _overlay(ax: Axes, found: Identification) -> None:
     ax.plot(seconds, error, color="C3", lw=0.8, label="difference")
     units = found.model.units
     since = f"{'s' if units.get('time', 's') == 's' else 'samples'} since the state was fitted"
-    ax.set(xlabel=since, ylabel=titled("output", units.get("output", "")), title="Test, last window")
+    ax.set(xlabel=since, ylabel=titled("output", units.get("output", "")), title=f"Last window of {found.judged_on}")
     ax.legend(fontsize=8)
 
 
@@ -227,14 +230,24 @@ def blocks(model: Any) -> list[tuple[str, np.ndarray, np.ndarray]]:
     return [("drive to velocity, above dry friction", np.array([0.0, h * pole]), np.array([1.0, -pole]))]
 
 
-def _bode(ax: Axes, model: Any) -> None:
+def _speed_unit(model: Any) -> str:
+    """Unit of what the linear part of a model puts out: of a position, its velocity; empty if none is known."""
+    out = model.units.get("output", "")
+    return f"{out}/s" if out and model.logged == "position" else out
+
+
+def _bode(ax: Axes, found: Identification) -> None:
     from scipy.signal import freqz
 
+    model = found.model
+    by, far = found.train.si if isinstance(model, AxisModel) else (1.0, 1.0)  # an axis is in SI
+    units = _speed_unit(model), model.units.get("input", "")
+    of = f" of {units[0]} per {units[1]}" if all(units) and not isinstance(model, ChainModel) else ""
     hertz = np.geomspace(1e-4, 0.5, 400) / model.dt
     for name, b, a in blocks(model):
         _, response = freqz(b, a, hertz, fs=1 / model.dt)
-        ax.semilogx(hertz, 20 * np.log10(np.maximum(np.abs(response), 1e-300)), label=name)
-    ax.set(xlabel="Hz", ylabel="dB", title="Bode magnitude")
+        ax.semilogx(hertz, 20 * np.log10(np.maximum(np.abs(response) * by / far, 1e-300)), label=name)
+    ax.set(xlabel="Hz", ylabel=f"dB{of}", title="Bode magnitude")
     ax.grid(alpha=0.3)
     ax.legend(fontsize=8)
 
@@ -262,10 +275,8 @@ def _characteristic(ax: Axes, found: Identification) -> None:
         speed = np.linspace(-1, 1, 801) * np.abs(found.train.target).max()
         by, far = found.train.si
         ax.plot(speed, model.law(0.0, speed * far) / by)
-        out = model.units.get("output", "")
-        unit = out if model.logged == "velocity" or not out else f"{out}/s"
         ax.set(
-            xlabel=titled("velocity", unit),
+            xlabel=titled("velocity", _speed_unit(model)),
             ylabel=titled("input", found.model.units.get("input", "")),
             title="Friction",
         )
