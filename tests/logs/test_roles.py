@@ -20,8 +20,9 @@ def test_usual_names_in_two_languages_and_two_spellings():
     assert [guess(s, r) for r in ("time", "position", "drive", "reference")] == [
         "timestamp", "position", "motorCurrent", "goal_position"
     ]  # fmt: skip
-    german = source("Zeit [s]", "Drehmoment [Nm]", "Winkel [deg]")
-    assert [guess(german, r) for r in ("time", "drive", "position")] == german.names
+    for time in ("Zeit [s]", "Zeitstempel"):
+        german = source(time, "Drehmoment [Nm]", "Winkel [deg]")
+        assert [guess(german, r) for r in ("time", "drive", "position")] == german.names
 
 
 def test_two_of_a_kind_are_asked_for_and_none_is_none():

@@ -35,6 +35,7 @@ def test_each_slip_is_named_with_the_option_that_mends_it(seed):
     for changes, option in (
         ({"X": -good.X}, "--invert-drive"),
         ({"y": np.gradient(good.y, dt)}, "--velocity"),
+        ({"X": good.y[:, None], "y": good.X[:, 0]}, "the other way round"),
         ({"y": np.degrees(good.y)}, "position=deg"),
         ({"time": 1e3 * good.time}, "time=ms"),
         ({"time": 1e-6 * good.time, "units": {"time": "us", "position": "rad"}}, "time=s"),

@@ -14,9 +14,9 @@ from whsklearn.logs.units import UNSTATED, factor_of, unit_in, unit_of
 # In order of preference; one word of the column's name must equal one of these.
 WORDS: dict[str, tuple[str, ...]] = {
     "time": (
-        "time", "t", "timestamp", "stamp", "timestamps", "zeit", "uhrzeit", "clock", "ts", "seconds", "millis",
-        "temps", "tiempo", "tempo", "micros", "milliseconds", "microseconds", "ms", "us", "ticks", "tick", "datetime",
-        "date", "datum", "xvalue",
+        "time", "t", "timestamp", "stamp", "timestamps", "zeit", "zeitstempel", "uhrzeit", "clock", "ts", "seconds",
+        "millis", "temps", "tiempo", "tempo", "micros", "milliseconds", "microseconds", "ms", "us", "ticks", "tick",
+        "datetime", "date", "datum", "xvalue",
     ),
     "drive": (
         "torque", "tau", "trq", "tor", "drive", "moment", "drehmoment", "couple", "coppia", "current", "strom", "iq",

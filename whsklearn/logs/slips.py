@@ -26,6 +26,10 @@ EXPLAINED = 0.3  # share of the drive's residual that the sign of the column exp
 # but 0.96 of a magnitude's where a pendulum turns over several turns, which stays unseen (a script that was not kept;
 # `tests/logs/test_slips.py` holds both sides).
 SIGNED = 0.7
+# Shares of a column's variance about its mean that an axis with the other column as its position explains. Two columns
+# are called exchanged if the one called the position is a torque to `TORQUE`, and the one called the drive is none to
+# `NONE` (`tests/logs/test_slips.py`).
+TORQUE, NONE = 0.9, 0.5
 EXACT = 1e-9  # of the highest speed; smaller changes of a speed come from rounding
 PASSES = 20  # of restoring the sign; it settles in about five
 _VELOCITY = "--velocity COLUMN in place of --position"
@@ -119,6 +123,11 @@ def drive_slips(drive: Array, position: Array) -> list[Slip]:
     fastest = EXACT * float(np.abs(v).max())
     if not (np.ptp(drive) > 0 and np.ptp(v) > fastest and np.ptp(a) > fastest):  # at one speed no inertia shows
         return []
+    if _as_torque(drive, p, v, a)[0] < NONE:
+        share, weight = _as_torque(position, drive - drive.mean(), *_derivatives(drive - drive.mean()))
+        if share > TORQUE and weight > 0.0:
+            text = f"As a motion, the drive's column explains {100 * share:.0f} % of the position's as its torque"
+            return [Slip(f"{text}: are the two exchanged?", "--drive and --position the other way round")]
     inside = slice(20, -20)
     u, p, v, a = (x[inside] for x in (drive - drive.mean(), p, v, a))
     one = np.ones_like(p)
@@ -141,6 +150,14 @@ def drive_slips(drive: Array, position: Array) -> list[Slip]:
         text = "The axis would deliver power and have a negative inertia: is the sign of the drive inverted?"
         return [Slip(text, "--invert-drive")]
     return []
+
+
+def _as_torque(torque: Array, p: Array, v: Array, a: Array) -> tuple[float, float]:
+    """Share of a torque that an axis with this motion explains, and the weight of the acceleration in it."""
+    y, p, v, a = (x[20:-20] for x in (torque, p, v, a))
+    columns = [a, v, np.sign(v), p, np.ones_like(p)]
+    weights = np.linalg.lstsq(np.column_stack(columns), y, rcond=None)[0]
+    return 1.0 - _rest(y, columns) / (float(y.var()) * y.size + 1e-300), float(weights[0])
 
 
 def _rest(y: Array, columns: list[Array]) -> float:
