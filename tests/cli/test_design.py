@@ -44,7 +44,7 @@ def test_reference_and_answer(diagnosis, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "limits", ["position=1", "position=1,speed=2,drive=3,seconds=x", "position=0,speed=1,drive=1,seconds=1"]
+    "limits", ["position=1", *(f"position={p},speed=1,drive=1,seconds={s}" for p, s in ((1, "x"), (0, 1), ("nan", 1)))]
 )
 def test_limits_that_are_none(diagnosis, tmp_path, limits):
     assert run(diagnosis, "--limits", limits, "--out", tmp_path).exit_code == 2

@@ -89,6 +89,7 @@ def test_every_long_segment_of_a_log_counts(log, tmp_path):
         (["--unit", "position=counts/0"], 2, "The unit of position is 'counts/0'; expected one of"),
         (["--unit", "time=ticks/0"], 2, "The unit of time is 'ticks/0'"),
         (["--rate", "nan"], 2, "nan is not a finite number"),
+        (["--torque-constant", "nan"], 2, "The torque constant is 'nan'; expected Nm per ampere"),
         (["--tolerance", "-1"], 2, "not in the range x>=0"),
         (["--orders", "2,2,2,2"], 2, "--orders and --direct are of a chain; add --model wiener-hammerstein"),
         (["--law", "sticky"], 1, "'sticky'"),
@@ -210,3 +211,12 @@ def test_two_logs_are_one_diagnosis_and_one_log_twice_is_none(tmp_path):
     assert "1.csv is used too" in (tmp_path / "report" / "gap.html").read_text(encoding="utf-8")
     assert run(logs[0], logs[0], "--report", tmp_path, "--no-track").exit_code == 3
     assert run(*logs, "--model", "wiener-hammerstein", "--report", tmp_path, "--no-track").exit_code == 2
+
+
+def test_a_clipped_drive_is_told_where_something_is_missing(tmp_path):
+    log = make_servo_log(duration=10.0, sample_rate=250.0, random_state=0)
+    limit = 0.6 * np.abs(log.torque_nm).max()
+    log.assign(torque_nm=log.torque_nm.clip(-limit, limit)).to_csv(tmp_path / "log.csv", index=False)
+    done = run(tmp_path / "log.csv", "--max-effects", "1", "--report", tmp_path / "r", "--no-track")
+    assert done.exit_code == 0, done.output
+    assert "log.csv: drive stays at its extreme values in" in done.stdout

@@ -7,16 +7,24 @@ import importlib.util
 import os
 import signal
 import time
+from pathlib import Path
 
 import click
 import pytest
 from click.testing import CliRunner
 
-from whsklearn.cli.job import Ended, job, table, writable_file
+from whsklearn.cli.job import Ended, job, root, table, writable_file
 from whsklearn.logs import ColumnError, LogError
 from whsklearn.logs.files import atomic_write
 
 JOBS = ["simulated_example", "reproduce", "turntable", "tune", "stream", "fleet", "close_gap"]
+
+
+def test_runs_are_kept_where_the_command_is_called(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert root() == tmp_path
+    monkeypatch.chdir(Path(__file__).parent)
+    assert root() == Path(__file__).parents[2]
 
 
 @pytest.mark.parametrize("name", JOBS)

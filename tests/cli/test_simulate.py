@@ -50,6 +50,9 @@ def test_it_writes_drive_output_and_measurement_and_judges_what_was_asked_for(fi
     spoilt.to_csv(files / "log.csv", index=False)
     assert float(run(files).output.split("RMSE ")[1].split()[0]) > 0.1
     assert float(run(files, "--skip", "60").output.split("RMSE ")[1].split()[0]) < 1e-6
+    wrong = run(files, "--skip", "999")
+    assert wrong.exit_code == 2
+    assert "the longest segment has 300 samples" in wrong.output
 
 
 def test_an_axis_with_gravity_starts_where_the_log_does(files):

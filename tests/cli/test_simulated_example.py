@@ -23,6 +23,7 @@ def test_comparison_is_printed_and_recorded(mlflow_root, monkeypatch):
     assert (
         max(len(line) for line in done.stdout.splitlines() if "mlruns" not in line) <= 100
     )  # a path is as long as it is
+    assert "RMILS with the full gradient is the default of the library" in done.stdout.replace("\n", " ")
     client = mlflow.MlflowClient()
     found = client.search_runs([e.experiment_id for e in client.search_experiments()])
     children = {r.info.run_name: r for r in found if "mlflow.parentRunId" in r.data.tags}

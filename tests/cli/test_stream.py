@@ -70,7 +70,7 @@ def test_the_run_is_recorded(mlflow_root, rows):
     [
         (["--input", "torque"], "The header has no column 'torque'", 2),
         (["--law", "nonsense"], "Unknown effect 'nonsense'", 1),
-        (["--p", "0"], "p is 0", 1),
+        (["--p", "0"], "'--p': 0 is not in the range x>=1", 2),
     ],
 )
 def test_impossible_requests_are_one_sentence(tmp_path, rows, change, said, status):

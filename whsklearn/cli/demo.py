@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from whsklearn.cli.job import RecordLost, command, job, seed_option, writable_folder
-from whsklearn.cli.options import FOLDER
+from whsklearn.cli.options import FOLDER, FiniteRange
 
 
 @job
@@ -35,8 +35,8 @@ def main(seed: int, track: bool, out: str) -> None:
 
 @command
 @click.option("--effect", default="cogging", help="Name of the effect in the catalogue, or 'none'.")
-@click.option("--size", type=click.FloatRange(min=0.0), default=0.1, help="Its size as a share of the rms drive.")
-@click.option("--duration", type=click.FloatRange(min=5.0), default=40.0, help="Length of the log in s.")
+@click.option("--size", type=FiniteRange(min=0), default=0.1, help="Its size as a share of the rms drive.")
+@click.option("--duration", type=FiniteRange(min=5), default=40.0, help="Length of the log in s.")
 @seed_option
 @click.option("--out", type=click.Path(dir_okay=False), default="reports/hidden.csv", help="File to write.")
 def hidden_effect(effect: str, size: float, duration: float, seed: int, out: str) -> None:

@@ -10,23 +10,18 @@ from typing import Any
 import click
 
 from whsklearn.cli.job import command, seed_option, table, wrapped, writable_folder
-from whsklearn.cli.options import FILE, FOLDER, effects_option
+from whsklearn.cli.options import FILE, FOLDER, POSITIVE, effects_option
 
 LIMITS = ("position", "speed", "drive", "seconds")
 MOST_RIVALS = 3  # in addition to the named effects; each takes three simulated runs of some seconds
 
 
-def limits_of(_context: Any, _option: Any, text: str) -> dict[str, float]:
+def limits_of(context: Any, option: Any, text: str) -> dict[str, float]:
     """Parse positive numbers from a text such as ``position=0.5,speed=2,drive=1.2,seconds=6``."""
-    out = {}
-    for part in text.split(","):
-        name, _, value = part.partition("=")
-        try:
-            out[name.strip()] = float(value)
-        except ValueError:
-            raise click.BadParameter(f"{part!r}; expected NAME=NUMBER with a name of {', '.join(LIMITS)}.") from None
-    if set(out) != set(LIMITS) or min(out.values()) <= 0.0:
-        raise click.BadParameter(f"{text!r}; expected each of {', '.join(LIMITS)} once, above zero.")
+    given = dict(part.split("=", 1) for part in text.split(",") if "=" in part)
+    out = {name.strip(): POSITIVE.convert(value, option, context) for name, value in given.items()}
+    if set(out) != set(LIMITS) or len(out) != text.count(",") + 1:
+        raise click.BadParameter(f"{text!r}; expected each of {', '.join(LIMITS)} once, as in position=0.5.")
     return out
 
 

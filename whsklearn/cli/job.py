@@ -124,9 +124,9 @@ def _end_as_interrupt() -> Any:
 
 
 def root() -> Path:
-    """The folder that holds ``mlruns/``: the checkout, or where the command was called."""
-    checkout = Path(__file__).resolve().parents[2]
-    return checkout if (checkout / "pyproject.toml").is_file() else Path.cwd()
+    """The folder that holds ``mlruns/``: where the command was called; within a checkout, that checkout."""
+    checkout, here = Path(__file__).resolve().parents[2], Path.cwd()
+    return checkout if here.is_relative_to(checkout) and (checkout / "pyproject.toml").is_file() else here
 
 
 def writable_folder(path: str | os.PathLike[str]) -> Path:
@@ -182,7 +182,7 @@ def progress_bar(**options: Any) -> Iterator[Any]:
 
 
 def tracker_for(experiment: str, track: bool, **tags: str) -> Tracker:
-    """The record of a job, beneath the checkout's mlruns/ unless the environment names another."""
+    """The record of a job, beneath mlruns/ in `root` unless the environment names another."""
     from whsklearn.tracking import TrackingError, open_tracker
 
     if track:

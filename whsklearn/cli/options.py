@@ -56,6 +56,26 @@ class OrdersType(click.ParamType):
 ORDERS = OrdersType()
 
 
+class TorqueConstantType(click.ParamType):
+    """A torque constant as text, as in ``0.12+-0.01``.
+
+    >>> TorqueConstantType().convert("0.12+-0.01", None, None)
+    '0.12+-0.01'
+    """
+
+    name = "K+-S"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """The text; a wrong option if it is no torque constant."""
+        from whsklearn.logs.current import TorqueConstant
+
+        try:
+            TorqueConstant.of(value)
+        except ValueError as error:
+            self.fail(str(error), param, ctx)
+        return str(value)
+
+
 def _together(*options: Callable[[Command], Command]) -> Callable[[Command], Command]:
     """One decorator that adds several options, in this order."""
 
@@ -80,7 +100,12 @@ reading_options = _together(
         "--unit", "units", multiple=True, metavar="ROLE=UNIT", help="Unit, such as position=deg; may be repeated."
     ),
     rate_option,
-    click.option("--torque-constant", metavar="K+-S", help="Nm/A with its standard deviation, for a drive in amperes."),
+    click.option(
+        "--torque-constant",
+        type=TorqueConstantType(),
+        metavar="K+-S",
+        help="Nm/A with its standard deviation, for a drive in amperes.",
+    ),
     click.option("--invert-drive", is_flag=True, help="Change the sign of the drive."),
 )
 time_option = click.option("--time", "time_column", help="Time column; found by its name if omitted.")
@@ -122,7 +147,7 @@ model_options = _together(
     click.option("--estimator", type=click.Choice(sorted(ESTIMATORS)), default="rmils", help="Estimator."),
     click.option("--orders", type=ORDERS, default="2,2,2,2", help="Orders of the Wiener-Hammerstein model."),
     click.option("--law", default="reduced", help="Friction law: names joined by commas."),
-    click.option("--p", type=int, default=4, help="Innovation length."),
+    click.option("--p", type=click.IntRange(min=1), default=4, help="Innovation length."),
     click.option("--forgetting", type=FiniteRange(0.0, 1.0, min_open=True), default=1.0, help="Forgetting factor."),
 )
 
@@ -146,11 +171,13 @@ def units_of(given: tuple[str, ...]) -> dict[str, str]:
 
 
 def lags_of(orders: tuple[int, ...], law: str | None) -> Any:
-    """`WienerHammersteinLags` of these orders; the law is (4) for None or ``reduced``."""
+    """`WienerHammersteinLags` of these orders; the law is (4) for None or ``reduced``. Raises ValueError for no law."""
     from whsklearn import WienerHammersteinLags
 
     n_a, n_b, n_c, n_d = orders
-    return WienerHammersteinLags(n_a=n_a, n_b=n_b, n_c=n_c, n_d=n_d, law=None if law == "reduced" else law)
+    lags = WienerHammersteinLags(n_a=n_a, n_b=n_b, n_c=n_c, n_d=n_d, law=None if law == "reduced" else law)
+    lags.dims()
+    return lags
 
 
 def build_model(options: Mapping[str, Any]) -> Any:

@@ -9,7 +9,7 @@ from typing import Any
 import click
 import numpy as np
 
-from whsklearn.cli.job import job, worse_than_mean, wrapped, writable_file
+from whsklearn.cli.job import WrongOption, job, worse_than_mean, wrapped, writable_file
 from whsklearn.cli.options import FILE, LOG, NEW_FILE, joint_options, reading_options, system_options
 from whsklearn.cli.records import note, read_system
 
@@ -58,6 +58,8 @@ def main(**options: Any) -> None:
                 f"{known.pop() if known else 'that of the model, SI'}."
             )
     by, far = model.column_factor("input", drive), model.column_factor("output", unit)
+    if options["skip"] >= (longest := int(np.bincount(log.groups).max())) - 1:
+        raise WrongOption(f"--skip is {options['skip']}, and the longest segment has {longest} samples; skip fewer.")
     y, kept = np.empty(log.y.size), np.zeros(log.y.size, dtype=bool)
     for segment in range(int(log.groups[-1]) + 1):  # each starts from the state of the log
         rows = np.flatnonzero(log.groups == segment)

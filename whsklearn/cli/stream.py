@@ -22,6 +22,8 @@ from whsklearn.cli.job import job, root
 from whsklearn.cli.options import (
     FILE,
     NEW_FILE,
+    POSITIVE,
+    FiniteRange,
     build_model,
     joint_options,
     model_options,
@@ -40,13 +42,15 @@ OF_A_CHAIN = ("inputs", "output", "estimator", "orders", "law", "p")  # options 
 @joint_options
 @click.option("--time", "time_column", help="Time column, numbers or ISO 8601; must increase.")
 @rate_option
-@click.option("--max-step", type=float, default=math.inf, help="A longer pause in time begins a new experiment.")
+@click.option("--max-step", type=POSITIVE, help="A longer pause in time begins a new experiment.")
 @click.option("--follow", is_flag=True, help="Wait for rows that are appended to the file.")
 @model_options
 @click.option("--every", type=click.IntRange(1), default=1000, help="Rows between estimates.")
 @click.option("--predictions/--no-predictions", default=False, help="Write the one-step prediction of every row.")
-@click.option("--smallest-change", type=float, default=5.0, help="Smallest change to report, in per cent.")
-@click.option("--alarm-interval", type=float, default=1e6, help="Minimum average number of rows between false alarms.")
+@click.option("--smallest-change", type=FiniteRange(min=0), default=5.0, help="Smallest change to report, in per cent.")
+@click.option(
+    "--alarm-interval", type=POSITIVE, default=1e6, help="Minimum average number of rows between false alarms."
+)
 @click.option("--bad-rows", type=click.Choice(["skip", "refuse"]), default="skip", help="Report and continue, or stop.")
 @click.option("--hole", type=click.Choice(["hold", "restart"]), default="hold", help="What replaces a bad row.")
 @click.option("--most-held", type=click.IntRange(0), default=10, help="Maximum number of consecutive bad rows to hold.")
@@ -55,7 +59,7 @@ OF_A_CHAIN = ("inputs", "output", "estimator", "orders", "law", "p")  # options 
 )
 @click.option("--out", type=NEW_FILE, help="File for the records; stdout if omitted.")
 @click.option("--checkpoint", type=NEW_FILE, help="File for the state, from which it resumes; SOURCE.whs if omitted.")
-@click.option("--checkpoint-every", type=float, default=5.0, help="Seconds between checkpoints.")
+@click.option("--checkpoint-every", type=FiniteRange(min=0), default=5.0, help="Seconds between checkpoints.")
 @click.option("--fresh", is_flag=True, help="Start from the beginning even if there is a checkpoint.")
 def main(**options: Any) -> None:
     """Identify from SOURCE, a CSV file or - for JSON lines on stdin, row by row; it resumes automatically.
@@ -77,7 +81,7 @@ def main(**options: Any) -> None:
     chosen = {name for name in options if source_of(name) == ParameterSource.COMMANDLINE}
     dt = 1.0 / rate if rate else None  # of rows without a time
     kept = options["checkpoint"] or Path("stdin.whs" if source == "-" else f"{source}.whs")
-    max_step, hole = options["max_step"], options["hole"]
+    max_step, hole = options["max_step"] or math.inf, options["hole"]
     axis = None
     if not robot:
         refuse_without_robot(options)

@@ -103,6 +103,10 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
     -----
     Sign convention: a positive weight is torque that the drive must supply.
 
+    The torque is taken to act when its position is measured.  One that a controller holds over the sample acts half a
+    sample later, which no standard error covers: at 500 Hz it can make a hundredth of the inertia.
+    `whsklearn.gap.GapFinder` estimates that age too.
+
     The settings ``cutoff=sample_rate / 10``, ``decimate=10``, ``border=49`` and ``standstill=0`` give the reference
     method of Janot, Gautier, Brunot 2019, Data set and reference models of EMPS, Workshop on Nonlinear System
     Identification Benchmarks.
