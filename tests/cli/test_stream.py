@@ -81,6 +81,14 @@ def test_impossible_requests_are_one_sentence(tmp_path, rows, change, said, stat
     assert "Traceback" not in done.stderr
 
 
+def test_a_picture_is_no_log_without_columns(tmp_path):
+    picture = tmp_path / "plot.csv"
+    picture.write_bytes(b"\x89PNG\r\n\x1a\n" + bytes(range(256)))
+    done = stream(picture, "--no-track")
+    assert done.exit_code == 3
+    assert "plot.csv is a picture" in done.stderr
+
+
 def test_a_log_none_of_whose_lines_is_a_row_cannot_be_used_and_says_so_in_few_lines(tmp_path):
     log = write(tmp_path / "log.csv", [f"{0.01 * i},off,{i}\n" for i in range(1200)])
     done = stream(log, "--no-track", "--out", tmp_path / "out.jsonl")

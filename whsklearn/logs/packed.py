@@ -22,6 +22,7 @@ _FOREIGN: tuple[tuple[int, bytes | tuple[bytes, ...], str], ...] = (
     (0, b"\x04\x22\x4d\x18", "packed by lz4; unpack it first"),
     (0, b"7z\xbc\xaf\x27\x1c", "a 7z archive; extract the log from it"),
     (0, b"Rar!\x1a\x07", "a RAR archive; extract the log from it"),
+    (0, (b"\x89PNG", b"\xff\xd8\xff", b"%PDF"), "a picture or a page; export the values as CSV"),
     (257, b"ustar", "a tar archive; extract the log from it"),
     (0, b"SQLite format 3\0", "an SQLite database; export the table of the log as CSV"),
     (0, (b"\x80\x04\x95", b"\x80\x05\x95"), "a Python pickle, which could run code; save the log as CSV or Parquet"),

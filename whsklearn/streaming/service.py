@@ -18,6 +18,7 @@ from sklearn.base import clone
 from whsklearn._interruption import insisted
 from whsklearn.change import ChangeAlarm
 from whsklearn.logs.errors import LogError
+from whsklearn.logs.packed import foreign
 from whsklearn.logs.units import UNSTATED, unit_of
 from whsklearn.state import is_state, read_state, write_state
 from whsklearn.streaming.files import Out, alone, check_files, fingerprint
@@ -272,6 +273,8 @@ def _feed(
             lines.restarted, parse = False, None
             keeper.say(f"{files.source} was replaced or truncated; reading it from its new beginning.")
         if parse is None and block:
+            if what := foreign(block[0]):
+                raise LogError(f"{files.source} is {what}.")
             place["header"] = text_of(block.pop(0))
             parse = _parser(files.source, place, timed)
         if parse is not None and block:
