@@ -119,6 +119,15 @@ def test_a_curve_of_the_speed_is_no_slow_reversal():
     assert reversals_of(records_of(RigidBodyLags(arm, RATE), q, torque)) == {}
 
 
+def test_friction_that_reverses_after_the_velocity_is_no_reversal_of_a_solver():
+    arm = dataclasses.replace(drawn_arm(3, 7, slides=0.0, branch=0.0, gravity=(0, 0, -9.81)), effects=())
+    q, torque = smooth_log(arm)
+    moved = motion(q[:, 1], RATE, 100.0)
+    torque[:, 1] += 8.0 * np.tanh((moved.velocity - 0.01 * moved.acceleration) / 0.2)
+    torque += 0.01 * torque.std(axis=0) * np.random.default_rng(0).standard_normal(q.shape)
+    assert reversals_of(records_of(RigidBodyLags(arm, RATE), q, torque)) == {}
+
+
 def test_nothing_is_nominal_where_the_file_names_no_mass(found):
     bare = dataclasses.replace(ARM, inertial=None)
     assert identify_arm(Q[:5000], TORQUE[:5000], dt=DT, robot=bare).nominal == {}

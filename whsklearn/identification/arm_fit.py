@@ -153,8 +153,10 @@ def reversals_of(rows: ArmRows, beside: Sequence[Effect] = ()) -> dict[str, tupl
     Schwarz's criterion, n ln(error squared) + 2 ln n, and if no effect by itself does as well: presliding friction,
     which reverses over a distance, by as much again, and a curve of the speed, such as friction that grows ever more
     slowly, at all.  Over half of all speeds a reversal is such a curve, but an arm whose dry friction jumps then has
-    too much of it.  In MuJoCo, friction that reverses at once leaves two to ten times the error at a wrist, and a delay
-    is then not told from a lag, which the records do tell (`python -m benchmarks.blind_arms --evidence`).
+    too much of it.  So has one whose friction reverses with the velocity or after it: only the friction of a solver of
+    contacts comes first, and what comes later is a distance or a curve again.  In MuJoCo, friction that reverses at
+    once leaves two to ten times the error at a wrist, and a delay is then not told from a lag, which the records do
+    tell (`python -m benchmarks.blind_arms --evidence`).
 
     ``beside``: effects that joints may lack, which are fitted with the others; without viscous friction, a reversal
     over a wide range of speeds looks like it. So is the second derivative of the drives: that of a delay of ten
@@ -196,7 +198,8 @@ def reversals_of(rows: ArmRows, beside: Sequence[Effect] = ()) -> dict[str, tupl
         abrupt, memory = error(phi[:, k, at]), min(error(np.hstack([phi[:, k, at], x])) for x in over)
         curved = error(np.hstack([phi[:, k, at], rows.axis_columns(joint, [QuadraticDrag()])]))
         enough = 2.0 * np.log(n)
-        if n * np.log(abrupt / found.fun) > enough >= n * np.log(found.fun / memory) and found.fun < curved:
+        better = n * np.log(abrupt / found.fun) > enough >= n * np.log(found.fun / memory) and found.fun < curved
+        if better and found.x[1] > 0.0:
             out[joint] = float(np.exp(found.x[0]) * speed), float(found.x[1])
     return out
 
