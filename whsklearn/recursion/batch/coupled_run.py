@@ -72,6 +72,23 @@ def _begin(dv, dx, dw, dq, at_load):
         dq[at + 2], dw[at + 3] = -1.0, -1.0
 
 
+# A function of its own: of the same loop inside the pass the compiler took one number at a time, and a run with all
+# derivatives took 1.7 times as long.
+@part
+def _carry(moving, direct, by, own, g_m, g_l, half):
+    """Derivatives ``moving`` of both masses' motion through a step; ``direct``: of torque and velocities by numbers."""
+    dv, dx, dw, dq = moving
+    e_t, e_v, e_w = direct
+    by_d, by_v, by_w = by
+    for i in range(dv.size):
+        pull = by_d * (dx[i] - dq[i]) + by_v * dv[i] + by_w * dw[i] + e_t[i]
+        new = own[0] * dv[i] - g_m * pull + e_v[i]
+        far = own[1] * dw[i] + g_l * pull + e_w[i]
+        dx[i] += half * (dv[i] + new)
+        dq[i] += half * (dw[i] + far)
+        dv[i], dw[i] = new, far
+
+
 @njit(cache=True, error_model="numpy")
 def coupled_pass(b, at_load, u, bounds, start, dt, rows, ends):
     """Return velocity and position at the encoder, (2, n).
@@ -130,17 +147,10 @@ def coupled_pass(b, at_load, u, bounds, start, dt, rows, ends):
                         e_t[_B_L], e_t[_C_L] = a * give_l * w, a * give_l * r
                         e_t[_D] = (wide - half * give * torque) / d
                         e_t[_K] = (x - q) / d + half * e_t[_D]
-                        e_v[_J_M], e_v[_B], e_v[_C] = m[4], m[3] - m[1] * v, m[2]
-                        e_v[_OFFSET] = -m[1]
+                        e_v[_J_M], e_v[_B], e_v[_C], e_v[_OFFSET] = m[4], m[3] - m[1] * v, m[2], -m[1]
                         e_w[_J_L], e_w[_B_L], e_w[_C_L] = e[4], e[3] - e[1] * w, e[2]
-                    own_v, own_w = m[0] - m[1] * viscous, e[0] - e[1] * far_viscous
-                    for i in range(n_rows):
-                        pull = by_d * (dx[i] - dq[i]) + by_v * dv[i] + by_w * dw[i] + e_t[i]
-                        new = own_v * dv[i] - m[1] * pull + e_v[i]
-                        far = own_w * dw[i] + e[1] * pull + e_w[i]
-                        dx[i] += half * (dv[i] + new)
-                        dq[i] += half * (dw[i] + far)
-                        dv[i], dw[i] = new, far
+                    own = m[0] - m[1] * viscous, e[0] - e[1] * far_viscous
+                    _carry((dv, dx, dw, dq), (e_t, e_v, e_w), (by_d, by_v, by_w), own, m[1], e[1], half)
                 x += half * (v + v_new)
                 q += half * (w + w_new)
                 v, w = v_new, w_new
