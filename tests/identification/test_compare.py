@@ -10,7 +10,7 @@ from tests.recursion.axis_log import TRUTH, axis_log, slow_drive
 from whsklearn.effects import FrictionLaw, Hinge, Power
 from whsklearn.identification import Compared, identify
 from whsklearn.identification.axis_fit import fit_rigid_axis
-from whsklearn.identification.compare import _at_floor, _better, _indices, _score, recommend
+from whsklearn.identification.compare import _at_floor, _better, _indices, _no_chain, _score, recommend
 from whsklearn.identification.view import view
 from whsklearn.models import AxisModel, ChainModel, LinearModel
 from whsklearn.recursion.batch.axis_free_run import axis_motion
@@ -258,3 +258,15 @@ def test_an_axis_that_leaves_white_noise_of_a_velocity_needs_no_chain(missing):
     axis.test = _indices(axis.model, held_out, 60)
     assert axis.score > 1.3
     assert _at_floor(axis, held_out) == (not missing)
+
+
+@pytest.mark.parametrize(
+    ("axis", "linear", "needless"),
+    [(0.1, 1.0, True), (0.3, 1.0, False), (0.1, 0.3, False), (None, 1.0, False), (0.1, np.inf, True)],
+)
+def test_a_chain_is_not_fitted_where_an_axis_is_far_better_than_a_linear_model(axis, linear, needless):
+    """A chain is a linear model with one curve in it; it took half of the time, and was never as good."""
+    tried = [Compared("ARX, order 2", "arx", {}, "prediction", score=linear)]
+    tried += [] if axis is None else [Compared("axis, viscous and Coulomb", "axis", {}, "simulation", score=axis)]
+    tried.append(Compared("output error, order 2, without its sign", "wiener-hammerstein", {}, "simulation", score=0.01))
+    assert _no_chain(tried) == needless

@@ -49,6 +49,9 @@ GRAVITY, FORCE = "axis with gravity", "axis, free force over position"
 TWO_MASSES, CHAIN = "axis with a load behind a spring", "Wiener-Hammerstein"
 AT_LOAD = "axis with a load behind a spring, measured at the load"
 LAST = (TWO_MASSES, AT_LOAD, CHAIN)  # what takes most of the time
+# Share of the best linear model's error below which an axis makes a chain needless. Of axes it leaves 0.15 at most, of
+# chains 0.97 at least, and of those axes a chain left seven times as much and more (`benchmarks.which_structure`).
+FAR_BELOW = 0.25
 CHAIN_FROM = 300  # samples; with fewer, the thirty parameters of a chain cannot be estimated
 # Of the travel in a window: a steady rotation that constant velocity predicts this well follows its drive, whatever the
 # structures add
@@ -328,6 +331,8 @@ def _each_tried(
     for compared, fit in structures:
         if compared.name in LAST and _at_floor(min(tried, key=lambda c: c.score), held_out):
             compared.failure = "skipped, because a simpler structure is at the noise floor"
+        elif compared.name == CHAIN and _no_chain(tried):
+            compared.failure = "skipped, because an axis leaves far less than the best linear model"
         elif compared.name == FORCE and min(tried, key=lambda c: c.score).name == GRAVITY:
             compared.failure = "skipped, because gravity is the best so far"  # over little travel a cubic imitates it
         else:
@@ -338,6 +343,15 @@ def _each_tried(
         tried.append(compared)
     # noise of the output biases the poles of an ARX model: of two that are as large and as good it comes second
     return sorted(tried, key=lambda c: (c.size, c.criterion == "prediction", c.score))
+
+
+def _no_chain(tried: list[Compared]) -> bool:
+    """Whether an axis leaves so much less than linear models that a chain, which holds one, cannot make up for it."""
+    axis, linear = (
+        min((c.score for c in tried if c.kind in kinds and np.isfinite(c.score)), default=np.inf)
+        for kinds in (("axis",), ("arx", "output_error"))
+    )
+    return bool(axis < FAR_BELOW * linear)
 
 
 def _at_floor(best: Compared, log: View) -> bool:
