@@ -26,6 +26,7 @@ from whsklearn.effects import (
 )
 from whsklearn.identification import identify
 from whsklearn.identification.axis_fit import (
+    _determined,
     fit_free_law_axis,
     fit_hanging_axis,
     fit_rigid_axis,
@@ -155,6 +156,25 @@ def test_a_controller_that_is_faster_than_the_log_is_no_half_sample_late(amplitu
     np.testing.assert_allclose(force, 0.9 * np.cos(q), atol=0.002)  # with a held drive it is 0.003 to 0.010 off
     if amplitude > 0.5:
         assert found["gravity_imbalance"] == pytest.approx(0.9, rel=0.005)
+
+
+@pytest.mark.parametrize(
+    ("errors", "said"),
+    [
+        ({"inertia": 0.02, "gravity_imbalance__phase": 0.9}, None),
+        ({"inertia": 0.03, "gravity_imbalance__phase": 0.1}, "standard error of 0.03"),
+        ({"inertia": 0.001, "gravity_imbalance__phase": 1.1}, "side of the axis"),
+    ],
+)
+def test_numbers_that_the_record_does_not_tell_are_no_structure(errors, said):
+    """Of an axis that rests, a load on a spring of no stiffness left two thirds of the error, with 0.5 kg +- 2.6."""
+    law, weight = as_law("viscous,coulomb"), (GravityImbalance(1.0),)
+    model = AxisModel(0.05, law, weight, dt=0.01, logged="position", standard_errors=errors)
+    if said is None:
+        assert _determined(model) is model
+    else:
+        with pytest.raises(ValueError, match=said):
+            _determined(model)
 
 
 def test_sine_and_cosine_are_one_wave_with_a_phase():

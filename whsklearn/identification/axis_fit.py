@@ -92,7 +92,7 @@ def fit_hanging_axis(log: View) -> AxisModel:
             f"Gravity would cancel an offset of the drive of {numbers['input_offset']:.2g}, more than it ever was: "
             "over this range a weight cannot be told from other forces that follow the position."
         )
-    return model
+    return _determined(model)
 
 
 def fit_placed_axis(log: View) -> AxisModel:
@@ -179,7 +179,22 @@ def fit_two_masses(log: View, *, at_load: bool = False) -> AxisModel:
     # where the output hardly shows on which side the friction is, the cost is rough, and fits end apart
     apart = [fit.theta - best.theta for fit in others if fit.cost < AS_LOW * best.cost]
     covariance = best.covariance + sum(np.outer(d, d) for d in apart)
-    return _model(best._replace(covariance=covariance), log, form)
+    return _determined(_model(best._replace(covariance=covariance), log, form))
+
+
+def _determined(model: AxisModel) -> AxisModel:
+    """The model, if the record says more of its inertia than that it is not zero, and of a weight on which side it is.
+
+    What is free to be anything else is spent on the friction at rest: of a rigid axis that rests, a load of 0.1 of the
+    inertia on a spring of no stiffness left two thirds of the error over windows.
+    """
+    errors, numbers = model.standard_errors, model.parameters
+    inertia, unsure = numbers["inertia"], errors["inertia"]
+    if not 2.0 * unsure < inertia:  # its interval holds zero
+        raise ValueError(f"Its inertia would be {inertia:.2g} with a standard error of {unsure:.2g}.")
+    if errors.get("gravity_imbalance__phase", 0.0) > 1.0:
+        raise ValueError("On which side of the axis the weight is cannot be told, so the axis without it is equivalent.")
+    return model
 
 
 def without_step(fit: AxisFit, log: View, seconds: float, form: AxisForm) -> AxisFit:
