@@ -163,7 +163,7 @@ def test_a_controller_that_is_faster_than_the_log_is_no_half_sample_late(amplitu
     [
         ({"inertia": 0.02, "gravity_imbalance__phase": 0.9}, None),
         ({"inertia": 0.03, "gravity_imbalance__phase": 0.1}, "standard error of 0.03"),
-        ({"inertia": 0.001, "gravity_imbalance__phase": 1.1}, "side of the axis"),
+        ({"inertia": 0.001, "gravity_imbalance__phase": 1.1}, "which side the weight"),
     ],
 )
 def test_numbers_that_the_record_does_not_tell_are_no_structure(errors, said):
