@@ -77,10 +77,9 @@ def forget_own(gallery_conf, fname):
 
 def at_a_joint_of_an_arm(cls: type[Effect]) -> str:
     """Whether `Arm` simulates the effect there, and whether `gap` names it."""
-    named = cls.name in {c.name for c in at_a_joint()}
     if cls.port == "block":
-        return "named by ``gap``, not simulated" if named else "no, as it splits the joint in two"
-    if not named:
+        return "no, as it splits the joint in two"
+    if cls.name not in {c.name for c in at_a_joint()}:
         return "simulated, not named by ``gap``"
     both = ", also along two joints that one gear turns" if cls.name in ALONG_TWO else ""
     return f"simulated, and named by ``gap``{both}"

@@ -25,7 +25,7 @@ from whsklearn.gap.filters import whiteness
 from whsklearn.gap.localisation import spectra
 from whsklearn.gap.plant import QUIET, Figures, Gap, Linearised, Plant, Told, quiet
 from whsklearn.gap.plants import holes_in
-from whsklearn.gap.plants.arm_families import families, look_at_limit, nameless_at, polished, starts_of
+from whsklearn.gap.plants.arm_families import families, look_at_limit, nameless_at, polished
 from whsklearn.gap.plants.arm_terms import (
     AtJoint,
     JointInertia,
@@ -351,8 +351,7 @@ class ArmPlant(Plant):
 
     def refine(self, model: ArmState, look: Look) -> ArmState:
         """The candidate with its shape polished and all sizes solved for."""
-        fits = (self.view.fit(model.with_term(polished(self.view, self.tangent, t))) for t in starts_of(look.start))
-        return min(fits, key=lambda m: float(np.sum(self.errors(m) ** 2)))
+        return self.view.fit(model.with_term(polished(self.view, self.tangent, look.start)))
 
     def errors(self, model: ArmState) -> Array:
         """The residual of the model, weighted by joint and ordered by instant."""
@@ -413,22 +412,16 @@ class ArmPlant(Plant):
                 if below or (value >= high - 1e-3 * abs(high) and not quantity.open_above):
                     return f"its {field} reaches the limit of the plausible range"
         shaped = t.kind.catalogued is not None and not t.effect.elementary and t.kind.n_numbers > 1
-        plainer = [
-            (c.name.replace("_", " "), JointTerm(replace(t.kind, cls=c.cls, catalogued=c), (0.0,)))
-            for c in (at_a_joint() if shaped else ())
-            if c.cls.elementary and c.n_slots == 1
-        ]
-        if t.kind.splits:
-            plainer.append(("a spring without a play", replace(t, q=(0.0, *t.q[1:]))))
-        for name, term in plainer:
-            plain = view.fit(model.with_term(term))
-            beyond, most = (self.size(*map(self.errors, pair)) for pair in ((plain, grown), (model, plain)))
-            stays = float(self._shares(self.errors(grown))[view.arm.joints.index(t.joint)])
-            # Beyond it, a shape must explain the share of the power that a name must, or more than stays without one,
-            # and in any case what may stay or is not worth a name: MuJoCo's dry friction is soft, and adding a distance
-            # of some mrad explains 3 to 5 % of it (`python -m benchmarks.blind_arms --kinds coulomb`).
-            if beyond < max(min(self.tolerance, most), STILL * most, min(stays, LEAST_SHARE**0.5 * most)):
-                return f"{name} explains as much with fewer numbers"
+        for c in at_a_joint() if shaped else ():
+            if c.cls.elementary and c.n_slots == 1:
+                plain = view.fit(model.with_term(JointTerm(replace(t.kind, cls=c.cls, catalogued=c), (0.0,))))
+                beyond, most = (self.size(*map(self.errors, pair)) for pair in ((plain, grown), (model, plain)))
+                stays = float(self._shares(self.errors(grown))[view.arm.joints.index(t.joint)])
+                # Beyond it, a shape must explain the share of the power that a name must, or more than stays without
+                # one, and in any case what may stay or is not worth a name: MuJoCo's dry friction is soft, and adding a
+                # distance of some mrad explains 3 to 5 % of it (`python -m benchmarks.blind_arms --kinds coulomb`).
+                if beyond < max(min(self.tolerance, most), STILL * most, min(stays, LEAST_SHARE**0.5 * most)):
+                    return f"{c.name.replace('_', ' ')} explains as much with fewer numbers"
         if said := self._against_its_stop(model, grown):
             return said
         at = [view.arm.joints.index(j) for j in t.kind.place or view.arm.joints]
@@ -547,8 +540,7 @@ class ArmPlant(Plant):
     def simulate(self, model: ArmState, horizon: float) -> Array:
         """Free runs of all joints from the drives, restarted at the measured motion; shape (n n_joints,).
 
-        Gravity that the file lacks, and what a play takes, are evaluated along the measured motion and subtracted from
-        the drives.
+        Gravity that the file lacks is evaluated along the measured motion and subtracted from the drives.
         """
         view = self.view
         key = model.numbers.tobytes(), model.terms, horizon
@@ -556,10 +548,8 @@ class ArmPlant(Plant):
             return self._runs[key]
         drive, path = self.record.drive, self.record.position
         moved = view.moved if not self._made else view.motion_of(path)
-        for t in model.terms:
-            if t.kind.splits:
-                drive = drive - view.freed(t.kind, t.shape, moved)
-            elif t.kind.cls is Weight and not self._made:
+        if not self._made:
+            for t in (t for t in model.terms if t.kind.cls is Weight):
                 rows = view.time[view.kept]
                 drive = drive - np.column_stack([np.interp(view.time, rows, x) for x in view.contribution(t).T])
         arm = self._arm(model)
@@ -705,10 +695,6 @@ class ArmPlant(Plant):
         if not self.units[1]:
             notes.append(
                 "Some joints slide and others turn: errors of free runs are shares of each joint's rms motion."
-            )
-        if any(t.kind.splits for t in model.terms):
-            notes.append(
-                "A play is in all figures and not in the repaired model, whose links do not leave their motors."
             )
         tests = [whiteness(self.gap(m).left, name) for name, m in (("before", base), ("after", model))]
         first = f"Repair the log first: {self.repair}" if self.repair else ""

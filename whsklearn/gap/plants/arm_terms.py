@@ -17,9 +17,9 @@ from whsklearn.gap.plant import FittedTerm
 from whsklearn.gap.plants.servo_candidates import Candidate, catalogue
 from whsklearn.systems.arm import Arm
 
-# Effects of the catalogue that are not candidates at a joint: an error of an encoder changes the columns of all joints,
-# the weight of a joint is that of the links, and a coupling is not told from the links' own flexibility.
-ELSEWHERE = ("encoder_eccentricity", "gravity_imbalance", "flexible_coupling")
+# Effects of the catalogue that are not candidates at a joint: an effect that splits the joint in two has no place in an
+# `Arm`, an error of an encoder changes the columns of all joints, and the weight of a joint is that of the links.
+ELSEWHERE = ("encoder_eccentricity", "gravity_imbalance")
 ALONG_TWO = ("viscous", "coulomb")  # friction that depends on a neighbour's motion
 
 
@@ -113,7 +113,7 @@ class AtJoint:
     @property
     def rows(self) -> slice:
         """The rows on which its columns are not zero; rows are ordered by joint, then by instant."""
-        return slice(None) if self.index is None or self.splits else slice(self.index, None, len(self.direction))
+        return slice(None) if self.index is None else slice(self.index, None, len(self.direction))
 
     @cached_property
     def linear(self) -> int:
@@ -134,16 +134,6 @@ class AtJoint:
     def transforms(self) -> bool:
         """Whether it transforms the whole drive."""
         return self.catalogued is not None and self.catalogued.transforms
-
-    @property
-    def splits(self) -> bool:
-        """Whether it frees the link from its motor: a play, whose link the other joints feel too."""
-        return self.catalogued is not None and self.catalogued.cls.port == "block"
-
-    @property
-    def sizeless(self) -> bool:
-        """Whether it has no size but its shape."""
-        return self.transforms or self.splits
 
     @property
     def delays(self) -> bool:
@@ -194,10 +184,10 @@ def at_a_joint() -> list[Candidate]:
     --------
     >>> names = {c.name for c in at_a_joint()}
     >>> "cogging" in names, "backlash" in names, "encoder_eccentricity" in names
-    (True, True, False)
+    (True, False, False)
     """
     stops = [Candidate(ContactStop, (("side", side),)) for side in ("upper", "lower")]
-    every = (c for c in catalogue() if not (c.on_load or c.name in ELSEWHERE or c.cls.sought))
+    every = (c for c in catalogue() if c.cls.port != "block" and c.name not in ELSEWHERE and not c.cls.sought)
     return [*every, *stops]
 
 
@@ -243,10 +233,8 @@ def candidates(arm: Arm, there: dict[str, set[str]], *, frozen: bool, weight: in
 
 
 def completed(arm: Arm, terms: Iterable[JointTerm]) -> Arm:
-    """The arm with all terms but gravity, which are other numbers of its links, and plays, which no `Arm` holds."""
+    """The arm with all terms but gravity, which are other numbers of its links."""
     for t in terms:
-        if t.kind.splits:
-            continue
         if t.kind.cls is Load:
             arm = arm.with_body(t.joint, t.q[0], t.shape)
         elif t.kind.cls is JointInertia and t.kind.index is None:

@@ -16,16 +16,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.effects import Coulomb, Effect, Scales, Viscous, codes
+from whsklearn.effects import Coulomb, Effect, Scales, codes
 from whsklearn.effects.base import rms
-from whsklearn.effects.transmission import contact_damping, contact_stiffness
 from whsklearn.filtering import Motion
 from whsklearn.filtering.records import encoder_noise
 from whsklearn.gap.calibration import N_NULL, coloured, n_effective, null_rows, smoothed_power
 from whsklearn.gap.plants.arm_terms import AtJoint, JointInertia, JointTerm, Load, Weight, completed
 from whsklearn.gap.plants.servo_candidates import ColumnSignals
 from whsklearn.gap.plants.servo_own import N_RECORDS
-from whsklearn.gap.plants.servo_two_mass import fine_steps, pushed
 from whsklearn.gap.record import MAD, Array, Segmented
 from whsklearn.identification.drive_lead import OLDEST
 from whsklearn.identification.joint_least_squares import SAME, Known, held_out
@@ -35,7 +33,6 @@ from whsklearn.lags.axis_rows import DRY
 from whsklearn.lags.rigid_body import RigidBodyLags
 from whsklearn.logs.check import lattice
 from whsklearn.systems._arm_kernels import N_BODY
-from whsklearn.systems.arm import Arm
 from whsklearn.systems.arm_files import STANDARD_GRAVITY, body_numbers
 
 LATEST = 2.0  # samples: up to this age of a drive it is bookkeeping, beyond it a delay
@@ -43,8 +40,6 @@ LATEST = 2.0  # samples: up to this age of a drive it is bookkeeping, beyond it 
 # its size.
 HELD = 2.0
 WIDER = 1.5  # ratio of the speeds whose difference stands for a change of one
-FINER = 4  # times the steps of a load on a spring: one step too late, an impact left 18 % of a drive for 10
-LIGHTEST = 0.05  # of a joint's mean inertia: what is behind a play, wherever its arm is
 STANDS_OUT = 4.0  # standard deviations of the residual; chance puts 6e-5 of a normal one beyond
 
 
@@ -132,8 +127,6 @@ class ArmView(ArmRows):
         self._signals: dict[Any, ColumnSignals] = {}
         self._scenes: dict[Any, Scales] = {}
         self._fits: dict[Any, ArmState] = {}
-        self._last: Any = None  # motion and what `_rigid` gives along it
-        self.model_arm = self.arm  # of the last model by which the joints were weighted
         self.drive_rms, self.varies = self.by_joint(self.target), self.target.std(axis=0)
 
     # -- rows ---------------------------------------------------------------------------------
@@ -190,7 +183,7 @@ class ArmView(ArmRows):
 
     # -- columns ------------------------------------------------------------------------------
     def columns(self, kind: AtJoint, shape: tuple[float, ...]) -> Array:
-        """Columns of an effect at its shape, on its rows: (rows, linear), or (rows, 1) if it has no size."""
+        """Columns of an effect at its shape, on its rows: (rows, linear), or (rows, 1) if it transforms the drive."""
         key = kind, shape
         if key not in self._columns:
             self._columns[key] = self.columns_at(kind, shape)
@@ -202,8 +195,6 @@ class ArmView(ArmRows):
             return self.body(kind) @ point(shape)[:, None]
         if kind.cls is Weight:
             return self.weights_of_links.reshape(-1, kind.width)
-        if kind.splits:
-            return self.blur(self.freed(kind, shape)).reshape(-1, 1)
         if kind.cls is JointInertia:
             along = (self.moved.acceleration @ np.array(kind.direction))[:, None]
         elif kind.transforms:
@@ -254,46 +245,6 @@ class ArmView(ArmRows):
         u, effect = self.drive @ np.array(kind.direction), kind.catalogued.effect(shape)
         return self.along_pieces(effect.contribution, self.signals(kind.direction)._replace(drive=u))
 
-    def freed(self, kind: AtJoint, shape: tuple[float, ...], moved: Motion | None = None) -> Array:
-        """Change of all drives, (n, n_joints), where a play at a joint frees its link from the measured motor.
-
-        The share of the load is of the joint's mean inertia.  Viscous friction is behind the play in the proportion of
-        the dry one; the other joints feel the link by the mass matrix.
-        """
-        j, moved, (gap, share, hertz, ratio, dry) = kind.index, moved or self.moved, shape
-        mass, needed, coulomb, viscous = self._rigid(moved)
-        mean = float(mass[:, j, j].mean())
-        motor, reduced = (1.0 - share) * mean, mean * share * (1.0 - share)
-        inertia = np.maximum(mass[:, j, j] - motor, LIGHTEST * mean)
-        damped = viscous[j] * min(dry / max(float(coulomb[j]), 1e-12), 1.0)
-        stiffness = contact_stiffness(hertz, reduced)
-        damping, steps = contact_damping(ratio, stiffness, reduced), FINER * fine_steps(hertz, ratio, self.dt)
-        q, v, a = (x[:, j] for x in moved)
-        pull = needed[:, j] - mass[:, j, j] * a
-
-        def drives(q: Array, v: Array, a: Array, pull: Array, mass: Array, inertia: Array) -> Array:
-            push, speed = pushed(q, v, pull, inertia, gap, stiffness, damping, damped, dry, self.dt, steps)
-            more = np.gradient(speed, self.dt) - a
-            out = mass * more[:, None]
-            out[:, j] = push - pull - inertia * a - damped * v - dry * np.sign(v)
-            return out
-
-        return np.asarray(self.record.by_piece(drives, q, v, a, pull, mass[:, :, j], inertia))
-
-    def _rigid(self, moved: Motion) -> tuple[Array, Array, Array, Array]:
-        """Mass matrices and drives of the links along a motion, and each joint's dry and viscous friction."""
-        if self._last is None or self._last[0] is not moved:
-            dry, viscous = (
-                np.array([sum(e.magnitude for e in row if type(e) is kind) for row in self.model_arm.effects])
-                for kind in (Coulomb, Viscous)
-            )
-            mass, needed = (
-                self.model_arm.mass_matrix(moved.position),
-                self.model_arm.inverse_dynamics(*moved, effects=False),
-            )
-            self._last = moved, mass, needed, np.maximum(dry, 0.0), np.maximum(viscous, 0.0)
-        return self._last[1:]
-
     @cached_property
     def weights_of_links(self) -> Array:
         """The smallest complete set of columns of gravity, shape (m, n_joints, k), for an arm without gravity."""
@@ -308,7 +259,7 @@ class ArmView(ArmRows):
     def contribution(self, term: JointTerm) -> Array:
         """Torque of a term, shape (m, n_joints)."""
         out = np.zeros(self.n_rows * self.n_joints)
-        sizes = np.ones(1) if term.kind.sizeless else np.array(term.q[: term.kind.linear])
+        sizes = np.ones(1) if term.kind.transforms else np.array(term.q[: term.kind.linear])
         out[term.kind.rows] = self.columns(term.kind, term.shape) @ sizes
         return out.reshape(self.n_rows, self.n_joints)
 
@@ -319,7 +270,7 @@ class ArmView(ArmRows):
         target = target - (self.phi @ self.expected).ravel()
         parts = [self.phi.reshape(n, -1)]
         for t in model.terms:
-            if t.kind.sizeless:
+            if t.kind.transforms:
                 target = target - self.contribution(t).ravel()
             else:
                 columns = np.zeros((n, t.kind.linear))
@@ -385,7 +336,7 @@ class ArmView(ArmRows):
         at, terms = len(self.expected), []
         numbers = self.expected + sizes[:at]
         for t in model.terms:
-            n = 0 if t.kind.sizeless else t.kind.linear
+            n = 0 if t.kind.transforms else t.kind.linear
             terms.append(dataclasses.replace(t, q=(*map(float, sizes[at : at + n]), *t.shape)))
             at += n
         timing = np.array(model.timing)
@@ -406,7 +357,6 @@ class ArmView(ArmRows):
         if self.known is None or model.terms:
             left = self.by_joint(self.left(model))
             self.weight = 1.0 / np.maximum(left, 1e-6 * np.maximum(self.drive_rms, 1e-12))
-        self.model_arm, self._last = self.arm_of(model), None
         self.torque = self.along(model, self.moved)
         self.rate = self.blur(self.record.by_piece(lambda u: np.gradient(u, self.dt, axis=0), self.torque))
         self._forget()
@@ -426,25 +376,21 @@ class ArmView(ArmRows):
         self._fits, self._signals = {}, {}
         for key in list(self._columns):
             c = key[0].catalogued
-            if key[0].splits or (c is not None and c.driven and (c.delays or not c.transforms)):
+            if c is not None and c.driven and (c.delays or not c.transforms):
                 del self._columns[key]
 
     # -- own records --------------------------------------------------------------------------
     def along(self, model: ArmState, moved: Motion) -> Array:
         """Drives that the model needs along a motion, shape (n, n_joints), without effects that transform the drive."""
-        arm = self.arm_of(model)
+        arm = self.lags.interpret(model.numbers, physical=False)
+        arm = completed(arm, (t for t in model.terms if not t.kind.transforms))
         out = arm.inverse_dynamics(*moved, effects=False)
         acting = dict(zip(arm.joints, arm.effects, strict=True)) | arm.sums
         for d, (name, effects) in zip(arm._every_direction(), acting.items(), strict=True):
             s = self.signals(tuple(map(float, d)), moved)
             each = (self.along_pieces(e.contribution, self.turned(type(e), name, s)) for e in effects)
             out += np.outer(sum(each, np.zeros(len(out))), d)
-        return out + sum(self.freed(t.kind, t.shape, moved) for t in model.terms if t.kind.splits)
-
-    def arm_of(self, model: ArmState) -> Arm:
-        """The arm of a model's numbers, physical or not, with all terms that are torques."""
-        arm = self.lags.interpret(model.numbers, physical=False)
-        return completed(arm, (t for t in model.terms if not t.kind.transforms))
+        return out
 
     def read(self, path: Array, rng: np.random.Generator) -> Array:
         """A path, shape (n, n_joints), as the encoders would have read it."""

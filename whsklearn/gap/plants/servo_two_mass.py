@@ -31,15 +31,14 @@ TURNS = (
 
 
 @njit(cache=True, nogil=True)
-def pushed(position, velocity, pull, inertia, gap, stiffness, damping, viscous, dry, dt, substeps):
-    """Push on a load that a measured motor drives through a spring with play, and its velocity, shape (2, n).
+def contact_acceleration(position, velocity, gap, w, zeta, slowed, dt, substeps):
+    """What the contact gives a load that a measured motor drives through a spring with play, shape (n,).
 
-    ``pull`` and ``inertia`` are those of the load, (n,); its friction is a viscous and a dry one.  A push is the mean
-    over a sample, a velocity that at its end.
+    Dry friction takes ``slowed`` (rad/s2) from it.
     """
     n = position.size
-    out = np.empty((2, n))
-    q, v = position[0] - 0.5 * gap * np.sign(pull[0]), velocity[0]
+    out = np.empty(n)
+    q, v = position[0], velocity[0]
     h = dt / substeps
     for i in range(n):
         j = min(i + 1, n - 1)
@@ -51,23 +50,17 @@ def pushed(position, velocity, pull, inertia, gap, stiffness, damping, viscous, 
             over = abs(twist) - 0.5 * gap
             a = 0.0
             if gap <= 0.0:
-                a = stiffness * twist + damping * slip
+                a = w * w * twist + 2.0 * zeta * w * slip
             elif over > 0.0:
-                a = stiffness * math.copysign(over, twist) + damping * slip
+                a = w * w * math.copysign(over, twist) + 2.0 * zeta * w * slip
                 if a * twist < 0.0:
                     a = 0.0
-            heavy = inertia[i] + f * (inertia[j] - inertia[i])
-            v += h * (a - pull[i] - f * (pull[j] - pull[i])) / heavy
-            v = math.copysign(max(abs(v) - h * dry / heavy, 0.0), v) / (1.0 + h * viscous / heavy)
+            v += h * a
+            v = math.copysign(max(abs(v) - h * slowed, 0.0), v)
             q += h * v
             mean += a
-        out[0, i], out[1, i] = mean / substeps, v
+        out[i] = mean / substeps
     return out
-
-
-def fine_steps(hertz: float, zeta: float, dt: float) -> int:
-    """Steps per sample for a load on a spring: `STEPS` per period, more of them the stronger it is damped."""
-    return max(1, math.ceil(hertz * dt * max(STEPS, 2 * STEPS * zeta)))
 
 
 def contact(model: ServoHypothesis, t: ServoTerm) -> tuple[float, float, float, float]:
@@ -100,11 +93,8 @@ def columns(view: Any, model: ServoHypothesis, t: ServoTerm, torque: Array | Non
         return from_load(view, t, torque)
     gap, w, zeta, slowed = contact(model, t)
     dt = view.scene.dt
-    moved, none = view.motion, np.zeros(view.motion.position.size)
-    a, _ = pushed(
-        moved.position, moved.velocity, none, none + 1.0, gap, w**2, 2.0 * zeta * w, 0.0, slowed, dt,
-        fine_steps(w / (2 * np.pi), zeta, dt),
-    )  # fmt: skip
+    substeps = max(1, math.ceil(w * dt * max(STEPS, 2 * STEPS * zeta) / (2 * np.pi)))
+    a = contact_acceleration(view.motion.position, view.motion.velocity, gap, w, zeta, slowed, dt, substeps)
     return view.blur(a)[:, None]
 
 
