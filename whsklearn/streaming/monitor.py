@@ -326,6 +326,8 @@ class StreamMonitor:
             if row and self.carried.bad_run <= TOLD:
                 self._warn("clock_outlier", number, reason)
         elif what == "restart":
+            self._replace(number, self.carried.bad_run)  # the old clock says nothing more of these
+            self._end_of_bad_rows(number)
             self.carried.experiment += 1
             self.carried.time = -np.inf
             self._warn("clock_restart", number, reason)
