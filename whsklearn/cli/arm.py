@@ -142,7 +142,18 @@ def identify(options: dict[str, Any]) -> None:
 
 
 class ArmStream(NamedTuple):
-    """Inputs of ``stream`` for an arm: estimator, columns, factors to SI, joints, longest and usual time step."""
+    """Inputs of ``stream`` for an arm: estimator, columns, factors to SI, joints, longest and usual time step.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> from whsklearn import Arm
+    >>> from whsklearn.models import ArmModel, save_model
+    >>> table = ArmModel(Arm.from_dh([(0, 0, 0, 0)], inertial=[[0.0] * 9 + [0.05]]), {"joint1.Izz": 0.05}, dt=0.01)
+    >>> options = {"source": "-", "time_column": None, "joints": "joint1:q,tau", "gains": None, "forgetting": 1.0}
+    >>> with TemporaryDirectory() as folder:
+    ...     save_model(table, f"{folder}/model.json")
+    ...     arm_stream({"robot": f"{folder}/model.json", **options}).columns
+    ['q', 'tau']
+    """
 
     model: Any
     columns: list[str]

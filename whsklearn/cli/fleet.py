@@ -186,6 +186,12 @@ class Kept:
     """The finished rows of a fleet in ``OUT.part``, next to the table to be written, and in the same format.
 
     A row is reused if the settings (model, columns, share of the test) and the files of its axis have not changed.
+
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as made:
+    ...     kept = Kept(Path(made, "fleet.parquet"), "rls", Path(made), "axis")
+    ...     print(kept.path.name, kept.rows(["one"]))
+    fleet.parquet.part []
     """
 
     def __init__(self, out: Path, settings: str, folder: Path, axis: str):

@@ -41,6 +41,10 @@ class Summand(NamedTuple):
     """A summand of a covariance, shape (p, p), and the degrees of freedom with which it is known.
 
     ``walker`` is the number that a drift lets walk; -1 of any other summand.
+
+    >>> noise = Summand(np.diag([0.04, 0.01]), degrees=200.0)
+    >>> noise.walker, np.sqrt(np.diag(noise.covariance)).tolist()
+    (-1, [0.2, 0.1])
     """
 
     covariance: Array
@@ -67,7 +71,12 @@ def degrees_of(parts: Sequence[Summand], to: Array) -> float:
 
 @dataclass(frozen=True)
 class Estimate:
-    """Numbers of a record."""
+    """Numbers of a record.
+
+    >>> noise, drift = Summand(np.array([[9.0]]), 200.0), Summand(np.array([[16.0]]), 4.0)
+    >>> Estimate("monday.csv", np.array([1.0]), (noise, drift), left=0.1, drift={}).errors.tolist()
+    [5.0]
+    """
 
     label: str
     values: Array  # (p,)

@@ -43,7 +43,14 @@ N_GAINS = 61  # of the grid from which the best gain is sought: a tenth apart
 
 @dataclass(frozen=True)
 class Difference:
-    """The second estimate minus the first."""
+    """The second estimate minus the first.
+
+    >>> noise = (Summand(np.diag([1e-4, 1e-4]), 50.0),)
+    >>> first, second = (Estimate("log", np.array([inertia, 0.2]), noise, 0.1, {}) for inertia in (1.0, 1.3))
+    >>> d = Difference(("inertia", "viscous"), {}, first, second, first.values, first.errors, np.ones(2))
+    >>> d.values.round(2).tolist()
+    [0.3, 0.0]
+    """
 
     names: tuple[str, ...]  # names of the p numbers
     covers: dict[str, tuple[str, ...]]  # name -> names of numbers that change with it
@@ -95,7 +102,11 @@ class Difference:
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """One possible change."""
+    """One possible change.
+
+    >>> Hypothesis("coulomb", np.eye(3)[:, [1]]).basis.ravel().tolist()  # of three numbers the second alone
+    [0.0, 1.0, 0.0]
+    """
 
     name: str
     basis: Array  # (p, k): directions in which the numbers change
@@ -354,7 +365,12 @@ def changes_between(d: Difference, units: tuple[str, ...], alpha: float) -> list
 
 
 class ChangeFit(NamedTuple):
-    """The first numbers (p,), the step of one change (k,) with its covariance (k, k), and degrees of freedom."""
+    """The first numbers (p,), the step of one change (k,) with its covariance (k, k), and degrees of freedom.
+
+    >>> fit = ChangeFit(np.array([1.0]), np.array([0.3]), np.array([[1e-4]]), 20.0)
+    >>> float(fit.start[0] + fit.step[0]), float(np.sqrt(fit.covariance[0, 0]))  # after it, and its standard error
+    (1.3, 0.01)
+    """
 
     start: Array
     step: Array

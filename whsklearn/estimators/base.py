@@ -29,6 +29,12 @@ class AxisRegressor(RegressorMixin, CheckedModel):
     """Base of the estimators: ``predict`` is the free run, ``score`` is its R2.
 
     `FittedModel` holds its settings and learned attributes, `KeptModel` its state and files, `CheckedModel` its checks.
+
+    >>> from whsklearn import RLSRegressor
+    >>> X = np.arange(20.0).reshape(10, 2) % 7
+    >>> model = RLSRegressor().fit(X, X @ [1.0, -2.0])
+    >>> isinstance(model, AxisRegressor), model.predict(X[:2]).round(3), round(model.score(X, X @ [1.0, -2.0]), 3)
+    (True, array([-2., -4.]), 1.0)
     """
 
     _default_output = "simulation"  # of `predict`

@@ -32,7 +32,17 @@ INFERENCE = 20.0  # sharpness at which the covariance is taken, see `PEMRegresso
 
 
 class PredictionError:
-    """Residuals and Jacobian of one record, in the form that scipy.optimize.least_squares expects."""
+    """Residuals and Jacobian of one record, in the form that scipy.optimize.least_squares expects.
+
+    >>> from whsklearn import PEMRegressor
+    >>> from whsklearn.datasets import make_wiener_hammerstein
+    >>> X, y = make_wiener_hammerstein(n_samples=200, snr_db=40, random_state=0)
+    >>> model = PEMRegressor(WienerHammersteinLags(), n_starts=2, random_state=0).fit(X, y)
+    >>> restart = np.arange(200) == 0
+    >>> error = PredictionError(model._structure(), X, y, restart, np.random.default_rng(0))
+    >>> error.residuals(model._natural(), np.inf).shape, error.jacobian(model._natural(), np.inf).shape
+    ((200,), (200, 9))
+    """
 
     def __init__(
         self, s: wh.Structure, u: Array, y: Array, restart: Bools, rng: np.random.Generator,
@@ -123,6 +133,13 @@ class ChainRegressor(AxisRegressor):
     """A chain whose orders and law may be found by the fit; blocks may have direct paths.
 
     A subclass provides its natural vector and covariance, and reports in `_found_lags` what the fit found.
+
+    >>> from whsklearn import PEMRegressor
+    >>> from whsklearn.datasets import make_wiener_hammerstein
+    >>> X, y = make_wiener_hammerstein(n_samples=300, snr_db=40, random_state=0)
+    >>> model = PEMRegressor(criterion="simulation").fit(X, y)
+    >>> isinstance(model, ChainRegressor), model.structure_.n_b >= 1
+    (True, True)
     """
 
     _takes_direct_paths: ClassVar[bool] = True

@@ -34,7 +34,12 @@ WAVE = 3  # numbers stored per wave: the argument, its cosine and its sine
 
 @dataclass
 class Fragment:
-    """Statements, their variables and the expression of the result."""
+    """Statements, their variables and the expression of the result.
+
+    >>> twice = Fragment(["x = 2.0 * u;"], {"x": "double"}, "x + 1.0")
+    >>> twice.result
+    'x + 1.0'
+    """
 
     lines: list[str]
     variables: dict[str, str]
@@ -43,7 +48,14 @@ class Fragment:
 
 @dataclass
 class AxisCode:
-    """The input of a template for an axis."""
+    """The input of a template for an axis.
+
+    >>> from whsklearn import ServoAxis
+    >>> from whsklearn.export.languages import C
+    >>> code = axis_code(ServoAxis(0.05, law="viscous", sample_rate=500.0), C())
+    >>> code.dt, code.substeps, code.history, code.lags
+    (0.002, 20, 1, False)
+    """
 
     # reading, substep: the measured position as a function of the state; one fine step under the drive ``u`` at the
     # time ``t``
@@ -67,7 +79,14 @@ class AxisCode:
 
 
 class Law(NamedTuple):
-    """Effects of an axis in the form that its integrator takes."""
+    """Effects of an axis in the form that its integrator takes.
+
+    >>> from whsklearn.effects import Cogging
+    >>> plant = pack(ServoAxis(law="viscous,coulomb", effects=[Cogging(0.05, 12.0)]))
+    >>> law = arranged_law(plant.codes, plant.p, [])
+    >>> law.effects.tolist(), law.ends.plain  # their codes; how many are functions of the state alone
+    ([0, 1, 104], 3)
+    """
 
     effects: Any
     p: Any

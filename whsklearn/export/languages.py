@@ -44,6 +44,8 @@ class Set(NamedTuple):
 class If(NamedTuple):
     """Two ways.
 
+    Examples
+    --------
     >>> for line in rendered([If("u < 0.0", [Set("y", "0.0")], [Set("y", "u")])], C(), ""):
     ...     print(line)
     if (u < 0.0) {
@@ -60,14 +62,26 @@ class If(NamedTuple):
 
 @dataclass(frozen=True)
 class StateArray:
-    """An array of the generated code's state: element (i, j) is called ``name(i, j)``, empty if it is never read."""
+    """An array of the generated code's state: element (i, j) is called ``name(i, j)``, empty if it is never read.
+
+    Examples
+    --------
+    >>> StateArray(lambda i, j=0: f"s->x[{i}]").name(2)
+    's->x[2]'
+    """
 
     name: Callable[..., str]
 
 
 @dataclass(frozen=True)
 class OneOf:
-    """User-defined effects, called with the index of the function first, as in compiled kernels."""
+    """User-defined effects, called with the index of the function first, as in compiled kernels.
+
+    Examples
+    --------
+    >>> OneOf((abs, float)).functions[1](2)
+    2.0
+    """
 
     functions: tuple[Callable[..., float], ...]
 
@@ -129,6 +143,8 @@ _OPERATORS = {"Add": "+", "Sub": "-", "Mult": "*", "Div": "/", "Lt": "<", "LtE":
 class Language:
     """What `whsklearn.export.specialise.Specialiser` needs from a language.
 
+    Examples
+    --------
     >>> [language.truth(True) for language in (C(), StructuredText())]
     ['1', 'TRUE']
     """
@@ -177,6 +193,8 @@ class Language:
 class C(Language):
     """C99; ``real`` is ``double`` or ``float``.
 
+    Examples
+    --------
     >>> C("float").function("sin", ["q"]), C().number(-0.5)
     ('sinf(q)', '(-0.5)')
     """
@@ -216,6 +234,8 @@ class C(Language):
 class StructuredText(Language):
     """IEC 61131-3 Structured Text with LREAL numbers.
 
+    Examples
+    --------
     >>> StructuredText().function("sin", ["q"]), StructuredText().number(1e-9)
     ('SIN(q)', '1.0E-9')
     """

@@ -192,7 +192,7 @@ def _determined(model: AxisModel) -> AxisModel:
     inertia, unsure = numbers["inertia"], errors["inertia"]
     if not 2.0 * unsure < inertia:  # its interval holds zero
         raise ValueError(f"Its inertia would be {inertia:.2g} with a standard error of {unsure:.2g}.")
-    if errors.get("gravity_imbalance__phase", 0.0) > 1.0:
+    if errors.get("gravity_imbalance__phase", 0.0) > 1.0:  # rad
         raise ValueError("On which side the weight is cannot be told, so the axis without it is equivalent.")
     return model
 

@@ -40,6 +40,11 @@ class Verdict(NamedTuple):
     """The class of a row (``row``, ``bad``, ``restart`` or ``repeated``), with its line number and a reason.
 
     ``missed``: rows that, by the stamps, are missing between a ``row`` and the one before it.
+
+    Examples
+    --------
+    >>> Verdict("bad", 7, [0.3, 1.0], "time 0.3 after 0.4").what
+    'bad'
     """
 
     what: str
