@@ -17,6 +17,7 @@ from whsklearn.effects import PLACES, Effect, LoadSideViscous, base
 from whsklearn.effects.chain import CHAIN_FORMS
 from whsklearn.gap.plants.arm_terms import ALONG_TWO, at_a_joint
 from whsklearn.plot import EffectDisplay
+from whsklearn.systems.arm import BETWEEN
 
 
 def catalogued() -> list[type[Effect]]:
@@ -77,8 +78,8 @@ def forget_own(gallery_conf, fname):
 
 def at_a_joint_of_an_arm(cls: type[Effect]) -> str:
     """Whether `Arm` simulates the effect there, and whether `gap` names it."""
-    if cls.port == "block":
-        return "no, as it splits the joint in two"
+    if cls.port == "block" and not issubclass(cls, BETWEEN):
+        return "no"
     if cls.name not in {c.name for c in at_a_joint()}:
         return "simulated, not named by ``gap``"
     both = ", also along two joints that one gear turns" if cls.name in ALONG_TWO else ""

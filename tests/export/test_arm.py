@@ -11,9 +11,11 @@ from tests.systems.drawn_arms import drawn_arm
 from whsklearn import Arm
 from whsklearn.datasets import default_arm, make_arm_log
 from whsklearn.effects import (
+    Backlash,
     Cogging,
     Coulomb,
     InputOffset,
+    LoadSideViscous,
     Viscous,
 )
 from whsklearn.export import export_model
@@ -67,6 +69,23 @@ def test_mujoco_replays_an_identified_arm_beside_its_log(tmp_path):
         data.ctrl[:] = u[k]
         mujoco.mj_step(model, data, steps)
     assert np.sqrt(np.mean(np.square(error), axis=0)) == pytest.approx(0.0, abs=0.05 * q.std())
+
+
+END = {"mjcf": "xml", "urdf": "urdf", "c": "c"}
+
+
+@pytest.mark.parametrize("to", END)
+def test_a_play_is_told_and_the_friction_behind_it_is_held_at_the_closed_joint(to, tmp_path):
+    arm = dataclasses.replace(drawn_arm(2, 0, gravity=(0, 0, -9.81)), armature=[0.1, 0.2])
+    loose = arm.with_effects({"j1": [Viscous(0.1), Backlash(0.02, load_coulomb=0.7), LoadSideViscous(0.2)]})
+    closed = arm.with_effects({"j1": [Viscous(0.1), Coulomb(0.7), Viscous(0.2)]})
+    both = [export_model(a, to=to, out=tmp_path / f"{i}.{END[to]}") for i, a in enumerate((loose, closed))]
+    more = [str(loss) for loss in both[0].losses if loss not in both[1].losses]
+    assert len(more) == 1
+    assert more[0].startswith("j1's backlash (gap 0.02 rad")
+    if to != "c":
+        one, two = (Arm.from_file(done.paths[0]).inverse_dynamics(*arm.drawn_motion(5)) for done in both)
+        np.testing.assert_array_equal(one, two)
 
 
 def test_what_a_file_does_not_hold_is_told_by_joint(tmp_path):

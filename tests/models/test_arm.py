@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.systems.drawn_arms import drawn_arm
-from whsklearn.effects import Cogging, LuGre, Viscous, as_law
+from whsklearn.effects import Backlash, Cogging, LoadSideViscous, LuGre, Viscous, as_law
 from whsklearn.models import ArmModel, AxisModel, as_arm, load_model, save_model
 
 ARM = drawn_arm(3, 0).with_effects({"j1": (LuGre(0.2), Cogging(0.1, 6.0)), "j0-j2": [Viscous(0.3)]})
@@ -27,6 +27,17 @@ def test_a_file_gives_the_same_arm_again(tmp_path):
     assert (again.parameters, again.dt, again.standard_errors) == (model.parameters, 0.002, {"j1.mx": 0.1})
     assert again.parameter_units == {"j1.mx": "kg m", "j1.coulomb": "Nm"}
     assert as_arm(tmp_path / "arm.json").joints == ARM.joints
+
+
+def test_a_play_at_a_joint_is_in_the_file_and_moves_as_before(tmp_path):
+    arm = dataclasses.replace(ARM, armature=[0.1, 0.2, 0.1])
+    loose = arm.with_effects({"j1": [Backlash(0.02, 0.4, load_coulomb=0.1), LoadSideViscous(0.1)]})
+    save_model(ArmModel(loose, dt=0.002, logged="position"), tmp_path / "arm.json")
+    drive = np.sin(np.arange(400)[:, None] / 40 * np.arange(1, 4))
+    again, rigid = load_model(tmp_path / "arm.json"), ArmModel(arm, dt=0.002, logged="position")
+    assert again.arm.effects == loose.effects
+    np.testing.assert_array_equal(again.simulate(drive), ArmModel(loose, dt=0.002, logged="position").simulate(drive))
+    assert np.abs(again.simulate(drive) - rigid.simulate(drive)).max() > 1e-3
 
 
 def test_it_simulates_from_where_it_stands():

@@ -9,7 +9,7 @@ import pytest
 
 from tests.systems.drawn_arms import drawn_arm, drawn_body
 from whsklearn import Arm, ServoAxis
-from whsklearn.effects import Backlash, Cogging, Coulomb, Viscous
+from whsklearn.effects import Backlash, ChainPlay, Cogging, Coulomb, LoadSideViscous, Viscous
 from whsklearn.systems import PIDController
 from whsklearn.systems.arm_files import body_numbers
 
@@ -47,6 +47,13 @@ def test_friction_is_paid_for_unless_it_is_left_out():
     np.testing.assert_allclose(paid, np.column_stack([0 * v[:, 0], 0.7 * np.sign(v[:, 1])]), atol=1e-12)
 
 
+def test_a_play_is_closed_in_inverse_dynamics_and_friction_behind_it_is_paid_for():
+    arm = dataclasses.replace(drawn_arm(2, 0), armature=[0.1, 0.2])
+    motion, rigid = arm.drawn_motion(10), arm.with_effects({"j1": [Coulomb(0.7), Viscous(0.2)]})
+    loose = arm.with_effects({"j1": [Backlash(0.1, load_coulomb=0.7), LoadSideViscous(0.2)]})
+    np.testing.assert_allclose(loose.inverse_dynamics(*motion), rigid.inverse_dynamics(*motion), atol=1e-12)
+
+
 def test_the_motors_inertia_adds_to_the_mass_matrix():
     arm = drawn_arm(3, 0)
     geared = dataclasses.replace(arm, armature=[0.1, 0.2, 0.3])
@@ -63,7 +70,9 @@ def test_the_motors_inertia_adds_to_the_mass_matrix():
         ({"places": np.zeros((3, 3))}, "expected \\(2, 3\\)"),
         ({"gravity": [0, 0, np.nan]}, "finite numbers"),
         ({"effects": {"nobody": Coulomb(0.1)}}, "'nobody' is neither a joint nor a sum"),
-        ({"effects": [[Backlash(0.1)], []]}, "splits a joint in two"),
+        ({"effects": [[Backlash(0.1)], []]}, "'j0' has no motor of its own: expected a joint with an armature"),
+        ({"effects": {"j0+j1": Backlash(0.1)}, "sum_armature": {"j0+j1": 0.1}}, "'j0\\+j1' has no motor of its own"),
+        ({"effects": [[ChainPlay(0.1)], []]}, "acts in a chain of blocks"),
         ({"effects": [["coulomb"], []]}, "is not an effect"),
     ],
 )

@@ -9,7 +9,18 @@ import pytest
 
 from tests.systems.drawn_arms import drawn_arm, drawn_mjcf
 from whsklearn import Arm, ServoAxis
-from whsklearn.effects import Cogging, Coulomb, InputDelay, LuGre, Saturation, Viscous
+from whsklearn.effects import (
+    Backlash,
+    CableSpring,
+    Cogging,
+    Coulomb,
+    FlexibleCoupling,
+    InputDelay,
+    LoadSideViscous,
+    LuGre,
+    Saturation,
+    Viscous,
+)
 from whsklearn.export.robots import arm_mjcf
 from whsklearn.systems import PIDController
 
@@ -132,6 +143,105 @@ def test_one_joint_is_a_servo_axis(effects):
     here = arm.simulate_drive(drive[:, None])
     assert np.ptp(there.true_position) > 0.1
     assert np.abs(here.true_position[:, 0] - there.true_position).max() < 2e-3 * np.ptp(there.true_position)
+
+
+# --- a motor apart from its link ------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("effects", "near"),
+    [
+        ((Viscous(0.1), Backlash(0.02, 0.6)), 1e-6),
+        ((Viscous(0.1), LoadSideViscous(0.05), CableSpring(0.3, 0.1), Backlash(0.05, 0.6, 30.0, 0.1)), 1e-6),
+        ((Viscous(0.1), LuGre(0.1), Backlash(0.02, 0.6)), 1e-6),
+        ((Viscous(0.1), FlexibleCoupling(0.002, 0.6)), 1e-6),
+        ((Viscous(0.1), Backlash(0.05, 0.6, load_coulomb=0.1)), 2e-3),
+    ],
+)
+def test_one_joint_with_a_play_is_a_servo_axis_with_it(effects, near):
+    drive = 0.6 * np.sin(np.arange(3000) / 1000 * 7)
+    axis = ServoAxis(0.05, [Viscous(0.1)], effects[1:], friction="tanh", substeps=10)
+    there = axis.simulate_drive(drive, noise=False)
+    here = dataclasses.replace(one_joint(), inertial=0.6 * ONE, armature=[0.02], effects=[effects])
+    here = here.simulate_drive(drive[:, None])
+    span = np.ptp(there.true_position)
+    assert np.abs(there.true_position - there.load_position).max() > 5e-4
+    assert np.abs(here.true_position[:, 0] - there.true_position).max() < near * span
+    assert np.abs(here.link_position[:, 0] - there.load_position).max() < near * span
+
+
+def loose(gap, seed=2, **contact):
+    """Three joints without friction; between the second motor and its link lies a play."""
+    arm = dataclasses.replace(drawn_arm(3, seed, gravity=(0, 0, 0)), armature=[0.1, 0.2, 0.1])
+    return arm.with_effects({"j1": Backlash(gap, **contact)})
+
+
+@pytest.mark.parametrize("seed", [2, 4, 7])
+def test_energy_is_kept_across_a_play_whose_contact_has_no_damper(seed):
+    """The other joints feel the contact, too, or the energy of all would change."""
+    gap, rigid = 0.05, dataclasses.replace(loose(0.0, seed), armature=[0.1, 0.0, 0.1], effects=())
+    contact = loose(gap, seed, frequency=20.0, damping_ratio=0.0)
+    start = np.random.default_rng(0).normal(size=(2, 3))
+    how = {"position": [start[0]], "velocity": [start[1]], "link_velocity": [start[1] * [1.0, 0.2, 1.0]]}
+    record = contact.simulate_drive(np.zeros((2000, 3)), link_position=[start[0]], substeps=20, **how)
+    twist = (record.true_position - record.link_position)[:, 1]
+    beyond = np.maximum(np.abs(twist) - gap / 2, 0.0)
+    stiff = 0.2 * 0.5 * (2 * np.pi * 20.0) ** 2
+    v = record.link_velocity
+    energy = 0.5 * np.einsum("ti,tij,tj->t", v, rigid.mass_matrix(record.link_position), v)
+    energy += 0.5 * 0.2 * record.velocity[:, 1] ** 2 + 0.5 * stiff * beyond**2
+    assert np.count_nonzero(np.diff(np.sign(twist)) != 0) >= 4, "it crosses the play"
+    assert beyond.max() > 1e-3
+    assert np.ptp(energy) < 0.01 * energy[0]
+
+
+def test_a_damped_contact_takes_energy_and_ends_in_contact_or_at_rest_within_the_play():
+    arm = loose(0.05, frequency=60.0, damping_ratio=0.5)
+    record = arm.simulate_drive(np.zeros((3000, 3)), velocity=[[0.0, 2.0, 0.0]], position=[[0.0] * 3], substeps=20)
+    twist = (record.true_position - record.link_position)[:, 1]
+    assert np.abs(twist).max() < 0.05 / 2 + 0.02
+    slip = (record.velocity - record.link_velocity)[:, 1]
+    assert np.abs(slip[-200:]).max() < 0.5 * np.abs(slip[:200]).max()
+
+
+def test_a_play_of_no_width_is_a_rigid_joint_and_a_narrow_one_nearly():
+    drive = np.sin(np.arange(600)[:, None] / 50 * np.arange(1, 4))
+    rigid = dataclasses.replace(loose(0.0), effects=()).simulate_drive(drive).true_position
+    np.testing.assert_array_equal(loose(0.0).simulate_drive(drive).true_position, rigid)
+    errors = [
+        np.abs(loose(gap, frequency=500.0, damping_ratio=1.0).simulate_drive(drive).true_position - rigid).max()
+        for gap in (0.02, 0.002, 2e-4)
+    ]
+    assert errors[0] > 3 * errors[1] > 9 * errors[2]
+    assert errors[2] < 2e-4, "the width"
+
+
+@pytest.mark.parametrize(("seed", "damping", "ratio"), [(2, 0.3, 4.0), (4, 0.3, 4.0), (2, 0.0, 16.0), (4, 0.0, 16.0)])
+def test_an_eighth_of_the_step_lessens_the_error_of_a_play(seed, damping, ratio):
+    """In proportion where a damper acts at once, else in proportion to its square; where a contact begins, it jumps."""
+    arm = loose(0.03, seed, frequency=30.0, damping_ratio=damping)
+    drive = 3.0 * np.sin(np.arange(300)[:, None] / 50 * np.arange(1, 4))
+    fine, part, whole = (arm.simulate_drive(drive, substeps=s).true_position for s in (640, 80, 10))
+    errors = [np.abs(x - fine).max() for x in (part, whole)]
+    assert errors[1] / errors[0] > ratio
+
+
+@pytest.mark.parametrize("substeps", [1, 4, 10])
+def test_a_stiff_contact_stays_finite_with_coarse_steps(substeps):
+    arm = loose(1e-3, frequency=1000.0, damping_ratio=1.5)
+    record = arm.simulate_drive(5.0 * np.sin(np.arange(2000)[:, None] / 50 * np.arange(1, 4)), substeps=substeps)
+    assert np.abs(record.true_position - record.link_position).max() < 5e-3
+
+
+def test_a_replay_begins_with_the_links_where_they_are_and_they_keep_their_place_behind_their_motors():
+    arm = loose(0.05)
+    drive = 3.0 * np.sin(np.arange(600)[:, None] / 50 * np.arange(1, 4))
+    record = arm.simulate_drive(drive)
+    at = {"position": record.true_position, "velocity": record.velocity}
+    links = {"link_position": record.link_position, "link_velocity": record.link_velocity}
+    kept, known = (arm.simulate_drive(drive, **at, **more, resync=0.1) for more in ({}, links))
+    np.testing.assert_allclose(kept.true_position, record.true_position, atol=1e-9)
+    np.testing.assert_allclose(known.true_position, record.true_position, atol=1e-9)
+    off = arm.simulate_drive(drive, **at, link_position=record.link_position + 0.01, resync=0.1)
+    assert np.abs(off.true_position - record.true_position).max() > 1e-5
 
 
 def test_a_joint_that_friction_holds_stays():

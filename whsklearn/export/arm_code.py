@@ -23,7 +23,7 @@ from whsklearn.export.model import Loss, losses_of
 from whsklearn.export.specialise import Specialiser
 from whsklearn.systems import _arm_kernels as kernels
 from whsklearn.systems._servo_kernel import plant_of
-from whsklearn.systems.arm import Arm
+from whsklearn.systems.arm import Arm, closed
 
 _UNKNOWN = "it needs more than position, velocity and acceleration"
 
@@ -115,7 +115,7 @@ def _along(direction: Any, signal: Any) -> Any:
 
 def _with_effects(work: Specialiser, acting: Any, position: Any, velocity: Any, asked: Any) -> Any:
     """The torque required by the effects of an axis."""
-    there = [e for e in acting if e.magnitude != e.neutral]
+    there = [e for e in closed(acting) if e.magnitude != e.neutral]
     rest = Bunch(position=np.zeros(1), velocity=np.zeros(1))
     asked = asked + sum(float(e.contribution(rest)[0]) for e in there if e.code == codes.INPUT_OFFSET)
     driven = [e for e in there if e.code == codes.LOAD_FRICTION]

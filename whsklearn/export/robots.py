@@ -28,7 +28,7 @@ from whsklearn.export.model import (
 )
 from whsklearn.logs.files import atomic_write
 from whsklearn.systems._servo_kernel import body_of, chain_of
-from whsklearn.systems.arm import Arm
+from whsklearn.systems.arm import BETWEEN, Arm, closed
 from whsklearn.systems.arm_files import inertia_matrix
 from whsklearn.systems.servo import ServoAxis, pack
 
@@ -368,11 +368,12 @@ def _passive(name: str, acting: Iterable[Effect], reason: str, slides: bool = Fa
     """Damping and dry friction, with a loss for each other effect and for negative values, which no format accepts."""
     sizes = dict.fromkeys(HELD, 0.0)
     lost = []
-    for e in acting:
+    for e in closed(acting):
         if e.name in HELD and e.magnitude >= 0.0:
             sizes[e.name] += e.magnitude
         elif e.magnitude != e.neutral:
             lost.append(e)
+    lost += [e for e in acting if isinstance(e, BETWEEN) and e.magnitude != e.neutral]
     told = []
     for x in losses_of(lost, reason):
         size = x.size.replace("Nm", "N").replace("rad", "m") if slides else x.size

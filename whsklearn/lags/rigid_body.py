@@ -360,12 +360,19 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         check_is_fitted(self, "base_")
         return np.array(self.base_.names, dtype=object)
 
-    def interpret(self, theta: ArrayLike, covariance: ArrayLike | None = None, *, physical: bool = True) -> Arm:
+    def interpret(
+        self,
+        theta: ArrayLike,
+        covariance: ArrayLike | None = None,
+        *,
+        physical: bool = True,
+        motors: Mapping[str, float] | None = None,
+    ) -> Arm:
         """The arm with these weights: physically consistent links close to the file's, motor inertias and effects.
 
         ``theta`` (n_columns,): the weights. ``covariance`` (n_columns, n_columns): weights the deviations when links
         are made physically consistent. ``physical``: False keeps exactly these weights, whether or not a real body can
-        have such parameters; the motion is the same.
+        have such parameters; the motion is the same. ``motors``: inertias of motors that are known, if physical.
         """
         check_is_fitted(self, "base_")
         theta = np.asarray(theta, dtype=float)
@@ -376,11 +383,11 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         bare = dataclasses.replace(self.arm_, effects=[()] * n, sums={}, sum_armature={})
         effects, at = {}, (N_BODY + 1) * n
         if physical:
-            arm = bare.consistent(self.base_, theta, covariance)
+            arm = bare.consistent(self.base_, theta, covariance, motors)
             full[self.base_.kept] = self._beside(arm, theta, covariance)
         else:
-            links, motors = full[: N_BODY * n].reshape(n, N_BODY), full[N_BODY * n : at]
-            arm = dataclasses.replace(bare, inertial=links, armature=motors)
+            links, armature = full[: N_BODY * n].reshape(n, N_BODY), full[N_BODY * n : at]
+            arm = dataclasses.replace(bare, inertial=links, armature=armature)
         turned = np.maximum(full[at : at + len(sums)], 0.0) if physical else full[at : at + len(sums)]
         arm = dataclasses.replace(arm, sum_armature=dict(zip(sums, turned.tolist(), strict=True)))
         at += len(sums)

@@ -27,6 +27,7 @@ from whsklearn.systems._servo_kernel import (
     added_inertia,
     advance_memories,
     arranged,
+    body_of,
     chain_of,
     control,
     effective,
@@ -246,8 +247,12 @@ def _mass(out, links, inertial, q, rest, work):
 # Half a drift, a kick, half a drift, as for an axis (`whsklearn.systems._servo_kernel`); the kick solves for all joints
 # at once, linearly implicit in each joint's friction.  sign(v) is tanh(v / smoothing), and the torque that it
 # multiplies is divided by v rather than differentiated: a step can bring a joint to rest but not throw it backwards.
-N_SIGNALS = 4
-DRIVE, MEASURED, POSITION, VELOCITY = range(N_SIGNALS)  # rows of a simulated record
+# Where a joint has a play or a spring, its motor moves apart from its link.  The push between them depends on the
+# accelerations of both at the end of the step: that of the motor is eliminated, that of the link goes into the mass
+# matrix, so that a stiff contact is stable beside all other joints.
+N_SIGNALS = 6
+DRIVE, MEASURED, POSITION, VELOCITY, LINK, LINK_VELOCITY = range(N_SIGNALS)  # rows of a simulated record
+MOTOR, STIFFNESS, DAMPING, GAP, DRY, FIRM, PUSH, SIDE = range(8)  # of a joint whose motor moves apart; PUSH, see `push`
 
 
 class Axes(NamedTuple):
@@ -260,15 +265,17 @@ class Axes(NamedTuple):
     p: Any
     own: Any
     first: Any
-    parts: Any  # of a servo axis (m, 12): limit, resolution, sharpness of sign(v)
-    armature: Any
+    # of a servo axis (m, 12): limit, resolution, sharpness of sign(v), and the inertia that a play or a spring divides
+    parts: Any
+    armature: Any  # (m,): of motors that move with their links
     direction: Any  # (m, n)
 
 
 class PassInput(NamedTuple):
     """The input of a pass: sample time, fine steps per sample, whether the controllers write the drive, samples between
-    returns to ``measured`` (2, n, n_samples; 0: none); ``reference`` (3, n, n_samples), ``feed`` (n, n_samples) added
-    to the output of the controllers, ``noise`` (n, n_samples) of the encoders, ``controllers`` (n, 8).
+    returns to ``measured`` (2 or 4, n, n_samples; 0: none), whose last two rows are links that are known; ``reference``
+    (3, n, n_samples), ``feed`` (n, n_samples) added to the output of the controllers, ``noise`` (n, n_samples) of the
+    encoders, ``controllers`` (n, 8).
     """
 
     sample_time: float
@@ -327,64 +334,142 @@ def along(direction, x):
 
 
 @part
-def fine_step(links, inertial, axes, ends, z, state, u, t, h, space):
-    """Move ``state`` (2, n) by h under the drives u (n,); ``space`` holds a `Work`, rest, right and mass."""
-    work, rest, right, mass = space
-    q, v = state
-    for j in range(rest.size):
+def implicit(slope, inertia, h):
+    """What a linearly implicit step adds to an inertia: the midpoint rule if it resolves the slope, otherwise Euler."""
+    give = h * max(slope, 0.0)
+    return 0.5 * give if give < 0.5 * inertia else give
+
+
+@part
+def push(own, ahead, slip, free, h):
+    """What pushes a link that its motor would meet ``ahead`` at mid-step: PUSH - FIRM times the link's acceleration.
+
+    ``free`` is the acceleration of the motor alone, MOTOR its inertia with implicit friction.  The push is that of
+    `whsklearn.effects.transmission.coupling_torque`, without the link's own acceleration.
+    """
+    own[FIRM] = own[PUSH] = own[SIDE] = 0.0
+    if own[GAP] > 0.0:
+        if abs(ahead) <= 0.5 * own[GAP]:
+            return
+        own[SIDE] = 1.0 if ahead > 0.0 else -1.0
+    spring = 0.5 * h * (0.5 * h * own[STIFFNESS] + own[DAMPING])
+    share = 1.0 / (1.0 + spring / own[MOTOR])
+    own[FIRM] = share * spring
+    own[PUSH] = share * (own[STIFFNESS] * (ahead - 0.5 * own[SIDE] * own[GAP]) + own[DAMPING] * slip + spring * free)
+
+
+@part
+def fine_step(links, inertial, axes, ends, z, state, apart, u, t, h, space):
+    """Move ``state`` (4, n), links and then motors, by h under the drives u (n,).
+
+    ``apart`` (n, 8) are the joints whose motor moves apart from its link (MOTOR 0: with it); ``space`` holds a `Work`,
+    rest, right, mass and copies of both.
+    """
+    work, rest, right, mass, right_too, mass_too = space
+    q, v, x, w = state
+    n, split = rest.size, False
+    for j in range(n):
         q[j] += 0.5 * h * v[j]
+        split |= apart[j, MOTOR] > 0.0
     move(links, q, v, rest, work)
     right[:] = 0.0
     pay(links, inertial, work, right)
     weigh(links, inertial, work, mass)
     middle = t + 0.5 * h
-    for j in range(rest.size):
-        right[j] = u[j] - right[j]
+    for j in range(n):
+        right[j] = (0.0 if apart[j, MOTOR] > 0.0 else u[j]) - right[j]
     for k in range(axes.armature.size):
         d = axes.direction[k]
-        x, speed, drive = along(d, q), along(d, v), along(d, u)
+        two = k < n and apart[k, MOTOR] > 0.0
+        drive, sharp = along(d, u), axes.parts[k, 1]
+        if two:
+            x[k] += 0.5 * h * w[k]
+            place, speed = x[k], w[k]
+        else:
+            place, speed = along(d, q), along(d, v)
         part_of = slice(axes.first[k], axes.first[k + 1])
         codes, p, zk, e = axes.codes[part_of], axes.p[part_of], z[part_of], ends_of(ends, k)
         if e.memory > e.own:
             advance_memories(codes, p, e, zk, 0.5 * h * speed, speed)
-        sharp = axes.parts[k, 1]
         s, ds = smooth_sign(speed, sharp)
-        smooth, at_rest = torque_at(codes, p, axes.own, e, zk, middle, x, speed, 0.0, 0.0, drive)
-        whole, slope = torque_at(codes, p, axes.own, e, zk, middle, x, speed, s, ds, drive)
+        smooth, at_rest = torque_at(codes, p, axes.own, e, zk, middle, place, speed, 0.0, 0.0, drive)
+        whole, slope = torque_at(codes, p, axes.own, e, zk, middle, place, speed, s, ds, drive)
         if abs(speed) * sharp > 1e-6:
             slope = at_rest + max((whole - smooth) / speed, 0.0)
-        paid = whole + load_sum(codes, p, e, middle, x, speed)
-        own = 0.0
-        for i in range(rest.size):
+        if two:
+            own, motor = apart[k], axes.armature[k]
+            own[MOTOR] = motor + implicit(slope, motor, h)
+            s, ds = smooth_sign(v[k], sharp)
+            mass[k, k] += added_inertia(p, e, middle)
+            dry = own[DRY] * (s / v[k] if abs(v[k]) * sharp > 1e-6 else ds)
+            mass[k, k] += implicit(dry, mass[k, k], h)
+            right[k] -= load_sum(codes, p, e, middle, q[k], v[k]) + own[DRY] * s
+            push(own, x[k] - q[k], w[k] - v[k], (drive - whole) / own[MOTOR], h)
+            mass[k, k] += own[FIRM]
+            right[k] += own[PUSH]
+            w[k] += h * (drive - whole) / own[MOTOR]
+            continue
+        paid = whole + load_sum(codes, p, e, middle, place, speed)
+        total = 0.0
+        for i in range(n):
             right[i] -= d[i] * paid
-            own += d[i] * d[i] * mass[i, i]
+            total += d[i] * d[i] * mass[i, i]
         added = axes.armature[k] + added_inertia(p, e, middle)
-        give = h * max(slope, 0.0)
-        added += 0.5 * give if give < 0.5 * (own + added) else give
-        for i in range(rest.size):
-            for j in range(rest.size):
+        added += implicit(slope, total + added, h)
+        for i in range(n):
+            for j in range(n):
                 mass[i, j] += added * d[i] * d[j]
-    solve(mass, right)
-    for j in range(rest.size):
+    if split:
+        settle(apart, right, mass, right_too, mass_too)
+    else:
+        solve(mass, right)
+    for j in range(n):
         v[j] += h * right[j]
         q[j] += 0.5 * h * v[j]
+        if apart[j, MOTOR] > 0.0:
+            w[j] -= h * (apart[j, PUSH] - apart[j, FIRM] * right[j]) / apart[j, MOTOR]
+            x[j] += 0.5 * h * w[j]
+        else:
+            x[j], w[j] = q[j], v[j]
     for k in range(axes.armature.size):
         if axes.first[k + 1] > axes.first[k] and ends[k, 2] > ends[k, 1]:
-            z[axes.first[k] + ends[k, 1], AHEAD] = 0.5 * h * along(axes.direction[k], v)
+            speed = w[k] if k < n else along(axes.direction[k], v)
+            z[axes.first[k] + ends[k, 1], AHEAD] = 0.5 * h * speed
+
+
+@part
+def settle(apart, right, mass, right_too, mass_too):
+    """Solve for the accelerations; a contact that would pull does not act, and they are solved for again."""
+    right_too[:], mass_too[:] = right, mass
+    solve(mass, right)
+    for _ in range(right.size):
+        again = False
+        for j in range(right.size):
+            own = apart[j]
+            if own[SIDE] * (own[PUSH] - own[FIRM] * right[j]) < 0.0:
+                mass_too[j, j] -= own[FIRM]
+                right_too[j] -= own[PUSH]
+                own[FIRM] = own[PUSH] = own[SIDE] = 0.0
+                again = True
+        if not again:
+            return
+        right[:], mass[:] = right_too, mass_too
+        solve(mass, right)
 
 
 @njit(nogil=True, error_model="numpy")
 def run(out, links, inertial, axes, course, state):
-    """Fill ``out`` (4, n, n_samples) with drive, measured and true position, velocity, from ``state`` (2, n).
+    """Fill ``out`` (6, n, n_samples) with drive, measured and true position, velocity, and those of the links.
 
+    ``state`` (4, n): position and velocity of links and then of motors, at which encoders and controllers are.
     In open loop row 0 of ``out`` is the drive as logged.
     """
     n, dt, substeps = links.parent.size, course.sample_time, course.substeps
-    space = room(n), np.zeros(n), np.zeros(n), np.zeros((n, n))
+    space = room(n), np.zeros(n), np.zeros(n), np.zeros((n, n)), np.zeros(n), np.zeros((n, n))
     m = axes.armature.size
     ends = np.zeros((m, 6), dtype=np.int64)
     chain, lag, memory = np.zeros((n, 5)), np.zeros((n, 2)), np.zeros((n, 3))
-    lattice, u = np.zeros(n), np.zeros(n)
+    lattice, u, apart = np.zeros(n), np.zeros(n), np.zeros((n, 8))
     first = np.zeros((n, substeps), dtype=np.int64)
     weight = np.zeros((n, substeps))
     z = np.zeros((axes.codes.size + 1, N_STATES + 1))
@@ -394,6 +479,11 @@ def run(out, links, inertial, axes, course, state):
             plant = AxisNumbers(axes.codes[rows], axes.p[rows], axes.parts[j], axes.own)
             c = chain_of(plant)
             lattice[j] = lattice_of(plant)[0]
+            body = body_of(plant)
+            if body.share > 0.0:
+                apart[j, MOTOR] = axes.armature[j]
+                apart[j, STIFFNESS], apart[j, DAMPING], apart[j, GAP] = body.stiffness, body.damping, body.gap
+                apart[j, DRY] = body.dry
             chain[j, 0], chain[j, 1], chain[j, 2], chain[j, 3], chain[j, 4] = c
             first[j], weight[j] = hold_weights(c.delay / dt, substeps, False)
             lag[j] = 0.0 if course.closed else out[DRIVE, j, 0]
@@ -401,7 +491,7 @@ def run(out, links, inertial, axes, course, state):
         ends[j, 0], ends[j, 1], ends[j, 2], ends[j, 3], ends[j, 4], ends[j, 5] = e
         axes.codes[axes.first[j] : axes.first[j] + codes.size] = codes
         axes.p[axes.first[j] : axes.first[j] + codes.size] = p
-    prepared = ends, chain, lag, memory, lattice, u, first, weight, z
+    prepared = ends, chain, lag, memory, lattice, u, first, weight, z, apart
     _pass(out, links, inertial, axes, course, state, space, prepared)
 
 
@@ -409,16 +499,20 @@ def run(out, links, inertial, axes, course, state):
 def _pass(out, links, inertial, axes, course, state, space, prepared):
     """The pass itself, on borrowed arrays whose owners live in `run`."""
     out, links, inertial, axes, course, state, space = borrowed((out, links, inertial, axes, course, state, space))
-    ends, chain, lag, memory, lattice, u, first, weight, z = borrowed(prepared)
+    ends, chain, lag, memory, lattice, u, first, weight, z, apart = borrowed(prepared)
     n, dt, substeps = links.parent.size, course.sample_time, course.substeps
     h = dt / substeps
     for k in range(out.shape[2]):
         t = k * dt
         if course.every > 0 and k % course.every == 0:
-            state[0], state[1] = course.measured[0, :, k], course.measured[1, :, k]
+            for i in range(2):  # a link keeps its place behind its motor, unless it is known
+                state[i] += course.measured[i, :, k] - state[2 + i]
+                state[2 + i] = course.measured[i, :, k]
+                if course.measured.shape[0] > 2:
+                    state[i] = course.measured[2 + i, :, k]
         for j in range(n):
             rows = slice(axes.first[j], axes.first[j + 1])
-            y = read(axes.codes[rows], axes.p[rows], axes.own, ends_of(ends, j), t, state[0, j])
+            y = read(axes.codes[rows], axes.p[rows], axes.own, ends_of(ends, j), t, state[2, j])
             if course.noise.size > 0:
                 y += course.noise[j, k]
             if lattice[j] > 0.0:
@@ -426,11 +520,12 @@ def _pass(out, links, inertial, axes, course, state, space, prepared):
             if course.closed:
                 asked = control(course.controllers[j], memory[j], course.reference[:, j], k, y, dt)
                 out[DRIVE, j, k] = asked + course.feed[j, k]
-            out[MEASURED, j, k], out[POSITION, j, k], out[VELOCITY, j, k] = y, state[0, j], state[1, j]
+            out[MEASURED, j, k], out[POSITION, j, k], out[VELOCITY, j, k] = y, state[2, j], state[3, j]
+            out[LINK, j, k], out[LINK_VELOCITY, j, k] = state[0, j], state[1, j]
         for i in range(substeps):
             for j in range(n):
                 before = 0.0 if course.closed else out[DRIVE, j, 0]
                 asked = held(out[DRIVE, j], k + first[j, i], weight[j, i], before)
                 c = DriveStage(chain[j, 0], chain[j, 1], chain[j, 2], chain[j, 3], chain[j, 4])
                 u[j], lag[j, 0], lag[j, 1] = effective(c, asked, lag[j, 0], lag[j, 1], h)
-            fine_step(links, inertial, axes, ends, z, state, u, t + i * h, h, space)
+            fine_step(links, inertial, axes, ends, z, state, apart, u, t + i * h, h, space)

@@ -18,10 +18,21 @@ import numpy as np
 from numpy.typing import ArrayLike
 from sklearn.utils import Bunch
 
-from whsklearn.effects import Effect, effect_names, get_effect
+from whsklearn.effects import (
+    Backlash,
+    Coulomb,
+    Effect,
+    FlexibleCoupling,
+    LoadSideViscous,
+    Viscous,
+    effect_names,
+    get_effect,
+)
 from whsklearn.effects.base import Array
 from whsklearn.systems._arm_kernels import (
     DRIVE,
+    LINK,
+    LINK_VELOCITY,
     MEASURED,
     N_BODY,
     N_SIGNALS,
@@ -35,13 +46,14 @@ from whsklearn.systems._arm_kernels import (
     fill_torque,
     run,
 )
-from whsklearn.systems._servo_kernel import KAPPA, LIMIT, N_PARTS, RESOLUTION, plant_of
+from whsklearn.systems._servo_kernel import INERTIA, KAPPA, LIMIT, N_PARTS, RESOLUTION, plant_of
 from whsklearn.systems.arm_files import STANDARD_GRAVITY, across, body_numbers, dh_fields, file_fields
 from whsklearn.systems.base_parameters import BaseParameters, base_parameters, consistent_numbers
 from whsklearn.systems.servo_parts import PIDController
 
 NUMBERS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 
+BETWEEN = Backlash, FlexibleCoupling  # a motor, whose inertia is the armature, and its link
 SMOOTHING = 1e-3  # rad/s (m/s) over which sign(v) changes: a joint held by friction creeps at less than this
 
 
@@ -69,7 +81,8 @@ class Arm:
         Inertia of the motors, referred to the joint's side (kg m2).
     effects : mapping of str to effects, or a sequence of n of them, optional
         Friction and other effects of the joints, from the catalogue.  A mapping may also name a signed sum of joints
-        that one gear turns, such as ``"wrist+hand"``.
+        that one gear turns, such as ``"wrist+hand"``.  `Backlash` and `FlexibleCoupling` lie between a motor, whose
+        inertia is the ``armature``, and its link; the encoder and the friction of the joint are at the motor.
     sums : mapping of str to effects, optional
         The effects along sums of joints; those in ``effects`` are added.
     sum_armature : mapping of str to float, optional
@@ -142,6 +155,14 @@ class Arm:
         sums |= {name: (*sums.get(name, ()), *acting) for name, acting in beside.items()}
         for name in sums:
             direction_of(joints, name)
+        motor = dict(zip(joints, self.armature.tolist(), strict=True))
+        for name, row in {**dict(zip(joints, rows, strict=True)), **sums}.items():
+            between = [e.name for e in row if isinstance(e, BETWEEN)]
+            if between and not motor.get(name, 0.0) > 0.0:
+                raise ValueError(
+                    f"{between[0]} lies between a motor and its link, and {name!r} has no motor of its own: expected a "
+                    "joint with an armature above zero."
+                )
         object.__setattr__(self, "effects", rows)
         object.__setattr__(self, "sums", sums)
         object.__setattr__(self, "sum_armature", motors)
@@ -314,7 +335,8 @@ class Arm:
         ----------
         q, v, a : array-like of shape (n_samples, n_joints)
         effects : bool, default=True
-            Whether to include friction and the other effects of the joints; effects of the drive are never included.
+            Whether to include friction and the other effects of the joints.  Effects of the drive are never included,
+            and a link moves with its motor.
         """
         q, v, a = self._motion(q, v, a)
         out = np.zeros(q.shape)
@@ -325,7 +347,7 @@ class Arm:
         if effects:
             for d, acting in zip(self._every_direction(), (*self.effects, *self.sums.values()), strict=True):
                 signals = Bunch(position=q @ d, velocity=v @ d, acceleration=a @ d)
-                for e in (e for e in acting if e.port == "torque"):
+                for e in (e for e in closed(acting) if e.port == "torque"):
                     out += np.outer(e.along(e.row, signals), d)
         return out
 
@@ -388,7 +410,8 @@ class Arm:
         -------
         Bunch
             ``time`` (n_samples,); ``reference``, ``drive``, ``position`` (as measured), ``true_position``,
-            ``velocity``, (n_samples, n_joints) each.
+            ``velocity``, (n_samples, n_joints) each; ``link_position`` and ``link_velocity``, which differ from them
+            where a joint has a play or a spring.
 
         Raises
         ------
@@ -411,6 +434,8 @@ class Arm:
         *,
         position: ArrayLike | None = None,
         velocity: ArrayLike | None = None,
+        link_position: ArrayLike | None = None,
+        link_velocity: ArrayLike | None = None,
         resync: float = 0.0,
         sample_rate: float = 1000.0,
         substeps: int = 10,
@@ -426,6 +451,9 @@ class Arm:
             In Nm.
         position, velocity : array-like of shape (n_samples, n_joints), optional
             Measured motion, where the replay starts; rest at zero by default.
+        link_position, link_velocity : array-like of shape (n_samples, n_joints), optional
+            Motion of the links, if known, where they have a play; by default they start with the measured motion and
+            keep their place behind it.
         resync : float, default=0.0
             Time between returns to the measured motion (s); 0 for none.
         sample_rate, substeps, noise, resolution, random_state
@@ -433,7 +461,8 @@ class Arm:
         """
         given = self._motion(drive)[0]
         zeros = np.zeros(given.shape)
-        start = (np.broadcast_to(zeros if s is None else self._motion(s)[0], given.shape) for s in (position, velocity))
+        known = position, velocity, *(() if link_position is None else (link_position, link_velocity))
+        start = (np.broadcast_to(zeros if s is None else self._motion(s)[0], given.shape) for s in known)
         course = PassInput(
             1.0 / sample_rate, int(substeps), False, round(resync * sample_rate), _rows(*start),
             _rows(zeros, zeros, zeros), np.ascontiguousarray(zeros.T), _noise(noise, given.shape, random_state),
@@ -461,7 +490,13 @@ class Arm:
         shape = (n_samples, self.n_joints)
         return rng.uniform(-math.pi, math.pi, shape), rng.normal(size=shape), rng.normal(size=shape)
 
-    def consistent(self, base: BaseParameters, values: ArrayLike, covariance: ArrayLike | None = None) -> Self:
+    def consistent(
+        self,
+        base: BaseParameters,
+        values: ArrayLike,
+        covariance: ArrayLike | None = None,
+        motors: Mapping[str, float] | None = None,
+    ) -> Self:
         """The arm with these base parameters and physically consistent links (positive masses, realisable inertias).
 
         Parameters
@@ -472,6 +507,8 @@ class Arm:
             Values of the base parameters.
         covariance : array-like of shape (b, b), optional
             Covariance that weighs them.
+        motors : mapping of str to float, optional
+            Inertia of motors, by joint, that is known and kept (kg m2).
 
         Notes
         -----
@@ -499,8 +536,11 @@ class Arm:
         if of_motors.size and self.inertial[:, 0].any():
             beyond = of_motors.T @ (value - base.mapping[:, : self.inertial.size] @ self.inertial.ravel())
             joint = np.where([f"{j}.armature" in base.names for j in self.joints], joint, np.maximum(beyond, 0.0))
-        motors = np.where(self.armature > 0.0, self.armature, np.where(motor > 0.0, motor, joint))
-        inertial, armature = consistent_numbers(self.inertial, motors, base, values, covariance)
+        given = dict(motors or {})
+        turned = np.where(self.armature > 0.0, self.armature, np.where(motor > 0.0, motor, joint))
+        known = np.isin(self.joints, list(given))
+        turned = np.array([given.get(j, x) for j, x in zip(self.joints, turned.tolist(), strict=True)])
+        inertial, armature = consistent_numbers(self.inertial, turned, base, values, covariance, known)
         return dataclasses.replace(self, inertial=inertial, armature=self.armature if armature is None else armature)
 
     # -- inside -------------------------------------------------------------------------
@@ -533,8 +573,8 @@ class Arm:
         for e in row:
             if not isinstance(e, Effect):
                 raise ValueError(f"{e!r} is not an effect; expected instances such as Coulomb(0.3).")
-            if e.port == "block":
-                raise ValueError(f"{e.name} splits a joint in two, which an arm model cannot do; remove it.")
+            if e.port == "block" and not isinstance(e, BETWEEN):
+                raise ValueError(f"{e.name} acts in a chain of blocks and not at a joint of an arm; remove it.")
         return row
 
     def _packed(self) -> Links:
@@ -569,7 +609,8 @@ def _recorded(arm: Arm, course: PassInput, given: Array, resolution: float, samp
     out = np.zeros((N_SIGNALS, n, n_samples))
     if not course.closed:
         out[DRIVE] = given.T
-    run(out, arm._links, arm.inertial, _axes(arm, resolution), course, np.ascontiguousarray(course.measured[:, :, 0]))
+    start = np.vstack([course.measured[-2:, :, 0], course.measured[:2, :, 0]])  # links, then motors
+    run(out, arm._links, arm.inertial, _axes(arm, resolution), course, start)
     time = np.arange(n_samples) / sample_rate
     bad = ~np.isfinite(out).all(axis=(0, 1))
     if bad.any():
@@ -580,6 +621,7 @@ def _recorded(arm: Arm, course: PassInput, given: Array, resolution: float, samp
     return Bunch(
         time=time, reference=given if course.closed else np.full(given.shape, np.nan), drive=out[DRIVE].T.copy(),
         position=out[MEASURED].T.copy(), true_position=out[POSITION].T.copy(), velocity=out[VELOCITY].T.copy(),
+        link_position=out[LINK].T.copy(), link_velocity=out[LINK_VELOCITY].T.copy(),
     )  # fmt: skip
 
 
@@ -603,7 +645,28 @@ def _axes(arm: Arm, resolution: float) -> Axes:
     parts[:, KAPPA], parts[:, LIMIT], parts[:, RESOLUTION] = 1.0 / SMOOTHING, np.inf, resolution
     first = np.cumsum([0, *map(len, acting)]).astype(np.int64)
     armature = np.concatenate([arm.armature, [arm.sum_armature.get(name, 0.0) for name in arm.sums]])
+    for k, row in enumerate(acting):
+        for e in (e for e in row if isinstance(e, BETWEEN)):
+            parts[k, INERTIA] = armature[k] / (1.0 - e.shape["load_share"])
     return Axes(plant.codes, plant.p, plant.own, first, parts, armature, arm._every_direction())
+
+
+def closed(acting: Iterable[Effect]) -> list[Effect]:
+    """Effects of a joint as they act if its link moves with its motor: friction behind a play is friction at both.
+
+    Examples
+    --------
+    >>> from whsklearn.effects import Backlash, LoadSideViscous, Viscous
+    >>> closed([Viscous(0.1), Backlash(0.01, load_coulomb=0.2), LoadSideViscous(0.3)])
+    [Viscous(coefficient=0.1), Coulomb(torque=0.2), Viscous(coefficient=0.3)]
+    """
+    out: list[Effect] = []
+    for e in acting:
+        if isinstance(e, BETWEEN):
+            out += [Coulomb(e.shape["load_coulomb"])] if e.shape["load_coulomb"] else []
+        else:
+            out.append(Viscous(e.magnitude) if isinstance(e, LoadSideViscous) else e)
+    return out
 
 
 def direction_of(joints: Sequence[str], name: str) -> Array:

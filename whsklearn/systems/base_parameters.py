@@ -179,11 +179,16 @@ def usual_body(kept: NDArray[np.int64], values: Array, n: int) -> tuple[float, f
 
 @threadpool_limits.wrap(limits=1, user_api="blas")  # two threads take twice the CPU and sum in another order
 def consistent_numbers(
-    inertial: Array, armature: Array, base: BaseParameters, values: ArrayLike, covariance: ArrayLike | None
+    inertial: Array,
+    armature: Array,
+    base: BaseParameters,
+    values: ArrayLike,
+    covariance: ArrayLike | None,
+    known: NDArray[np.bool_],
 ) -> tuple[Array, Array | None]:
     """Links (n, 10) and armature (n,) that are physical and have these base numbers; see `Arm.consistent`.
 
-    The armature is None if no base number holds one.
+    The armature is None if no base number holds one, and as given where it is ``known`` (n,).
 
     Raises ValueError if ``values`` does not have one number per base parameter.
     """
@@ -203,7 +208,7 @@ def consistent_numbers(
     if not inertial[:, 0].any():  # from bodies of a gram and a centimetre, the search ended up to a million sigma away
         inertial = np.tile(body_numbers(mass, np.zeros(3), 2.0 * mass * radius**2 * np.eye(3)), (n, 1))
     start = np.concatenate([np.concatenate([log_cholesky(row) for row in inertial]), np.log(armature + 1e-6)])
-    start = start[: None if motors else N_BODY * n]
+    start, open_ = start[: None if motors else N_BODY * n], ~known[: n if motors else 0]
 
     links = N_BODY * n
     scale = np.concatenate([np.tile([1.0] * 4 + [radius] * 6, n), np.ones(start.size - links)])
@@ -211,14 +216,15 @@ def consistent_numbers(
     of_links, nearness = seen[:, :links].reshape(-1, n, N_BODY), NEARNESS * np.eye(start.size)
 
     def full(x: Array) -> Array:
-        return np.concatenate([from_log_cholesky(x[:links].reshape(n, N_BODY)).ravel(), np.exp(x[links:])])
+        turned = np.where(open_, np.exp(x[links:]), armature[: open_.size])
+        return np.concatenate([from_log_cholesky(x[:links].reshape(n, N_BODY)).ravel(), turned])
 
     def errors(x: Array) -> Any:
         return np.concatenate([seen @ full(x) - whitening @ theta, NEARNESS * (x - start)])
 
     def jacobian(x: Array) -> Any:
         inner = np.einsum("bni,nij->bnj", of_links, slopes(x[:links].reshape(n, N_BODY)))
-        return np.vstack([np.hstack([inner.reshape(-1, links), seen[:, links:] * np.exp(x[links:])]), nearness])
+        return np.vstack([np.hstack([inner.reshape(-1, links), seen[:, links:] * np.exp(x[links:]) * open_]), nearness])
 
     found = full(least_squares(errors, start, jacobian, ftol=1e-6, xtol=1e-6, x_scale=scale, max_nfev=200).x)
     return found[:links].reshape(n, N_BODY), found[links:] if motors else None

@@ -30,6 +30,7 @@ from whsklearn.gap.plants.arm_families import families
 from whsklearn.gap.plants.arm_terms import JointTerm, Load, candidates, present
 from whsklearn.gap.standard_errors import p_of_zero
 from whsklearn.identification import identify_arm
+from whsklearn.systems.arm import Arm
 
 pytestmark = pytest.mark.usefixtures("library_effects")
 
@@ -47,6 +48,52 @@ def lacking(joint, name):
         tuple(e for e in row if (j, e.name) != (joint, name)) for j, row in zip(ARM.joints, ARM.effects, strict=True)
     ]
     return dataclasses.replace(ARM, effects=rows)
+
+
+def with_play(gap, hertz=60.0, seconds=20.0):
+    """A rod that hangs from a motor of half its inertia; ``gap`` lies between them, behind it a third of the friction.
+
+    The motor's path is given, so that the contact alone moves the rod.
+    """
+    t, steps = np.arange(0.0, seconds, 0.002), 20
+    fine = np.arange(len(t) * steps) * 0.002 / steps
+    waves = [(0.5, 2.1, 0.3), (0.3, 4.3, 1.1), (0.1, 9.7, 2.0)]
+    path, rate, gain = (sum(a * w**k * np.sin(w * fine + p + k * np.pi / 2) for a, w, p in waves) for k in range(3))
+    inertia, motor, dry = 1 / 3, 1 / 6, 0.3
+    reduced = inertia * motor / (inertia + motor)
+    k, c = reduced * (2 * np.pi * hertz) ** 2, 0.8 * reduced * 2 * np.pi * hertz
+    q, v, push = path[0] - gap / 2, rate[0], np.zeros(fine.size)
+    for i in range(fine.size):
+        twist, h = path[i] - q, 0.002 / steps
+        over = np.sign(twist) * max(abs(twist) - gap / 2, 0.0)
+        force = k * over + c * (rate[i] - v)
+        push[i] = force if force * over > 0.0 else 0.0
+        v += h * (push[i] - 4.905 * np.sin(q)) / inertia
+        v = np.sign(v) * max(abs(v) - h * dry / inertia, 0.0)
+        q += h * v
+    drive = push + motor * gain + 2 * dry * np.sign(rate)
+    noise = np.random.default_rng(0).normal(0.0, 1e-5, t.size)
+    return t, (path[::steps] + noise)[:, None], drive.reshape(-1, steps).mean(axis=1)[:, None]
+
+
+def test_a_play_between_a_motor_and_its_link_is_named_with_its_width():
+    rod = [1.0, 0, 0, -0.5, 1 / 3, 0, 1 / 3, 0, 0, 0]
+    arm = Arm(["hinge"], [-1], [False], [np.eye(3)], [[0, 0, 0]], [[0, 1, 0]], inertial=[rod])
+    t, q, u = with_play(0.0)
+    known = identify_arm(q, u, dt=0.002, robot=arm).model
+    assert names(GapFinder(known).fit((t, q, u))) == []
+    finder = GapFinder(known).fit(with_play(0.012))
+    assert (names(finder), finder.verdict_) == (["backlash at hinge"], "named")
+    found = finder.effects_[0].parameters
+    assert found["gap_rad"] == pytest.approx(0.012, rel=0.1)
+    assert found["load_share"] == pytest.approx(2 / 3, rel=0.02)
+    assert found["load_coulomb_nm"] == pytest.approx(0.3, rel=0.1)
+    repaired = finder.model_.arm
+    assert [e.name for e in repaired.effects[0]].count("backlash") == 1
+    assert repaired.armature[0] == pytest.approx(1 / 6, rel=0.05)
+    assert repaired.mass_matrix([[0.0]])[0, 0, 0] == pytest.approx(1 / 2, rel=0.02)
+    before, after = (max(h[k] for h in finder.diagnosis_.horizons) for k in ("before", "after"))
+    assert after < 0.25 * before, "the repaired arm itself runs free, with its play"
 
 
 def names(finder):

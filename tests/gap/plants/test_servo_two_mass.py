@@ -32,10 +32,12 @@ def test_a_stiff_spring_carries_its_load_along_however_it_is_damped(damping):
 
 
 def test_a_contact_pushes_a_load_against_its_friction_and_not_while_the_play_is_crossed():
-    motor = TIME, np.ones(TIME.size)
-    push = two_mass.contact_acceleration(*motor, 0.5, 300.0, 0.3, 2.0, DT, 16)
+    none = np.zeros(TIME.size)
+    push, place, speed = two_mass.pushed(TIME, none + 1.0, none, none + 1.0, 0.5, 300.0**2, 180.0, 0.0, 2.0, DT, 16)
     assert not push[: int(0.2 / DT)].any(), "the motor is a quarter of a radian away"
     assert push[2000:].mean() == pytest.approx(2.0, rel=0.01)
+    assert np.all(place <= TIME)
+    assert speed[2000:].mean() == pytest.approx(1.0, rel=0.01)
 
 
 @pytest.mark.parametrize("name", ["backlash", "flexible_coupling"])

@@ -25,7 +25,7 @@ from whsklearn.gap.filters import whiteness
 from whsklearn.gap.localisation import spectra
 from whsklearn.gap.plant import QUIET, Figures, Gap, Linearised, Plant, Told, quiet
 from whsklearn.gap.plants import holes_in
-from whsklearn.gap.plants.arm_families import families, look_at_limit, nameless_at, polished
+from whsklearn.gap.plants.arm_families import families, look_at_limit, nameless_at, polished, starts_of
 from whsklearn.gap.plants.arm_terms import (
     AtJoint,
     JointInertia,
@@ -60,7 +60,7 @@ from whsklearn.models.arm import ArmModel
 from whsklearn.models.files import as_arm
 from whsklearn.systems.arm import Arm
 from whsklearn.systems.arm_files import STANDARD_GRAVITY
-from whsklearn.systems.servo import FEWEST_STEPS
+from whsklearn.systems.servo import fine_steps
 
 # Largest ratio, at one joint, of the torque of an effect to the residual that it removes.  With a larger one, like that
 # of a spring against gravity, the effect only cancels other terms.  The sum is then below one part in twenty, and the
@@ -351,7 +351,8 @@ class ArmPlant(Plant):
 
     def refine(self, model: ArmState, look: Look) -> ArmState:
         """The candidate with its shape polished and all sizes solved for."""
-        return self.view.fit(model.with_term(polished(self.view, self.tangent, look.start)))
+        fits = (self.view.fit(model.with_term(polished(self.view, self.tangent, t))) for t in starts_of(look.start))
+        return min(fits, key=lambda m: float(np.sum(self.errors(m) ** 2)))
 
     def errors(self, model: ArmState) -> Array:
         """The residual of the model, weighted by joint and ordered by instant."""
@@ -412,16 +413,22 @@ class ArmPlant(Plant):
                 if below or (value >= high - 1e-3 * abs(high) and not quantity.open_above):
                     return f"its {field} reaches the limit of the plausible range"
         shaped = t.kind.catalogued is not None and not t.effect.elementary and t.kind.n_numbers > 1
-        for c in at_a_joint() if shaped else ():
-            if c.cls.elementary and c.n_slots == 1:
-                plain = view.fit(model.with_term(JointTerm(replace(t.kind, cls=c.cls, catalogued=c), (0.0,))))
-                beyond, most = (self.size(*map(self.errors, pair)) for pair in ((plain, grown), (model, plain)))
-                stays = float(self._shares(self.errors(grown))[view.arm.joints.index(t.joint)])
-                # Beyond it, a shape must explain the share of the power that a name must, or more than stays without
-                # one, and in any case what may stay or is not worth a name: MuJoCo's dry friction is soft, and adding a
-                # distance of some mrad explains 3 to 5 % of it (`python -m benchmarks.blind_arms --kinds coulomb`).
-                if beyond < max(min(self.tolerance, most), STILL * most, min(stays, LEAST_SHARE**0.5 * most)):
-                    return f"{c.name.replace('_', ' ')} explains as much with fewer numbers"
+        plainer = [
+            (c.name.replace("_", " "), JointTerm(replace(t.kind, cls=c.cls, catalogued=c), (0.0,)))
+            for c in (at_a_joint() if shaped else ())
+            if c.cls.elementary and c.n_slots == 1
+        ]
+        if t.kind.splits:
+            plainer.append(("a spring without a play", replace(t, q=(0.0, *t.q[1:]))))
+        for name, term in plainer:
+            plain = view.fit(model.with_term(term))
+            beyond, most = (self.size(*map(self.errors, pair)) for pair in ((plain, grown), (model, plain)))
+            stays = float(self._shares(self.errors(grown))[view.arm.joints.index(t.joint)])
+            # Beyond it, a shape must explain the share of the power that a name must, or more than stays without one,
+            # and in any case what may stay or is not worth a name: MuJoCo's dry friction is soft, and adding a distance
+            # of some mrad explains 3 to 5 % of it (`python -m benchmarks.blind_arms --kinds coulomb`).
+            if beyond < max(min(self.tolerance, most), STILL * most, min(stays, LEAST_SHARE**0.5 * most)):
+                return f"{name} explains as much with fewer numbers"
         if said := self._against_its_stop(model, grown):
             return said
         at = [view.arm.joints.index(j) for j in t.kind.place or view.arm.joints]
@@ -553,15 +560,17 @@ class ArmPlant(Plant):
                 rows = view.time[view.kept]
                 drive = drive - np.column_stack([np.interp(view.time, rows, x) for x in view.contribution(t).T])
         arm = self._arm(model)
+        steps = fine_steps([e for row in arm.effects for e in row if e.port == "block"], view.dt)
 
-        def run(u: Array, q: Array, v: Array) -> Any:
-            rate = self.lags.sample_rate
+        def run(u: Array, q: Array, v: Array, link: Array, rate: Array) -> Any:
             return arm.simulate_drive(
-                u, position=q, velocity=v, resync=horizon, sample_rate=rate, substeps=FEWEST_STEPS
-            ).position
+                u, position=q, velocity=v, link_position=link, link_velocity=rate, resync=horizon,
+                sample_rate=self.lags.sample_rate, substeps=steps,
+            ).position  # fmt: skip
 
         try:
-            free = self.record.by_piece(run, drive, moved.position, moved.velocity)
+            behind = view.behind(model, moved)
+            free = self.record.by_piece(run, drive, moved.position, moved.velocity, *behind)
             self._runs[key] = np.asarray((free / self.per).ravel())
         except FloatingPointError:
             self._runs[key] = np.full(path.size, np.nan)
@@ -575,9 +584,11 @@ class ArmPlant(Plant):
         arm = self.lags.interpret(model.numbers, physical=False)
         some = view.moved.position[:: max(len(view.time) // SOME, 1)]
         gives = any(e.quantities[e.size].positive and e.magnitude < 0.0 for row in arm.effects for e in row)
-        if gives or np.linalg.eigvalsh(arm.mass_matrix(some)).min() <= 0.0:  # friction that drives, or too uncertain
+        motors = view.motors(model)
+        links = arm.mass_matrix(some) - np.diag([motors.get(j, 0.0) for j in arm.joints])
+        if gives or np.linalg.eigvalsh(links).min() <= 0.0:  # friction that drives, or too uncertain
             arm = self._physical(model)
-        self._arms[key] = completed(arm, model.terms)
+        self._arms[key] = completed(arm, model.terms, motors)
         return self._arms[key]
 
     def _physical(self, model: ArmState) -> Arm:
@@ -591,7 +602,7 @@ class ArmPlant(Plant):
             white = fitted(x.reshape(*shape, -1), y.reshape(shape), view.keep, view.weight)[1]
             n = len(model.numbers)
             spread = white[:n, :n] * view.keep.sum() / self.n_effective
-        return self.lags.interpret(model.numbers, spread)
+        return self.lags.interpret(model.numbers, spread, motors=view.motors(model))
 
     def measured(self, *models: ArmState) -> tuple[Array, NDArray[np.bool_]]:
         """Positions of all joints, one after the other, and the mask of held-out samples away from the ends.
@@ -738,7 +749,7 @@ class ArmPlant(Plant):
             return other.system(
                 other.settled(none.with_terms(tuple(t for t in model.terms if t.kind.cls is not Weight)))
             )
-        arm, numbers = completed(self._physical(model), model.terms), self.numbers(model)
+        arm, numbers = completed(self._physical(model), model.terms, self.view.motors(model)), self.numbers(model)
         return ArmModel(arm, {k: v for k, (v, _) in numbers.items()}, dt=self.view.dt, logged="position",
                         units={"input": "Nm", "output": "rad"}, reversals=self.lags.reversals or {})  # fmt: skip
 

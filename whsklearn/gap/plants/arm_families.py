@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Iterable, Iterator
 from functools import partial
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -21,10 +22,14 @@ from whsklearn.identification.payload import place_of, point_load
 
 Blocks = Iterator[tuple[Any, Array, Array | float]]
 N_STEPS, N_LIMITS, N_AGES = 25, 24, 16
+# Plays that are looked at: widths as shares of the reach, shares of the inertia and of the dry friction behind it, and
+# the contact (Hz, damping ratio), which the filter hides.
+GAPS, SHARES, BEHIND, CONTACT = (0.002, 0.005, 0.012, 0.03), (0.5, 0.75, 0.9), (0.0, 1.0), (30.0, 0.4)
+STIFFER = (1.0, 1.0), (1.4, 2.0)  # ratios of width and contact frequency at which a polish starts, too
 HIGHEST = 60.0  # order of a wave over a joint's angle
 LEAST_LEFT = 0.5  # share of a drive's rms that a limit or a dead zone must leave, or the joint cannot be fitted
 FEWEST = 4  # rows per column of a nameless family
-EVALUATIONS = 80  # of the cost while a shape is polished, for each simplex
+EVALUATIONS, PER_NUMBER = 80, 40  # of the cost while a shape is polished, at least, for each simplex
 FINE = 0.01  # where it ends: of the first step, and of chi-squared, in which a difference of one is by chance
 # Simplices in turn if there are several numbers, each spread where the last one ended (Kelley 1999, SIAM J. Optim.
 # 10(1), 43-55): one that begins on a bound may collapse onto it.  The relaxation of a stop so stayed at zero, and the
@@ -38,7 +43,7 @@ def families(view: ArmView, kinds: Iterable[AtJoint]) -> Iterator[Family]:
     for kind in kinds:
         yield Family(
             kind.name, partial(_blocks, view, kind), partial(_start, kind), kind.n_numbers,
-            kind.grows and kind.cls is not Load, kind.transforms, kind.rows, kind.place,
+            (kind.grows or kind.splits) and kind.cls is not Load, kind.transforms, kind.rows, kind.place,
         )  # fmt: skip
 
 
@@ -60,6 +65,11 @@ def _blocks(view: ArmView, kind: AtJoint, tangent: Tangent) -> Blocks:
         yield [()], view.columns(kind, ())[:, None, :], 1.0
     elif kind.delays:
         yield from _delayed(view, kind)
+    elif kind.splits:
+        dry = float(view._rigid(view.moved)[2][kind.index])
+        for gap, share, part in product(GAPS, SHARES, BEHIND):
+            wide = (gap * view.scene(kind).reach, share, *CONTACT, part * dry)
+            yield [wide], view.columns(kind, wide)[:, None, :], 1.0
     elif c.cls is ContactStop:  # in the outer fifth of the path, on one side
         place = np.quantile(view.position[:, kind.index], (OUTER if c.options["side"] == "upper" else 1.0 - OUTER))
         for angle in place:
@@ -171,6 +181,14 @@ def nameless_at(view: ArmView) -> Iterator[Family]:
                 yield family
 
 
+def starts_of(term: JointTerm) -> list[JointTerm]:
+    """Starts of a polish: a play has a minimum for each share of the load and contact, which trade with its width."""
+    if not term.kind.splits:
+        return [term]
+    gap, _, hertz, *rest = term.q
+    return [JointTerm(term.kind, (m * gap, share, n * hertz, *rest)) for share in SHARES for m, n in STIFFER]
+
+
 def polished(view: ArmView, tangent: Tangent, term: JointTerm) -> JointTerm:
     """The term at the shape for which its columns explain most of the residual."""
     kind, c = term.kind, term.kind.catalogued
@@ -184,7 +202,7 @@ def polished(view: ArmView, tangent: Tangent, term: JointTerm) -> JointTerm:
     logs = [
         c.ratios(c.linear + i) and low > 0.0 and term.shape[i] > 0.0 for i, (low, _) in zip(free, ranges, strict=True)
     ]
-    family = Family(kind.name, lambda _: (), lambda *_: None, positive=kind.grows, offset=kind.transforms,
+    family = Family(kind.name, lambda _: (), lambda *_: None, positive=kind.grows, offset=kind.sizeless,
                     rows=kind.rows)  # fmt: skip
     record = copy.copy(tangent)  # without its null records
     record.rows, record.power = tangent.rows[:, :1], tangent.power[:1]
@@ -201,6 +219,10 @@ def polished(view: ArmView, tangent: Tangent, term: JointTerm) -> JointTerm:
         columns = view.columns_at(kind, shape_at(x)) - book
         if kind.transforms and kind.index is not None and not _leaves_enough(view, kind.index, columns):
             return 0.0
+        if kind.splits:  # as it is, be it worse than nothing: on the way to a play lie many that are
+            z = record._weighted(columns)[:, 0]
+            rest = z - record.plane @ (record.plane.T @ z)
+            return float(rest @ rest - 2.0 * rest @ record.rows[:, 0])
         return -float(record.taken(family, columns[:, None, :])[0][0, 0])
 
     x = np.array([np.log(term.shape[i]) if g else term.shape[i] for i, g in zip(free, logs, strict=True)])
@@ -213,7 +235,8 @@ def polished(view: ArmView, tangent: Tangent, term: JointTerm) -> JointTerm:
         simplex = np.clip(np.vstack([x, x + np.diag(inwards)]), low, high)
         found = minimize(
             lambda z: cost(z * widths), x, method="Nelder-Mead", bounds=list(zip(low, high, strict=True)),
-            options={"maxfev": EVALUATIONS, "initial_simplex": simplex, "xatol": FINE, "fatol": FINE},
+            options={"maxfev": max(EVALUATIONS, PER_NUMBER * len(free)), "initial_simplex": simplex, "xatol": FINE,
+                     "fatol": FINE},
         )  # fmt: skip
         x = found.x
     if cost(start * widths) - found.fun < FINE:  # such as a spring's centre beside the offset of its joint

@@ -5,21 +5,22 @@ A name is (effect, joint): ``coulomb at elbow``; along two joints turned by one 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
 
-from whsklearn.effects import ContactStop, Effect, Quantity
+from whsklearn.effects import ContactStop, Coulomb, Effect, LoadSideViscous, Quantity, Viscous
 from whsklearn.gap.plant import FittedTerm
 from whsklearn.gap.plants.servo_candidates import Candidate, catalogue
 from whsklearn.systems.arm import Arm
 
-# Effects of the catalogue that are not candidates at a joint: an effect that splits the joint in two has no place in an
-# `Arm`, an error of an encoder changes the columns of all joints, and the weight of a joint is that of the links.
-ELSEWHERE = ("encoder_eccentricity", "gravity_imbalance")
+# Effects of the catalogue that are not candidates at a joint: an error of an encoder changes the columns of all joints,
+# the weight of a joint is that of the links, and a coupling is not told from the links' own flexibility.
+ELSEWHERE = ("encoder_eccentricity", "gravity_imbalance", "flexible_coupling")
+TINY = 1e-12  # Nm: no friction
 ALONG_TWO = ("viscous", "coulomb")  # friction that depends on a neighbour's motion
 
 
@@ -113,7 +114,7 @@ class AtJoint:
     @property
     def rows(self) -> slice:
         """The rows on which its columns are not zero; rows are ordered by joint, then by instant."""
-        return slice(None) if self.index is None else slice(self.index, None, len(self.direction))
+        return slice(None) if self.index is None or self.splits else slice(self.index, None, len(self.direction))
 
     @cached_property
     def linear(self) -> int:
@@ -134,6 +135,16 @@ class AtJoint:
     def transforms(self) -> bool:
         """Whether it transforms the whole drive."""
         return self.catalogued is not None and self.catalogued.transforms
+
+    @property
+    def splits(self) -> bool:
+        """Whether it frees the link from its motor: a play, whose link the other joints feel too."""
+        return self.catalogued is not None and self.catalogued.cls.port == "block"
+
+    @property
+    def sizeless(self) -> bool:
+        """Whether it has no size but its shape."""
+        return self.transforms or self.splits
 
     @property
     def delays(self) -> bool:
@@ -184,10 +195,10 @@ def at_a_joint() -> list[Candidate]:
     --------
     >>> names = {c.name for c in at_a_joint()}
     >>> "cogging" in names, "backlash" in names, "encoder_eccentricity" in names
-    (True, False, False)
+    (True, True, False)
     """
     stops = [Candidate(ContactStop, (("side", side),)) for side in ("upper", "lower")]
-    every = (c for c in catalogue() if c.cls.port != "block" and c.name not in ELSEWHERE and not c.cls.sought)
+    every = (c for c in catalogue() if not (c.on_load or c.name in ELSEWHERE or c.cls.sought))
     return [*every, *stops]
 
 
@@ -232,14 +243,35 @@ def candidates(arm: Arm, there: dict[str, set[str]], *, frozen: bool, weight: in
         yield AtJoint(Weight, "", tuple(np.ones(arm.n_joints)), width=weight)
 
 
-def completed(arm: Arm, terms: Iterable[JointTerm]) -> Arm:
-    """The arm with all terms but gravity, which are other numbers of its links."""
-    for t in terms:
-        if t.kind.cls is Load:
+def parted(arm: Arm, play: JointTerm, motor: float) -> Arm:
+    """The arm with a play between a motor of this inertia and its link; the joint has the same inertia and friction."""
+    j, effect = arm.index(play.joint), play.effect
+    dry = sum(e.magnitude for e in arm.effects[j] if type(e) is Coulomb)
+    share = min(effect.shape["load_coulomb"] / max(dry, TINY), 1.0)  # of the friction that is behind the play
+    row = [e.resized((1.0 - share) * e.magnitude) if type(e) in (Coulomb, Viscous) else e for e in arm.effects[j]]
+    behind = share * sum(e.magnitude for e in arm.effects[j] if type(e) is Viscous)
+    row += [effect, LoadSideViscous(behind)] if behind else [effect]
+    rest, armature = float(arm.armature[j]) - motor, arm.armature.copy()
+    armature[j] = motor
+    about = np.outer(arm.axes[j], arm.axes[j])
+    arm = arm.with_body(play.joint, rest) if arm.slides[j] else arm.with_body(play.joint, 0.0, inertia=rest * about)
+    return replace(arm, armature=armature, effects=(*arm.effects[:j], row, *arm.effects[j + 1 :]))
+
+
+def completed(arm: Arm, terms: Iterable[JointTerm], motors: Mapping[str, float] | None = None) -> Arm:
+    """The arm with all terms but gravity, which are other numbers of its links.
+
+    ``motors``: inertia of the motor before each play, by joint.
+    """
+    for t in sorted(terms, key=lambda t: t.kind.splits):  # plays last, which divide a joint's friction
+        if t.kind.splits:
+            assert motors is not None
+            arm = parted(arm, t, motors[t.joint])
+        elif t.kind.cls is Load:
             arm = arm.with_body(t.joint, t.q[0], t.shape)
         elif t.kind.cls is JointInertia and t.kind.index is None:
-            motors = arm.sum_armature
-            arm = replace(arm, sum_armature=motors | {t.joint: motors.get(t.joint, 0.0) + t.q[0]})
+            turned = arm.sum_armature
+            arm = replace(arm, sum_armature=turned | {t.joint: turned.get(t.joint, 0.0) + t.q[0]})
         elif t.kind.cls is JointInertia:
             arm = replace(arm, armature=arm.armature + t.q[0] * np.array(t.kind.direction))
         elif t.kind.cls is not Weight:

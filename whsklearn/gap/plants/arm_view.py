@@ -16,14 +16,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.effects import Coulomb, Effect, Scales, codes
+from whsklearn.effects import Coulomb, Effect, Scales, Viscous, codes
 from whsklearn.effects.base import rms
+from whsklearn.effects.transmission import contact_damping, contact_stiffness
 from whsklearn.filtering import Motion
 from whsklearn.filtering.records import encoder_noise
 from whsklearn.gap.calibration import N_NULL, coloured, n_effective, null_rows, smoothed_power
 from whsklearn.gap.plants.arm_terms import AtJoint, JointInertia, JointTerm, Load, Weight, completed
 from whsklearn.gap.plants.servo_candidates import ColumnSignals
 from whsklearn.gap.plants.servo_own import N_RECORDS
+from whsklearn.gap.plants.servo_two_mass import fine_steps, pushed
 from whsklearn.gap.record import MAD, Array, Segmented
 from whsklearn.identification.drive_lead import OLDEST
 from whsklearn.identification.joint_least_squares import SAME, Known, held_out
@@ -33,6 +35,7 @@ from whsklearn.lags.axis_rows import DRY
 from whsklearn.lags.rigid_body import RigidBodyLags
 from whsklearn.logs.check import lattice
 from whsklearn.systems._arm_kernels import N_BODY
+from whsklearn.systems.arm import Arm
 from whsklearn.systems.arm_files import STANDARD_GRAVITY, body_numbers
 
 LATEST = 2.0  # samples: up to this age of a drive it is bookkeeping, beyond it a delay
@@ -40,6 +43,9 @@ LATEST = 2.0  # samples: up to this age of a drive it is bookkeeping, beyond it 
 # its size.
 HELD = 2.0
 WIDER = 1.5  # ratio of the speeds whose difference stands for a change of one
+FINER = 4  # times the steps of a load on a spring: one step too late, an impact left 18 % of a drive for 10
+LEAST_INERTIA = 1e-9  # kg m2, of a joint whose numbers are uncertain
+LIGHTEST = 0.05  # of a joint's mean inertia: what is behind a play, wherever its arm is
 STANDS_OUT = 4.0  # standard deviations of the residual; chance puts 6e-5 of a normal one beyond
 
 
@@ -93,6 +99,11 @@ class Own(NamedTuple):
     apart: Array  # (k, m, n_joints): residuals of single records by the noise of the encoders
 
 
+def at_zero(arm: Arm) -> Array:
+    """Inertia of each joint at the zero of all, with the others held, (n_joints,); above zero."""
+    return np.maximum(np.diagonal(arm.mass_matrix(np.zeros((1, arm.n_joints)))[0]), LEAST_INERTIA)
+
+
 class ArmView(ArmRows):
     """One record after the filters.
 
@@ -127,6 +138,8 @@ class ArmView(ArmRows):
         self._signals: dict[Any, ColumnSignals] = {}
         self._scenes: dict[Any, Scales] = {}
         self._fits: dict[Any, ArmState] = {}
+        self._last: Any = None  # motion and what `_rigid` gives along it
+        self.model_arm = self.arm  # of the last model by which the joints were weighted
         self.drive_rms, self.varies = self.by_joint(self.target), self.target.std(axis=0)
 
     # -- rows ---------------------------------------------------------------------------------
@@ -183,7 +196,7 @@ class ArmView(ArmRows):
 
     # -- columns ------------------------------------------------------------------------------
     def columns(self, kind: AtJoint, shape: tuple[float, ...]) -> Array:
-        """Columns of an effect at its shape, on its rows: (rows, linear), or (rows, 1) if it transforms the drive."""
+        """Columns of an effect at its shape, on its rows: (rows, linear), or (rows, 1) if it has no size."""
         key = kind, shape
         if key not in self._columns:
             self._columns[key] = self.columns_at(kind, shape)
@@ -195,6 +208,8 @@ class ArmView(ArmRows):
             return self.body(kind) @ point(shape)[:, None]
         if kind.cls is Weight:
             return self.weights_of_links.reshape(-1, kind.width)
+        if kind.splits:
+            return self.blur(self.freed(kind, shape)).reshape(-1, 1)
         if kind.cls is JointInertia:
             along = (self.moved.acceleration @ np.array(kind.direction))[:, None]
         elif kind.transforms:
@@ -245,6 +260,64 @@ class ArmView(ArmRows):
         u, effect = self.drive @ np.array(kind.direction), kind.catalogued.effect(shape)
         return self.along_pieces(effect.contribution, self.signals(kind.direction)._replace(drive=u))
 
+    def freed(self, kind: AtJoint, shape: tuple[float, ...], moved: Motion | None = None) -> Array:
+        """Change of all drives, (n, n_joints), where a play at a joint frees its link from the measured motor.
+
+        The other joints feel the link by the mass matrix.
+        """
+        return self._behind(kind, shape, moved or self.moved)[:, : self.n_joints]
+
+    def behind(self, model: ArmState, moved: Motion) -> tuple[Array, Array]:
+        """Positions and velocities of the links, (n, n_joints) each: a play frees them from the measured motors."""
+        q, v = moved.position.copy(), moved.velocity.copy()
+        for t in (t for t in model.terms if t.kind.splits):
+            j = t.kind.index
+            q[:, j], v[:, j] = self._behind(t.kind, t.shape, moved)[:, self.n_joints :].T
+        return q, v
+
+    def _behind(self, kind: AtJoint, shape: tuple[float, ...], moved: Motion) -> Array:
+        """What `freed` returns, and the position and velocity of the link, (n, n_joints + 2).
+
+        The share of the load is of the joint's inertia at zero, in any record the same.  Viscous friction is behind
+        the play in the proportion of the dry one.
+        """
+        j, (gap, share, hertz, ratio, dry) = kind.index, shape
+        mass, needed, coulomb, viscous = self._rigid(moved)
+        motor = (1.0 - share) * at_zero(self.model_arm)[j]
+        inertia, reduced = np.maximum(mass[:, j, j] - motor, LIGHTEST * mass[:, j, j].mean()), motor * share
+        damped = viscous[j] * min(dry / max(float(coulomb[j]), 1e-12), 1.0)
+        stiffness = contact_stiffness(hertz, reduced)
+        damping, steps = contact_damping(ratio, stiffness, reduced), FINER * fine_steps(hertz, ratio, self.dt)
+        pull = needed[:, j] - mass[:, j, j] * moved.acceleration[:, j]
+
+        def drives(q: Array, v: Array, a: Array, pull: Array, mass: Array, inertia: Array) -> Array:
+            push, place, speed = pushed(q, v, pull, inertia, gap, stiffness, damping, damped, dry, self.dt, steps)
+            out = mass * (np.gradient(speed, self.dt) - a)[:, None]
+            out[:, j] = push - pull - inertia * a - damped * v - dry * np.sign(v)
+            return np.column_stack([out, place, speed])
+
+        return np.asarray(self.record.by_piece(drives, *(x[:, j] for x in moved), pull, mass[:, :, j], inertia))
+
+    def motors(self, model: ArmState) -> dict[str, float]:
+        """Inertia of the motor before each play, by joint."""
+        plays = [t for t in model.terms if t.kind.splits]
+        whole = at_zero(self.arm_of(model)) if plays else np.zeros(0)
+        return {t.joint: (1.0 - t.q[1]) * float(whole[t.kind.index]) for t in plays}
+
+    def _rigid(self, moved: Motion) -> tuple[Array, Array, Array, Array]:
+        """Mass matrices and drives of the links along a motion, and each joint's dry and viscous friction."""
+        if self._last is None or self._last[0] is not moved:
+            dry, viscous = (
+                np.array([sum(e.magnitude for e in row if type(e) is kind) for row in self.model_arm.effects])
+                for kind in (Coulomb, Viscous)
+            )
+            mass, needed = (
+                self.model_arm.mass_matrix(moved.position),
+                self.model_arm.inverse_dynamics(*moved, effects=False),
+            )
+            self._last = moved, mass, needed, np.maximum(dry, 0.0), np.maximum(viscous, 0.0)
+        return self._last[1:]
+
     @cached_property
     def weights_of_links(self) -> Array:
         """The smallest complete set of columns of gravity, shape (m, n_joints, k), for an arm without gravity."""
@@ -259,7 +332,7 @@ class ArmView(ArmRows):
     def contribution(self, term: JointTerm) -> Array:
         """Torque of a term, shape (m, n_joints)."""
         out = np.zeros(self.n_rows * self.n_joints)
-        sizes = np.ones(1) if term.kind.transforms else np.array(term.q[: term.kind.linear])
+        sizes = np.ones(1) if term.kind.sizeless else np.array(term.q[: term.kind.linear])
         out[term.kind.rows] = self.columns(term.kind, term.shape) @ sizes
         return out.reshape(self.n_rows, self.n_joints)
 
@@ -270,7 +343,7 @@ class ArmView(ArmRows):
         target = target - (self.phi @ self.expected).ravel()
         parts = [self.phi.reshape(n, -1)]
         for t in model.terms:
-            if t.kind.transforms:
+            if t.kind.sizeless:
                 target = target - self.contribution(t).ravel()
             else:
                 columns = np.zeros((n, t.kind.linear))
@@ -336,7 +409,7 @@ class ArmView(ArmRows):
         at, terms = len(self.expected), []
         numbers = self.expected + sizes[:at]
         for t in model.terms:
-            n = 0 if t.kind.transforms else t.kind.linear
+            n = 0 if t.kind.sizeless else t.kind.linear
             terms.append(dataclasses.replace(t, q=(*map(float, sizes[at : at + n]), *t.shape)))
             at += n
         timing = np.array(model.timing)
@@ -357,6 +430,7 @@ class ArmView(ArmRows):
         if self.known is None or model.terms:
             left = self.by_joint(self.left(model))
             self.weight = 1.0 / np.maximum(left, 1e-6 * np.maximum(self.drive_rms, 1e-12))
+        self.model_arm, self._last = self.arm_of(model), None
         self.torque = self.along(model, self.moved)
         self.rate = self.blur(self.record.by_piece(lambda u: np.gradient(u, self.dt, axis=0), self.torque))
         self._forget()
@@ -376,21 +450,25 @@ class ArmView(ArmRows):
         self._fits, self._signals = {}, {}
         for key in list(self._columns):
             c = key[0].catalogued
-            if c is not None and c.driven and (c.delays or not c.transforms):
+            if key[0].splits or (c is not None and c.driven and (c.delays or not c.transforms)):
                 del self._columns[key]
 
     # -- own records --------------------------------------------------------------------------
     def along(self, model: ArmState, moved: Motion) -> Array:
         """Drives that the model needs along a motion, shape (n, n_joints), without effects that transform the drive."""
-        arm = self.lags.interpret(model.numbers, physical=False)
-        arm = completed(arm, (t for t in model.terms if not t.kind.transforms))
+        arm = self.arm_of(model)
         out = arm.inverse_dynamics(*moved, effects=False)
         acting = dict(zip(arm.joints, arm.effects, strict=True)) | arm.sums
         for d, (name, effects) in zip(arm._every_direction(), acting.items(), strict=True):
             s = self.signals(tuple(map(float, d)), moved)
             each = (self.along_pieces(e.contribution, self.turned(type(e), name, s)) for e in effects)
             out += np.outer(sum(each, np.zeros(len(out))), d)
-        return out
+        return out + sum(self.freed(t.kind, t.shape, moved) for t in model.terms if t.kind.splits)
+
+    def arm_of(self, model: ArmState) -> Arm:
+        """The arm of a model's numbers, physical or not, with all terms that are torques, and without plays."""
+        arm = self.lags.interpret(model.numbers, physical=False)
+        return completed(arm, (t for t in model.terms if not t.kind.sizeless))
 
     def read(self, path: Array, rng: np.random.Generator) -> Array:
         """A path, shape (n, n_joints), as the encoders would have read it."""

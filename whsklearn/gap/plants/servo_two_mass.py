@@ -31,18 +31,20 @@ TURNS = (
 
 
 @njit(cache=True, nogil=True)
-def contact_acceleration(position, velocity, gap, w, zeta, slowed, dt, substeps):
-    """What the contact gives a load that a measured motor drives through a spring with play, shape (n,).
+def pushed(position, velocity, pull, inertia, gap, stiffness, damping, viscous, dry, dt, substeps):
+    """Push on a load that a measured motor drives through a spring with play, its position and velocity, shape (3, n).
 
-    Dry friction takes ``slowed`` (rad/s2) from it.
+    ``pull`` and ``inertia`` are those of the load, (n,); its friction is a viscous and a dry one.  A push is the mean
+    over a sample, position and velocity are those at its beginning.
     """
     n = position.size
-    out = np.empty(n)
-    q, v = position[0], velocity[0]
+    out = np.empty((3, n))
+    q, v = position[0] - (math.copysign(0.5 * gap, pull[0]) if pull[0] else 0.0), velocity[0]
     h = dt / substeps
     for i in range(n):
         j = min(i + 1, n - 1)
         mean = 0.0
+        out[1, i], out[2, i] = q, v
         for s in range(substeps):
             f = (s + 0.5) / substeps
             twist = position[i] + f * (position[j] - position[i]) - q
@@ -50,17 +52,23 @@ def contact_acceleration(position, velocity, gap, w, zeta, slowed, dt, substeps)
             over = abs(twist) - 0.5 * gap
             a = 0.0
             if gap <= 0.0:
-                a = w * w * twist + 2.0 * zeta * w * slip
+                a = stiffness * twist + damping * slip
             elif over > 0.0:
-                a = w * w * math.copysign(over, twist) + 2.0 * zeta * w * slip
+                a = stiffness * math.copysign(over, twist) + damping * slip
                 if a * twist < 0.0:
                     a = 0.0
-            v += h * a
-            v = math.copysign(max(abs(v) - h * slowed, 0.0), v)
+            heavy = inertia[i] + f * (inertia[j] - inertia[i])
+            v += h * (a - pull[i] - f * (pull[j] - pull[i])) / heavy
+            v = math.copysign(max(abs(v) - h * dry / heavy, 0.0), v) / (1.0 + h * viscous / heavy)
             q += h * v
             mean += a
-        out[i] = mean / substeps
+        out[0, i] = mean / substeps
     return out
+
+
+def fine_steps(hertz: float, zeta: float, dt: float) -> int:
+    """Steps per sample for a load on a spring: `STEPS` per period, more of them the stronger it is damped."""
+    return max(1, math.ceil(hertz * dt * max(STEPS, 2 * STEPS * zeta)))
 
 
 def contact(model: ServoHypothesis, t: ServoTerm) -> tuple[float, float, float, float]:
@@ -93,8 +101,11 @@ def columns(view: Any, model: ServoHypothesis, t: ServoTerm, torque: Array | Non
         return from_load(view, t, torque)
     gap, w, zeta, slowed = contact(model, t)
     dt = view.scene.dt
-    substeps = max(1, math.ceil(w * dt * max(STEPS, 2 * STEPS * zeta) / (2 * np.pi)))
-    a = contact_acceleration(view.motion.position, view.motion.velocity, gap, w, zeta, slowed, dt, substeps)
+    moved, none = view.motion, np.zeros(view.motion.position.size)
+    a = pushed(
+        moved.position, moved.velocity, none, none + 1.0, gap, w**2, 2.0 * zeta * w, 0.0, slowed, dt,
+        fine_steps(w / (2 * np.pi), zeta, dt),
+    )[0]  # fmt: skip
     return view.blur(a)[:, None]
 
 
