@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 from sklearn.base import clone
@@ -92,6 +94,17 @@ def test_dry_friction_reverses_in_columns_and_own_records_as_in_the_model(plain)
     apart = soft.along(model, soft.moved) - view.along(model, view.moved)
     np.testing.assert_allclose(apart[:, 1], size * (sign - np.sign(v)), atol=1e-6 * size)
     np.testing.assert_allclose(apart[:, 0], 0.0, atol=1e-12)
+
+
+def test_a_play_frees_nothing_where_numbers_give_a_joint_no_inertia():
+    view, _ = view_of()
+    kind = kind_of("backlash at pitch")
+    shape = kind.catalogued.starts(view.scene(kind))[0]
+    for sign in (1.0, -1.0):
+        view.model_arm, view._last = dataclasses.replace(ARM, inertial=sign * ARM.inertial, armature=None), None
+        freed = view.freed(kind, shape)
+        assert np.isfinite(freed).all()
+        assert np.any(freed) == (sign > 0.0)
 
 
 def test_own_records_of_a_complete_model_are_as_large_as_what_it_leaves(plain):

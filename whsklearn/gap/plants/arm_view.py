@@ -45,7 +45,7 @@ HELD = 2.0
 WIDER = 1.5  # ratio of the speeds whose difference stands for a change of one
 FINER = 4  # times the steps of a load on a spring: one step too late, an impact left 18 % of a drive for 10
 LEAST_INERTIA = 1e-9  # kg m2, of a joint whose numbers are uncertain
-LIGHTEST = 0.05  # of a joint's mean inertia: what is behind a play, wherever its arm is
+LIGHTEST = 0.05  # of a joint's inertia at zero: what is behind a play, wherever its arm is
 STANDS_OUT = 4.0  # standard deviations of the residual; chance puts 6e-5 of a normal one beyond
 
 
@@ -283,8 +283,12 @@ class ArmView(ArmRows):
         """
         j, (gap, share, hertz, ratio, dry) = kind.index, shape
         mass, needed, coulomb, viscous = self._rigid(moved)
-        motor = (1.0 - share) * at_zero(self.model_arm)[j]
-        inertia, reduced = np.maximum(mass[:, j, j] - motor, LIGHTEST * mass[:, j, j].mean()), motor * share
+        whole = at_zero(self.model_arm)[j]
+        if whole <= LEAST_INERTIA:  # numbers with which nothing can move
+            still = np.zeros((len(mass), self.n_joints))
+            return np.column_stack([still, moved.position[:, j], moved.velocity[:, j]])
+        motor = (1.0 - share) * whole
+        inertia, reduced = np.maximum(mass[:, j, j] - motor, LIGHTEST * whole), motor * share
         damped = viscous[j] * min(dry / max(float(coulomb[j]), 1e-12), 1.0)
         stiffness = contact_stiffness(hertz, reduced)
         damping, steps = contact_damping(ratio, stiffness, reduced), FINER * fine_steps(hertz, ratio, self.dt)
