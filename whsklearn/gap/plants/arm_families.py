@@ -29,7 +29,8 @@ STIFFER = (1.0, 1.0), (1.4, 2.0)  # ratios of width and contact frequency at whi
 HIGHEST = 60.0  # order of a wave over a joint's angle
 LEAST_LEFT = 0.5  # share of a drive's rms that a limit or a dead zone must leave, or the joint cannot be fitted
 FEWEST = 4  # rows per column of a nameless family
-EVALUATIONS, PER_NUMBER = 80, 40  # of the cost while a shape is polished, at least, for each simplex
+# Of the cost while a shape is polished, for each simplex; a play has five numbers, which trade
+EVALUATIONS, OF_A_PLAY = 80, 200
 FINE = 0.01  # where it ends: of the first step, and of chi-squared, in which a difference of one is by chance
 # Simplices in turn if there are several numbers, each spread where the last one ended (Kelley 1999, SIAM J. Optim.
 # 10(1), 43-55): one that begins on a bound may collapse onto it.  The relaxation of a stop so stayed at zero, and the
@@ -235,7 +236,7 @@ def polished(view: ArmView, tangent: Tangent, term: JointTerm) -> JointTerm:
         simplex = np.clip(np.vstack([x, x + np.diag(inwards)]), low, high)
         found = minimize(
             lambda z: cost(z * widths), x, method="Nelder-Mead", bounds=list(zip(low, high, strict=True)),
-            options={"maxfev": max(EVALUATIONS, PER_NUMBER * len(free)), "initial_simplex": simplex, "xatol": FINE,
+            options={"maxfev": OF_A_PLAY if kind.splits else EVALUATIONS, "initial_simplex": simplex, "xatol": FINE,
                      "fatol": FINE},
         )  # fmt: skip
         x = found.x
