@@ -15,7 +15,7 @@ from click.testing import CliRunner
 from benchmarks.blind_logs.servo import make_case
 from whsklearn.cli.gap import main
 from whsklearn.datasets import make_servo_log
-from whsklearn.effects import Cogging
+from whsklearn.effects import Cogging, Saturation
 
 
 @pytest.fixture(scope="module")
@@ -220,3 +220,11 @@ def test_a_clipped_drive_is_told_where_something_is_missing(tmp_path):
     done = run(tmp_path / "log.csv", "--max-effects", "1", "--report", tmp_path / "r", "--no-track")
     assert done.exit_code == 0, done.output
     assert "log.csv: drive stays at its extreme values in" in done.stdout
+
+
+def test_a_clipped_drive_is_no_defect_where_its_limit_is_named(tmp_path):
+    log = make_servo_log([Saturation(1.0)], duration=10.0, sample_rate=250.0, random_state=0)
+    log.assign(torque_nm=log.torque_nm.clip(-1.2, 1.2)).to_csv(tmp_path / "log.csv", index=False)
+    done = run(tmp_path / "log.csv", "--report", tmp_path / "r", "--no-track")
+    assert "saturation (limit" in " ".join(done.stdout.split())
+    assert "extreme values" not in done.stdout

@@ -10,7 +10,7 @@ import pytest
 
 from whsklearn.gap.data_check import check_servo
 from whsklearn.gap.plants.servo_sensors import coarse_encoder
-from whsklearn.gap.record import ServoRecord, held_out_blocks, noise_level
+from whsklearn.gap.record import ServoRecord, held_out_blocks, noise_level, reading_noise
 
 T = np.arange(20_000) / 1000
 PATH = np.sin(2 * T) + 0.3 * np.sin(7 * T)
@@ -21,6 +21,24 @@ def test_noise_is_seen_whatever_the_motion(noise):
     seen = noise_level(PATH + noise * np.random.default_rng(0).normal(size=T.size))
     assert seen == pytest.approx(noise, rel=0.1)
     assert noise_level(PATH) < 0.01 * noise
+
+
+@pytest.mark.parametrize("gain", [0.0, 300.0])
+@pytest.mark.parametrize("noise", [0.01, 0.05])
+def test_the_noise_of_a_drive_is_seen_beside_what_its_controller_makes_of_the_encoder(gain, noise):
+    position = np.round(PATH / 1e-3) * 1e-3
+    drive = np.sin(3 * T) - gain * position + noise * np.random.default_rng(1).normal(size=T.size)
+    halves = [(x[:9000], x[9000:]) for x in (drive, position)]
+    assert reading_noise(*halves) == pytest.approx(noise, rel=0.1)
+    if gain:
+        assert noise_level(drive) > 1.5 * noise
+
+
+def test_a_drive_that_the_motion_shows_is_no_noise_and_a_short_record_tells_none():
+    drive = np.random.default_rng(2).normal(size=T.size)
+    velocity = np.cumsum(drive) * 1e-3  # of a mass of 1 kg
+    assert reading_noise([drive], [np.cumsum(velocity) * 1e-3]) < 0.05
+    assert reading_noise([drive[:20]], [drive[:20]]) == 0.0
 
 
 @pytest.mark.parametrize(

@@ -155,6 +155,17 @@ def test_an_effect_below_the_tolerance_gets_no_name():
     assert run(Columns({"b": 0.03})).taken
 
 
+@pytest.mark.parametrize("silent", [True, False])
+def test_nothing_is_added_to_a_model_that_leaves_nothing_worth_naming(silent):
+    class Sharp(Columns):
+        def silent(self, model):
+            return silent and bool(model.terms)
+
+    found = run(Sharp({"b": 0.5, "d": 0.2}))
+    assert [t.name for t in found.taken] == (["b"] if silent else ["b", "d"])
+    assert any(look.name == "d" for look in found.remainder) is silent, "the report still has the look"
+
+
 def test_no_more_names_than_asked_for():
     assert len(run(Columns({"b": 0.2, "c": 0.3, "d": 0.4}), max_effects=2).taken) == 2
 

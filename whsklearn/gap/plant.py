@@ -340,6 +340,10 @@ class Plant(Protocol):
         """
         return False
 
+    def silent(self, model: Any) -> bool:
+        """Whether nothing that a model leaves, wherever it is, is worth naming: by default this is not known either."""
+        return False
+
     def enough(self, model: Any) -> bool:
         """Whether the record has samples enough for a certain name beside the model's other numbers: always."""
         return True

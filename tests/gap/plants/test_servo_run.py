@@ -44,9 +44,12 @@ def test_noise_asks_for_a_wide_window_and_fast_motion_for_a_narrow_one():
     dt, rng = 1e-3, np.random.default_rng(0)
     t = np.arange(6000) * dt
     slow, fast = np.sin(2.0 * t), np.sin(2.0 * t) + 0.01 * np.sin(2 * np.pi * 70.0 * t)
-    widths = [smoothing_width(x + 1e-5 * rng.standard_normal(t.size), dt, 1e-5) for x in (slow, fast)]
+    widths = [smoothing_width([x + 1e-5 * rng.standard_normal(t.size)], dt, 1e-5) for x in (slow, fast)]
     assert widths[0] == 2 * round(WINDOWS[0] / 2 / dt) + 1
     assert widths[1] < 0.5 * widths[0]
+    parts = [slow[:2500], 3.0 + slow[4000:]]  # a hole over which the axis moves far is no fast motion
+    assert smoothing_width([x + 1e-5 * rng.standard_normal(x.size) for x in parts], dt, 1e-5) == widths[0]
+    assert smoothing_width([slow, slow[:100]], dt, 1e-5) < 50, "no window is wider than half of a segment"
 
 
 def test_a_horizon_is_as_long_as_a_torque_that_is_worth_no_name_leaves_it(plain):

@@ -50,6 +50,19 @@ def test_the_friction_of_a_load_keeps_its_size_when_the_inertia_is_split_anew(na
     assert other.terms[0].q[-1] == pytest.approx(0.06 * slowed)
 
 
+@pytest.mark.parametrize(("dry", "n"), [(0.1, 2), (0.0, 1)])
+@pytest.mark.parametrize("name", ["backlash", "flexible_coupling"])
+def test_a_fit_starts_with_the_friction_of_a_load_on_its_motor_too(name, dry, n):
+    model = ServoHypothesis(0.05, 0.0, (ServoTerm(candidate("coulomb"), (0.3,)),), SCENE)
+    model = model.with_term(two_mass.start(model, candidate(name), 0.004, 60.0, 0.2, dry))
+    first, *other = two_mass.splits_of_friction(model)
+    assert first == model
+    assert len(other) == n - 1
+    for m in other:
+        assert (m.terms[0].q[0], m.terms[1].q[-1]) == (pytest.approx(0.4), 0.0)
+        assert m.terms[1].q[:-1] == model.terms[1].q[:-1]
+
+
 @pytest.mark.parametrize("name", ["backlash", "flexible_coupling"])
 def test_a_load_that_the_drive_does_not_move_is_no_load_behind_a_transmission(name):
     model = ServoHypothesis(0.05, 0.0, (), SCENE)

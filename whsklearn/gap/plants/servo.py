@@ -30,6 +30,7 @@ from whsklearn.gap.plants import (
     servo_run,
 )
 from whsklearn.gap.plants import servo_stop as stop
+from whsklearn.gap.plants import servo_two_mass as two_mass
 from whsklearn.gap.plants.from_log import servo_record
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, aliases, candidate
 from whsklearn.gap.plants.servo_families import highest_order, next_order, polished, widened
@@ -128,12 +129,16 @@ class ServoPlant(Plant):
         """The plant of a record that the model itself makes in the same experiment."""
         ideal = servo_own.needed(self.inverse, model)
         record = servo_own.own_record(self.inverse, model, rng, self.record.drive, model.timing * self.record.dt, ideal)
+        noise = self.inverse.drive_noise(self.inverse.gap(model)) * rng.standard_normal(len(record))
+        record = dataclasses.replace(record, drive=record.drive + noise)
         other = ServoPlant(record, self.law, None, self.tolerance)
         other.observer = dataclasses.replace(self.observer, record=record)
         return other
 
     def to_simulate(self, model: ServoHypothesis) -> ServoHypothesis:
         """Choose the numbers with the best free run: as found, corrected by own records, or refitted along the run.
+
+        Each is tried with and without the half sample of age that a held drive has in inverse dynamics.
 
         The horizon of the proof is chosen first, and the three are compared at it.  Over a longer one, at which no
         model of this record can be simulated, a pendulum without inertia had the smaller drift (XL330 10h28m24).
@@ -143,12 +148,14 @@ class ServoPlant(Plant):
             return model
         tried = [model, *(self._from_load(model, "backlash") if model.has_play else [])]
         # a body that friction alone holds stays near any path; it asks for more drive than there is
-        if rms(self.inverse.left(refitted := self.observer.fit(model))) < self.scale:
-            tried.append(refitted)
+        refitted = [self.observer.fit(m) for m in two_mass.splits_of_friction(model)]
+        tried += [m for m in refitted if rms(self.inverse.left(m)) < self.scale]
         if [t.name for t in self.corrected.terms] == [t.name for t in model.terms]:
             tried.append(self.corrected)
         # a fit that ends with no inertia, or with far too much, has failed
         kept = [m for m in tried if model.has_inertia(m)] or self.inverse.of_differences(model) or tried
+        # The noise of the drive's reading makes a fit along the run too sluggish, and inverse dynamics counts the hold.
+        kept = [dataclasses.replace(m, timing=m.timing - hold) for m in kept for hold in (0.0, HOLD)]
         return min(kept, key=lambda m: servo_run.train_error(self.observer, m, self.headline))
 
     def contributes(self, base: ServoHypothesis, model: ServoHypothesis) -> bool:
@@ -377,6 +384,10 @@ class ServoPlant(Plant):
         return self.inverse.gap(model)
 
     def complete(self, before: Array, model: ServoHypothesis) -> bool:
+        """An axis has one place: see `silent`."""
+        return self.silent(model)
+
+    def silent(self, model: ServoHypothesis) -> bool:
         """Whether a model leaves no more than noise and what is not worth naming.
 
         The noise of own records is that of the encoder times the inertia, and that of a base model which compensates
@@ -429,11 +440,14 @@ class ServoPlant(Plant):
 
         The residual of the model's own records, due to filters and noise, is subtracted.  The numbers are solved for,
         because those refitted along the run suit the run; learned curves keep theirs, which are smoothed: solved for
-        again, a curve over the model's own torque becomes the drive itself.  If the model has play, the
-        figures come from the observer, and nothing counts as nameless: an impact that comes a sample early or late is a
-        large torque for an instant, but hardly changes the path.
+        again, a curve over the model's own torque becomes the drive itself.
+
+        If the model has two masses, the figures come from the observer, and nothing counts as nameless.  Inverse
+        dynamics of the load side needs the motor's motion, which nobody measured; an impact that comes a sample early
+        or late is a large torque for an instant, but hardly changes the path; and behind a spring with little damping
+        a load rings with the noise of the measured motion.
         """
-        if model.load_side or model.has_play:  # inverse dynamics of the load side needs the unmeasured motor motion
+        if any(t.kind.code in TWO_MASS for t in model.terms):
             seen = self.observer
             return Figures(seen.rms(seen.gap(base)), seen.rms(seen.gap(model)), seen.floor(model), by_run=True)
         view = self.inverse
@@ -464,7 +478,7 @@ class ServoPlant(Plant):
         for t in model.terms[: model.n_base]:
             unit = next(iter(t.effect.quantities.values())).unit.replace("Nm", drive).replace("rad", position)
             rows[t.name] = t.q[0], "" if unit == "1" else unit
-        return rows | {"age of the drive (samples)": (model.timing, "")}
+        return rows | {"age of the drive (samples)": (round(model.timing, 6), "")}
 
     def told(self, base: ServoHypothesis, model: ServoHypothesis) -> Told:
         """Whiteness of the residual, remarks, and the series that the page draws."""

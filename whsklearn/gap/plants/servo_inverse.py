@@ -162,6 +162,10 @@ class InverseView:
         """Rms over the judged samples."""
         return rms(gap)
 
+    def drive_noise(self, gap: Array) -> float:
+        """Standard deviation of the white noise that the drive's reading may have: no more than all of a ``gap``."""
+        return min(self.record.drive_noise, self.rms(gap) / float(np.linalg.norm(self.g)))
+
     def bare(self) -> InverseView:
         """The view without subtracting the artefacts."""
         if self.own is None:
@@ -453,6 +457,8 @@ class InverseView:
 
         slopes = -factor * columns[self.at][:, sizes]
         slopes[:, rest] = jacobian(moved, x[rest], r, model.steps()[rest], high[rest])
+        # a number that is held, as the age of the drive beside a delay, takes no share in the errors of the others
+        slopes[:, high - low < model.steps()] = 0.0
         return Linearised(x, low, high, r, slopes, model.with_vector)
 
 

@@ -8,6 +8,7 @@ view comes first.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
@@ -66,7 +67,7 @@ class ObserverView:
     def smoothed(self) -> tuple[int, Array, Array]:
         """(width in samples, position, velocity) of the smoother that gives the start of every run."""
         r, dt = self.record, self.scene.dt
-        width = smoothing_width(r.position, dt, self.noise)
+        width = smoothing_width([r.position[s] for s, _ in r.pieces], dt, self.noise)
         q, v = r.by_piece(lambda x: smoothed(x, dt, width), r.position)
         return width, q, v
 
@@ -255,7 +256,7 @@ def smoothed(position: Array, dt: float, width: int) -> tuple[Array, Array]:
     return savgol_filter(position, width, 4), savgol_filter(position, width, 4, deriv=1, delta=dt)
 
 
-def smoothing_width(position: Array, dt: float, noise: float) -> int:
+def smoothing_width(positions: Sequence[Array], dt: float, noise: float) -> int:
     """The widest window, in samples, that changes the velocity by no more than noise does.
 
     The velocity of a narrow window differs from that of a wide one by its own noise, known from the window's weights,
@@ -266,10 +267,13 @@ def smoothing_width(position: Array, dt: float, noise: float) -> int:
     from scipy.signal import savgol_coeffs
 
     widths = sorted({max(7, 2 * round(w / 2 / dt) + 1) for w in WINDOWS}, reverse=True)
-    for wide, narrow in pairwise(widths):
-        apart = smoothed(position, dt, wide)[1] - smoothed(position, dt, narrow)[1]
+    shortest = min(q.size for q in positions)
+    for wide, narrow in pairwise([w for w in widths if 2 * w < shortest] + widths[-1:]):
+        # each segment by itself: a jump over a hole is motion that every window smooths away
+        both = ((smoothed(q, dt, wide)[1], smoothed(q, dt, narrow)[1]) for q in positions)
+        apart = np.concatenate([(a - b)[wide:-wide] for a, b in both])
         own = noise * float(np.linalg.norm(savgol_coeffs(narrow, 4, deriv=1, delta=dt)))
-        if float(np.mean(apart[wide:-wide] ** 2)) < AS_NOISE * own**2:
+        if float(np.mean(apart**2)) < AS_NOISE * own**2:
             return wide
     return widths[-1]
 

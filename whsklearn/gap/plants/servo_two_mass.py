@@ -169,3 +169,20 @@ def start(model: ServoHypothesis, kind: Any, gap: float, hz: float, zeta: float,
     if kind.code == k.BACKLASH:
         return ServoTerm(kind, (gap, share, hz / np.sqrt(1 - share), held, dry))
     return ServoTerm(kind, (1.0 / (model.inertia * share * w * w), share, held, dry))
+
+
+def splits_of_friction(model: ServoHypothesis) -> list[ServoHypothesis]:
+    """The model, and with the dry friction of its load on the motor instead, if there is any: starts for a fit.
+
+    Behind a filter that hides the resonance the two are the same torque but for the reversals, whose edges the filter
+    rounds: a seventh of MuJoCo's friction ended at a load that has none, in a minimum of the run too.
+    """
+    out = [model]
+    dry = next((i for i, t in enumerate(model.terms) if t.name == "coulomb"), None)
+    for i, t in enumerate(model.terms):
+        if dry is not None and t.kind.code in BOTH and not t.kind.on_load and t.q[-1] > 0.0:
+            terms = list(model.terms)
+            terms[i] = t.with_slot(len(t.q) - 1, 0.0)
+            terms[dry] = terms[dry].with_slot(0, terms[dry].q[0] + t.q[-1])
+            out.append(model.with_terms(tuple(terms)))
+    return out
