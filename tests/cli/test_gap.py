@@ -223,6 +223,7 @@ def test_a_clipped_drive_is_told_where_something_is_missing(tmp_path):
 
 
 def test_a_clipped_drive_is_no_defect_where_its_limit_is_named(tmp_path):
+    """A clipped position still is one: see test_records."""
     log = make_servo_log([Saturation(1.0)], duration=10.0, sample_rate=250.0, random_state=0)
     log.assign(torque_nm=log.torque_nm.clip(-1.2, 1.2)).to_csv(tmp_path / "log.csv", index=False)
     done = run(tmp_path / "log.csv", "--report", tmp_path / "r", "--no-track")

@@ -96,3 +96,13 @@ def test_what_is_named_by_number_or_by_name_outweighs_what_is_found(tmp_path):
 def test_a_column_that_no_name_tells_is_asked_for_by_an_option_that_there_is(tmp_path):
     with pytest.raises(LogError, match=r"it has: time_s, a, b\. Name it with --drive, or by number with --columns"):
         records.read_system(a_table(tmp_path, ["time_s", "a", "b"]), NAMELESS)
+
+
+@pytest.mark.parametrize(("limited", "told"), [(False, ["drive", "position"]), (True, ["position"])])
+def test_where_a_limit_is_named_a_clipped_position_is_still_told(limited, told, capsys):
+    there = [
+        Bunch(code=code, explanation=f"{name} stays at its extreme values in 9 samples")
+        for code, name in (("LOG005", "drive"), ("LOG005", "position"), ("LOG001", "time"))
+    ]
+    records.say_clipped(Bunch(name="a.csv", report=Bunch(findings=there)), limited=limited)
+    assert [line.split()[1] for line in capsys.readouterr().out.splitlines()] == told

@@ -125,6 +125,16 @@ def test_what_only_a_refused_name_explains_is_missing_too():
     assert verdict(0.02, 0.99, remainder=[refused]) == "named"
 
 
+def with_rivals(fitted, rivals):
+    """What a search found: the first of the ``fitted`` names is taken, with these rivals."""
+    fits = [
+        Named(SimpleNamespace(name=x, place=frozenset()), Terms(x), np.zeros(1), np.zeros(1), rivals=rivals)
+        for x in fitted
+    ]
+    steps = [SimpleNamespace(looks=[], fitted=fits)]
+    return SimpleNamespace(base=Terms(), model=Terms("a"), taken=fits[:1], remainder=[], steps=steps)
+
+
 def test_a_rival_goes_that_runs_farther_from_the_record_in_its_place():
     """A flexible coupling beside a play that is seen from the load; a spring over little travel stays."""
     noise = np.random.default_rng(0).standard_normal((3, 4000))
@@ -138,13 +148,7 @@ def test_a_rival_goes_that_runs_farther_from_the_record_in_its_place():
         def simulate(self, model, horizon):
             return noise["abc".index(model)] * {"": 1.5, "a": 1.0, "b": 1.0, "c": 1.3}[model]
 
-    fitted = [
-        Named(SimpleNamespace(name=x, place=frozenset()), Terms(x), np.zeros(1), np.zeros(1), rivals=["b", "c", "d"])
-        for x in "abc"
-    ]
-    steps = [SimpleNamespace(looks=[], fitted=fitted)]
-    found = SimpleNamespace(base=Terms(), model=Terms("a"), taken=fitted[:1], remainder=[], steps=steps)
-    assert conclude._standing_rivals(Plant(None), found, 0, 0.01) == ["b", "d"]
+    assert conclude._standing_rivals(Plant(None), with_rivals("abc", ["b", "c", "d"]), 0, 0.01) == ["b", "d"]
 
 
 @pytest.mark.parametrize(("left", "kept"), [((0.3, 0.6), []), ((0.3, 0.45), ["b"]), ((0.55, 0.8), ["b"])])
@@ -164,13 +168,7 @@ def test_a_rival_that_would_be_a_part_of_the_answer_goes_where_the_one_taken_is_
         def simulate(self, model, horizon):
             return once * {"": 1.0, "a": left[0], "b": left[1]}[model]
 
-    fitted = [
-        Named(SimpleNamespace(name=x, place=frozenset()), Terms(x), np.zeros(1), np.zeros(1), rivals=["b"])
-        for x in "ab"
-    ]
-    steps = [SimpleNamespace(looks=[], fitted=fitted)]
-    found = SimpleNamespace(base=Terms(), model=Terms("a"), taken=fitted[:1], remainder=[], steps=steps)
-    assert conclude._standing_rivals(Plant(None), found, 0, 0.01) == kept
+    assert conclude._standing_rivals(Plant(None), with_rivals("ab", ["b"]), 0, 0.01) == kept
 
 
 @pytest.mark.parametrize(("complete", "rest", "kept"), [(True, 0.45, []), (True, 0.05, ["b"]), (False, 0.45, ["b"])])
@@ -181,7 +179,7 @@ def test_blocks_are_not_asked_about_a_rival_where_the_one_taken_leaves_nothing(c
     class Plant(Runs):
         headline, horizons = 1.0, (1.0,)
 
-        def complete(self, before, model):
+        def silent(self, model):
             return complete
 
         def measured(self, *models):
@@ -190,13 +188,7 @@ def test_blocks_are_not_asked_about_a_rival_where_the_one_taken_leaves_nothing(c
         def simulate(self, model, horizon):
             return once * {"": 1.0, "a": 0.0, "b": rest}[model] + 0.05 * noise
 
-    fitted = [
-        Named(SimpleNamespace(name=x, place=frozenset()), Terms(x), np.zeros(1), np.zeros(1), rivals=["b"])
-        for x in "ab"
-    ]
-    steps = [SimpleNamespace(looks=[], fitted=fitted)]
-    found = SimpleNamespace(base=Terms(), model=Terms("a"), taken=fitted[:1], remainder=[], steps=steps)
-    assert conclude._standing_rivals(Plant(None), found, 0, 0.01) == kept
+    assert conclude._standing_rivals(Plant(None), with_rivals("ab", ["b"]), 0, 0.01) == kept
 
 
 def test_what_is_below_the_tolerance_counts_where_the_free_run_shows_it():
@@ -237,10 +229,7 @@ class Runs:
     def linearised(self, model):
         return model
 
-    def errors(self, model):
-        return None
-
-    def complete(self, before, model):
+    def silent(self, model):
         return False
 
     def contributes(self, base, model):

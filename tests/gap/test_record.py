@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from types import SimpleNamespace
 
 import numpy as np
@@ -39,6 +40,16 @@ def test_a_drive_that_the_motion_shows_is_no_noise_and_a_short_record_tells_none
     velocity = np.cumsum(drive) * 1e-3  # of a mass of 1 kg
     assert reading_noise([drive], [np.cumsum(velocity) * 1e-3]) < 0.05
     assert reading_noise([drive[:20]], [drive[:20]]) == 0.0
+
+
+def test_the_noise_of_a_long_record_is_that_of_its_rows_here_and_there():
+    noise = 0.05 * np.random.default_rng(3).normal(size=20 * T.size)
+    drive, position = (np.tile(x, 20) for x in (np.sin(3 * T), PATH))
+    tracemalloc.start()
+    assert reading_noise([drive + noise], [position]) == pytest.approx(0.05, rel=0.1)
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert most < 10 * drive.nbytes, "its windows alone would be 26 times the record"
 
 
 @pytest.mark.parametrize(

@@ -188,9 +188,8 @@ def diagnose(options: dict[str, Any], log: Bunch, second: Bunch | None, folder: 
             if not problem.fatal:
                 records.note(problem.explanation)
         click.echo(wrapped(f"{d.verdict}: {d.sentence}"))
-        limited = any(e.name == "saturation" for e in d.effects)  # the cause is named, and it is no defect of the log
-        if d.verdict not in ("no_gap", "data_problem") and not limited:
-            records.say_clipped(log)
+        if d.verdict not in ("no_gap", "data_problem"):
+            records.say_clipped(log, limited=any(e.name == "saturation" for e in d.effects))
         if tested:
             click.echo(wrapped(tested))
         with records.warnings_as_notes():

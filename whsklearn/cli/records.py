@@ -120,11 +120,14 @@ def read(source: Source, options: Mapping[str, Any], quiet: tuple[str, ...] = ()
     return log
 
 
-def say_clipped(log: Bunch) -> None:
-    """Print which signals of a log are clipped, where a model leaves something: what is missing may be in there."""
+def say_clipped(log: Bunch, *, limited: bool = False) -> None:
+    """Print which signals of a log are clipped, where a model leaves something: what is missing may be in there.
+
+    ``limited``: whether the limit of the drive has been named, which is then no defect of the log.
+    """
     report = log.get("report")
     for finding in report.findings if report is not None else ():
-        if finding.code == "LOG005":
+        if finding.code == "LOG005" and not (limited and finding.explanation.startswith("drive ")):
             click.echo(wrapped(f"{log.name}: {finding.explanation}"))
 
 

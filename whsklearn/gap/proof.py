@@ -77,8 +77,9 @@ def prove(
     """One row per horizon: errors before and after, the floor and the closure.
 
     The floor of a horizon is the error of the repaired model against records that it simulated itself, restarted by
-    the same rule: the error due to noise in the restarts alone.  Where friction sticks and slips, one record has half
-    again the floor of another, so it is the rms over `OWN_RUNS` of them; exact records differ by their noise only.
+    the same rule: the error due to noise in the restarts and, for an axis, in the reading of the drive.  Where friction
+    sticks and slips, one record has half again the floor of another, so it is the rms over `OWN_RUNS` of them; exact
+    records differ by their noise only.
     Both runs of the log use the same restarts, so an error below this floor is a chance result of the noise, and the
     floor is never printed above it.  ``given`` is the record as it was given and its base model, if the plant has
     repaired a reading (`whsklearn.gap.plant.Reading`); the error before is then computed from these.

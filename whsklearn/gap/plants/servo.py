@@ -138,10 +138,9 @@ class ServoPlant(Plant):
     def to_simulate(self, model: ServoHypothesis) -> ServoHypothesis:
         """Choose the numbers with the best free run: as found, corrected by own records, or refitted along the run.
 
-        Each is tried with and without the half sample of age that a held drive has in inverse dynamics.
-
-        The horizon of the proof is chosen first, and the three are compared at it.  Over a longer one, at which no
-        model of this record can be simulated, a pendulum without inertia had the smaller drift (XL330 10h28m24).
+        The horizon of the proof is chosen first, and the three are compared at it, each with and without the half
+        sample of age that a held drive has in inverse dynamics.  Over a longer one, at which no model of this record
+        can be simulated, a pendulum without inertia had the smaller drift (XL330 10h28m24).
         """
         self.headline, self.horizons = self._horizons(model)
         if stop.holds(model):  # an observer does not see where a contact begins
