@@ -389,11 +389,14 @@ def test_what_neither_explains_may_favour_the_wrong_one(exact, whole, left, riva
     assert search._unsettled(taken, [taken, other]) == rivals
 
 
+@pytest.mark.parametrize("exact", [True, False])
 @pytest.mark.parametrize("whole", [True, False])
-def test_few_instants_tell_two_laws_apart_where_one_leaves_nothing(whole):
+def test_few_instants_tell_two_laws_apart_where_one_leaves_nothing(whole, exact):
     """A stop is touched a few times; gravity in its place leaves what blocks cannot tell from chance."""
     plant, rng = Columns({}), np.random.default_rng(0)
-    plant.exact, plant.complete = True, lambda before, model: whole
+    plant.exact, plant.complete, plant.p_of_all = exact, lambda before, model: whole, lambda model, rng: float(whole)
+    plant.settled = lambda model: model
+    plant.leads = lambda taken, other, before, rng: rng.standard_normal(15)
     noise, touches = rng.standard_normal(N), np.zeros(N)
     touches[[100, 105, 600]] = 60.0
     taken, other = (Named(Look(n, 40.0, np.zeros(3)), None, noise + 2.0 * touches, e, gain=g) for n, e, g in

@@ -344,6 +344,13 @@ class Plant(Protocol):
         """Whether nothing that a model leaves, wherever it is, is worth naming: by default this is not known either."""
         return False
 
+    def p_of_all(self, model: Any, rng: np.random.Generator) -> float:
+        """p-value of the hypothesis that a model is all there is: zero where its own records may hide what is missing.
+
+        They do where they take the colour of their noise from a residual that contains it.
+        """
+        return 0.0
+
     def enough(self, model: Any) -> bool:
         """Whether the record has samples enough for a certain name beside the model's other numbers: always."""
         return True

@@ -326,13 +326,22 @@ class Search:
         lead = max(lead, gain(worse, better, n_effective(other.errors)) - 2.0 * null)
         if lead < least_lead(self.alpha):
             return False
-        whole = self.plant.complete(taken.before, taken.model)
-        z = np.inf if whole else vuong(other.errors, taken.errors)
+        z = vuong(other.errors, taken.errors)
         if self.plant.exact:  # records simulated with the rival would cost a joint fit each, and blocks suffice
-            return separable(lead, z, np.zeros(0), self.alpha)
+            return separable(lead, z, np.zeros(0), self.alpha) or self._is_all(taken)
+        whole = self.plant.complete(taken.before, taken.model)
+        z = np.inf if whole else z
         if not separable(lead, z, self.plant.leads(taken, other, taken.before, self.rng), self.alpha):
             return False
         return not whole or better < HALF * worse or self._still_apart(taken, other)
+
+    def _is_all(self, taken: Named) -> bool:
+        """Whether nothing is shown to be missing beside the effect, with all numbers fitted.
+
+        Then the lead is a likelihood ratio of the true model: a wrong one reaches 2 ln(1 / alpha) over it with a
+        probability of alpha at most (Royall 1997, Statistical Evidence, ch. 1).
+        """
+        return bool(self.plant.p_of_all(self.plant.settled(taken.model), self.rng) > self.alpha)
 
     def _still_apart(self, taken: Named, other: Named) -> bool:
         """Whether they still differ if each is judged with its own artefacts instead of those of their base."""

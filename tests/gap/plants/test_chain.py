@@ -98,6 +98,15 @@ def test_a_delay_within_a_sample_is_not_told_from_a_lag():
     assert plant.refine(None, delay).terms[-1].effect.delay == pytest.approx(case.parameters[0]["size"], rel=0.05)
 
 
+def test_a_model_is_all_there_is_with_the_effect_and_not_without():
+    case = blind.make_case("named", 1149679, effects=("friction_drift",), n=1500)
+    plant = make_plant("wiener-hammerstein", case.frame, None, Base(), tolerance=0.004, columns=blind.COLUMNS)
+    base = plant.base(rng := np.random.default_rng(0))
+    best = next(k for k in plant.looks(base, rng) if k.name == "friction_drift")
+    without, with_it = (plant.p_of_all(plant.settled(m), rng) for m in (base, plant.refine(base, best)))
+    assert without < 0.01 < with_it
+
+
 @pytest.mark.parametrize("kind", ["prbs", "uniform"])
 def test_the_coupled_drives_lack_a_sensor_that_knows_the_sign(kind):
     finder = GapFinder("wiener-hammerstein", law="linear").fit(*make_coupled_drives(kind=kind, random_state=1))

@@ -218,6 +218,10 @@ class ChainPlant(Plant):
             ranked[0] = self._fitted_too(model, *ranked[0], len(looks), rng), ranked[0][1]
         return sorted([*(k for k in looks if k.name not in out), *(k for k, _ in ranked)], key=lambda k: -k.score)
 
+    def p_of_all(self, model: ChainHypothesis, rng: np.random.Generator) -> float:
+        """The smallest p-value of the look: the errors are whitened, so that no colour hides an effect."""
+        return self.seen(model, rng).p_value
+
     def _may_be_bent(self, model: ChainHypothesis, rng: np.random.Generator) -> bool:
         """Whether the blocks may be so distorted that no effect fits from their present values.
 
