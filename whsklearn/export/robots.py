@@ -283,26 +283,35 @@ def arm_mjcf(arm: Arm) -> tuple[str, list[Loss]]:
     ElementTree.SubElement(root, "option", options)
     bodies = [ElementTree.SubElement(root, "worldbody")]
     losses: list[Loss] = []
+    held: list[Mjcf] = []
     for k, name in enumerate(arm.joints):
         x, y, z, w = Rotation.from_matrix(arm.rotations[k]).as_quat()
         body = ElementTree.SubElement(
             bodies[arm.parents[k] + 1], "body", name=f"{name}_link", pos=_text(arm.places[k]), quat=_text([w, x, y, z])
         )
         bodies.append(body)
-        damping, friction, lost = _passive(
-            name, arm.effects[k], "MuJoCo's joints hold damping and frictionloss only", bool(arm.slides[k])
-        )
-        losses += lost
+        m = _at_joint(name, arm.effects[k], bool(arm.slides[k]))
+        held.append(m)
+        losses += m.losses
         joint = {"name": name, "type": "slide" if arm.slides[k] else "hinge", "axis": _text(arm.axes[k])}
-        passive = {"damping": damping, "frictionloss": friction, "armature": float(arm.armature[k])}
+        passive = {
+            "damping": _polynomial(m.damping), "frictionloss": m.joint.get("frictionloss"),
+            "armature": float(arm.armature[k]), "stiffness": _polynomial(m.spring), "springref": m.springref,
+        }  # fmt: skip
+        if passive["frictionloss"]:
+            joint["solreffriction"] = _text([m.creep[0], 1.0])
+            joint |= {"solimpfriction": _text([m.creep[1], m.creep[1], 0.001])} if m.creep[1:] else {}
         ElementTree.SubElement(body, "joint", joint | {key: _text([v]) for key, v in passive.items() if v})
         mass, centre, about = _body(arm, k, losses)
         full = _text(about[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]])
         ElementTree.SubElement(body, "inertial", mass=_text([mass]), pos=_text(centre), fullinertia=full)
     actuators = ElementTree.SubElement(root, "actuator")
-    for name in arm.joints:
-        ElementTree.SubElement(actuators, "motor", name=f"{name}_motor", joint=name)
-    tendons = ElementTree.SubElement(root, "tendon") if arm.sums else root
+    for name, m in zip(arm.joints, held, strict=True):
+        bias = {"biastype": "affine", "biasprm": _text([m.force, 0.0, 0.0])} if m.force else {}
+        ElementTree.SubElement(actuators, "general", {"name": f"{name}_motor", "joint": name} | bias)
+    tendons = ElementTree.SubElement(root, "tendon") if arm.sums or any(m.stops for m in held) else root
+    for name, m in zip(arm.joints, held, strict=True):
+        _beside(name, m, actuators, tendons)
     for name, direction in arm._directions().items():
         damping, friction, lost = _passive(name, arm.sums[name], "MuJoCo's tendons hold damping and frictionloss only")
         losses += lost
@@ -314,6 +323,52 @@ def arm_mjcf(arm: Arm) -> tuple[str, list[Loss]]:
             if coefficient:
                 ElementTree.SubElement(tendon, "joint", joint=of, coef=_text([coefficient]))
     return _written(root, losses), losses
+
+
+# an arm's weight is that of its links, and what is between motor and link has no state here
+AT_JOINT = (ELEMENTS | {"early_reversal"}) - {"gravity_imbalance"}
+
+
+def _at_joint(name: str, acting: Iterable[Effect], slides: bool) -> Mjcf:
+    """The effects of a joint as MuJoCo's elements, with a loss for each that it lacks or takes positive only."""
+    m, lost, effects = Mjcf(), [], closed(acting)
+    for e in effects:
+        if e.magnitude == e.neutral:
+            continue
+        if e.name in AT_JOINT and (e.magnitude > 0.0 or e.name not in ("viscous", "coulomb", "quadratic_drag")):
+            hold_in(m, e, effects)
+        else:
+            lost.append(e)
+    lost += [e for e in acting if isinstance(e, BETWEEN)]
+    m.losses = _of_joint(name, [*m.losses, *losses_of(lost, "MuJoCo's joints hold nothing like it")], slides)
+    return m
+
+
+def _beside(name: str, m: Mjcf, actuators: ElementTree.Element, tendons: ElementTree.Element) -> None:
+    """Add the elements of a joint that are not its own attributes, after the motors, whose controls stay the first."""
+    own = {"cogging": m.cogging, "lugre": m.lugre}
+    for kind, rows in own.items():
+        for i, numbers in enumerate(rows):
+            motor = {"name": f"{name}_{kind}{i + 1}", "joint": name, "input": "none", "resistance": "1"}
+            ElementTree.SubElement(actuators, "dcmotor", motor | {"motorconst": "0 0", kind: _text(numbers)})
+    for i, (stiffness, low, high) in enumerate(m.stops):
+        ends = {"stiffness": _text([stiffness]), "springlength": _text([low, high])}
+        stop = ElementTree.SubElement(tendons, "fixed", {"name": f"{name}_end_stop{i + 1}"} | ends)
+        ElementTree.SubElement(stop, "joint", joint=name, coef="1")
+
+
+def _polynomial(by_power: dict[int, float]) -> list[float]:
+    """Coefficients as MuJoCo takes them, of the first power up to the last there is."""
+    return [by_power.get(k, 0.0) for k in range(1, max(by_power, default=0) + 1)]
+
+
+def _of_joint(name: str, losses: Iterable[Loss], slides: bool) -> list[Loss]:
+    """The losses with the name of their joint, in its units."""
+    out = []
+    for x in losses:
+        size = x.size.replace("Nm", "N").replace("rad", "m") if slides else x.size
+        out.append(Loss(f"{name}'s {x.name}", size, x.reason))
+    return out
 
 
 def arm_urdf(arm: Arm) -> tuple[str, list[Loss]]:
@@ -374,11 +429,7 @@ def _passive(name: str, acting: Iterable[Effect], reason: str, slides: bool = Fa
         elif e.magnitude != e.neutral:
             lost.append(e)
     lost += [e for e in acting if isinstance(e, BETWEEN) and e.magnitude != e.neutral]
-    told = []
-    for x in losses_of(lost, reason):
-        size = x.size.replace("Nm", "N").replace("rad", "m") if slides else x.size
-        told.append(Loss(f"{name}'s {x.name}", size, x.reason))
-    return sizes["viscous"], sizes["coulomb"], told
+    return sizes["viscous"], sizes["coulomb"], _of_joint(name, losses_of(lost, reason), slides)
 
 
 def _body(arm: Arm, k: int, losses: list[Loss]) -> tuple[float, NDArray[Any], NDArray[Any]]:
