@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.stats import t as student_t
 
 from whsklearn.effects.base import Array, Bools, Integers
 from whsklearn.effects.law import FrictionLaw
@@ -20,9 +21,11 @@ from whsklearn.recursion.rows.predictor import Law
 PAST, FEWEST, DYNAMIC = 3, 60, 0.2
 
 # A constant of a fifth of the residual of a linear filter makes the free run of Example 5.1 three times worse, one of
-# three fifths a hundred times (tests/estimators/test_advice.py).  By chance it is 1/sqrt(n) of the residual, or a
-# twentieth at the fewest samples, and up to twice that if the residual varies slowly.
+# three fifths a hundred times (tests/estimators/test_advice.py).  By chance it is 1/sqrt(n) of the residual only if that
+# is white: behind slow blocks it was more than a fifth in 11 of 150 records about zero.  The means of ten parts tell
+# its standard error, whatever the colour; of 1,000 records about zero, one may exceed what Student's t allows.
 WORTH_A_CONSTANT, FEWEST_FOR_A_CONSTANT, TAPS = 0.2, 400, 8
+PARTS, NOT_BY_CHANCE = 10, 1e-3
 # Ratio of mean to standard deviation up to which an input counts as centred; otherwise an odd law may cause a constant.
 CENTRED = 0.1
 
@@ -80,9 +83,11 @@ def of_a_constant(law: FrictionLaw, X: Array, y: Array) -> str | None:
     before = [X[TAPS - k : len(X) - k] / scale for k in range(TAPS + 1)]
     rows = np.hstack([np.ones((n, 1)), *before])
     estimate = np.linalg.lstsq(rows, y[TAPS:], rcond=None)[0]
-    left = float(np.std(y[TAPS:] - rows @ estimate))
-    constant = float(estimate[0])
-    if abs(constant) <= max(WORTH_A_CONSTANT * left, 1e-9 * float(np.abs(y).max())):
+    error, constant = y[TAPS:] - rows @ estimate, float(estimate[0])
+    if abs(constant) <= max(WORTH_A_CONSTANT * float(np.std(error)), 1e-9 * float(np.abs(y).max())):
+        return None
+    means = [part.mean() for part in np.array_split(error, PARTS)]
+    if abs(constant) <= student_t.isf(0.5 * NOT_BY_CHANCE, PARTS - 1) * np.std(means, ddof=1) / np.sqrt(PARTS):
         return None
     return (
         f"The output is offset by {constant:.3g} from what the input explains, and neither the law nor the model has a "
