@@ -142,7 +142,10 @@ def walked(s: Record, m: ChainHypothesis) -> ChainHypothesis:
 
 
 def nudged(s: Record, m: ChainHypothesis) -> ChainHypothesis:
-    """The model with the shape of its last effect moved to a better local minimum; play and delays have many."""
+    """The model with the shape of its last effect moved to a better local minimum; play and delays have many.
+
+    A fit under softer signs may return to where it came from, so the others are also fitted beside the moved shape.
+    """
     term = m.terms[-1]
     if term.kind.linear:
         return m
@@ -152,8 +155,9 @@ def nudged(s: Record, m: ChainHypothesis) -> ChainHypothesis:
         q, before = best[1].terms[-1].q, best[0]
         for first in (*(q[0] * f for f in NUDGES), *((q[0] - s.dt, q[0] + s.dt) if term.kind.delays else ())):
             moved = ChainTerm(term.kind, (float(np.clip(first, low, high)), *q[1:]))
-            other = sharpened(s, best[1].with_terms((*m.terms[:-1], moved)), cm.RUNGS[1:], 6)
-            best = min(best, (cost(s, other), other), key=lambda b: b[0])
+            there = best[1].with_terms((*m.terms[:-1], moved))
+            for other in (sharpened(s, there, cm.RUNGS[1:], 6), sharpened(s, there, robust=False, held=True)):
+                best = min(best, (cost(s, other), other), key=lambda b: b[0])
         if best[0] > 0.99 * before:
             break
     return best[1]

@@ -40,15 +40,21 @@ def cost(s: Record, m: ChainHypothesis) -> float:
     return cm.deviance(cm.left(s, m)[s.fit])
 
 
-def climb(s: Record, m: ChainHypothesis, sharpness: float, steps: int, *, robust: bool = True) -> ChainHypothesis:
+def climb(
+    s: Record, m: ChainHypothesis, sharpness: float, steps: int, *, robust: bool = True, held: bool = False
+) -> ChainHypothesis:
     """The model fitted at a sharpness (kappa times rms dx) with its noise colour unchanged.
 
     The fit never steps from a stable model to an unstable one, which a short record of a slow pole may prefer.
+    ``held``: the first number of the last effect stays as it is.
     """
     z = cm.sizes(s, m)
     kappa = sharpness / z.dx
     low, high = cm.bounds(m, z)
     x = np.clip(cm.to_vector(m), low, high)
+    if held:
+        i = x.size - len(m.terms[-1].free)
+        low[i] = high[i] = x[i]
     sigma = np.sqrt(cm.variance_of(cm.left(s, cm.from_vector(m, x), kappa)[s.fit]))
     begins_stable = _stable(s, m.theta)
     last: list[Any] = [None]  # the vector simulated last, its model, free run and errors: slopes are asked for there
@@ -92,10 +98,11 @@ def coloured(s: Record, m: ChainHypothesis) -> ChainHypothesis:
 
 
 def sharpened(
-    s: Record, m: ChainHypothesis, rungs: Iterable[float] = cm.HARD, steps: int = 8, *, robust: bool = True
-) -> ChainHypothesis:
+    s: Record, m: ChainHypothesis, rungs: Iterable[float] = cm.HARD, steps: int = 8, *,
+    robust: bool = True, held: bool = False,
+) -> ChainHypothesis:  # fmt: skip
     """The model fitted rung by rung, with its noise colour updated after each; the best one under the true sign."""
-    tried = [m := coloured(s, climb(s, m, rung, steps, robust=robust)) for rung in rungs]
+    tried = [m := coloured(s, climb(s, m, rung, steps, robust=robust, held=held)) for rung in rungs]
     return min(tried, key=lambda m: cost(s, m))
 
 
