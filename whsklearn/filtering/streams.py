@@ -12,6 +12,20 @@ from numpy.typing import NDArray
 from whsklearn._numba import njit
 from whsklearn.filtering.records import Motion
 
+# Hz.  The noise of an acceleration grows with the fifth power of the cut-off, and no stream knows that of its encoder
+# when it starts: at 20 kHz a tenth of the rate put the inertia of an axis 41 % off, at 5 kHz 1 %, and 100 Hz none
+# (benchmarks/streaming.py, --rates).  It is what a stream at 1 kHz, the usual rate of a log, has by the other bound.
+WIDEST = 100.0
+
+
+def causal_cutoff(sample_rate: float) -> float:
+    """Cut-off of a stream for which none is given, in Hz: a tenth of the sampling rate, but no more than `WIDEST`.
+
+    >>> causal_cutoff(500.0), causal_cutoff(20_000.0)
+    (50.0, 100.0)
+    """
+    return min(0.1 * sample_rate, WIDEST)
+
 
 def causal_window(sample_rate: float, cutoff: float, degree: int = 3) -> int:
     """Odd length of the moving window whose local polynomial passes up to ``cutoff``.

@@ -19,7 +19,14 @@ from sklearn.utils.validation import check_array, check_is_fitted, validate_data
 from whsklearn.effects import Effect, FrictionLaw, PreslidingHysteresis
 from whsklearn.effects.base import Array
 from whsklearn.filtering.records import Motion, decimate, motion, motion_cutoff, velocity_noise, zero_phase
-from whsklearn.filtering.streams import causal_delay, causal_kernels, causal_motion, causal_window, window_averages
+from whsklearn.filtering.streams import (
+    causal_cutoff,
+    causal_delay,
+    causal_kernels,
+    causal_motion,
+    causal_window,
+    window_averages,
+)
 from whsklearn.lags.axis_rows import (
     AT_START,
     DRIVEN,
@@ -62,7 +69,8 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
         Cut-off of the filter on the position, in Hz. For records, the default is the highest at which encoder noise
         makes up 1e-6 of the acceleration's variance, or what the motion needs (`motion_cutoff`). Torque and all
         columns then pass the same filter, so that only frequencies above it are lost. For streams, which start
-        without a record to choose from, the default is a tenth of the sampling rate; the rows of `rows` and
+        without a record to choose from, the default is a tenth of the sampling rate and at most 100 Hz; the rows of
+        `rows` and
         `partial_rows` are averages over two periods of it.
     order : int, default=4
         Order of the zero-phase Butterworth filter.
@@ -363,12 +371,17 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
     @property
     def max_lag(self) -> int:
         """Samples of the past that a row needs: its windows for streams, a period of the cutoff for records."""
-        cutoff = 0.1 * self.sample_rate if self.cutoff is None else float(self.cutoff)
+        cutoff = self._first_cutoff()
         if not self.causal:
-            cutoff = getattr(self, "cutoff_", cutoff)
-            return round(self.sample_rate / cutoff)
+            return round(self.sample_rate / getattr(self, "cutoff_", cutoff))
         window = causal_window(self.sample_rate, cutoff, self.degree) if self.window is None else self.window
         return window - 1 + 2 * self._period(cutoff)
+
+    def _first_cutoff(self) -> float:
+        """The cut-off before any record is seen, in Hz."""
+        if self.cutoff is not None:
+            return float(self.cutoff)
+        return causal_cutoff(self.sample_rate) if self.causal else 0.1 * self.sample_rate
 
     def _period(self, cutoff: float) -> int:
         """Samples of a period of a cut-off, in Hz."""
@@ -377,7 +390,7 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
     @property
     def spacing(self) -> int:
         """Samples from one row of a stream to the next: half the window of their average."""
-        return self.decimate or self._period(0.1 * self.sample_rate if self.cutoff is None else float(self.cutoff))
+        return self.decimate or self._period(self._first_cutoff())
 
     @property
     def independent_share(self) -> float:
@@ -425,8 +438,7 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
         if not self.sample_rate > 0:
             raise ValueError(f"sample_rate is {self.sample_rate}, expected a frequency above zero, in Hz.")
         terms = effect_terms(self.law, self.effects)
-        cutoff = 0.1 * self.sample_rate if self.cutoff is None else float(self.cutoff)
-        delay = 0
+        cutoff, delay = self._first_cutoff(), 0
         if self.causal:
             window = causal_window(self.sample_rate, cutoff, self.degree) if self.window is None else self.window
             self._kernels = causal_kernels(self.sample_rate, window, self.degree)

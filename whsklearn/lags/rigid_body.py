@@ -23,7 +23,7 @@ from sklearn.utils.validation import check_array, check_is_fitted, validate_data
 from whsklearn.effects import InputOffset, PreslidingHysteresis
 from whsklearn.effects.base import Array
 from whsklearn.filtering.records import Motion, motion, motion_cutoff, velocity_noise, zero_phase
-from whsklearn.filtering.streams import causal_delay, causal_kernels, causal_motion, causal_window
+from whsklearn.filtering.streams import causal_cutoff, causal_delay, causal_kernels, causal_motion, causal_window
 from whsklearn.lags.arm_rows import records_of, turning
 from whsklearn.lags.axis_rows import DRIVEN, column_names, effect_terms, experiments, sized_effects, stack_columns
 from whsklearn.models.files import as_arm
@@ -73,7 +73,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         Cut-off of the filter on both drives and columns, in Hz; positions pass a filter five times wider.  The default
         is the median of what the joints' noise allows (`motion_cutoff`), but high enough to leave ten rows per weight,
         four without the slow ones.
-        For streams it is a tenth of the sampling rate, on positions only.
+        For streams it is a tenth of the sampling rate and at most 100 Hz, on positions only.
     slow : float, default=0.08
         Share of a joint's rms speed below which its rows are dropped (records only), because near rest friction
         equals whatever drive is applied.  In MuJoCo, with nothing hidden, this reduced the error from between 0.6 and
@@ -456,7 +456,8 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
             self.base_ = self._structural_base()
             self._made_of = made_of
         n, self.delay_ = self.arm_.n_joints, 0
-        self._set_cutoff(0.1 * self.sample_rate if self.cutoff is None else float(self.cutoff))
+        widest = causal_cutoff(self.sample_rate) if self.causal else 0.1 * self.sample_rate
+        self._set_cutoff(widest if self.cutoff is None else float(self.cutoff))
         if self.causal:
             window = causal_window(self.sample_rate, self.cutoff_, self.degree)
             self._kernels = causal_kernels(self.sample_rate, window, self.degree)
