@@ -192,6 +192,24 @@ def test_a_stream_of_a_noisy_encoder_gives_the_numbers_of_the_axis():
         assert model.parameters_[name] == pytest.approx(truth.parameters[name], rel=0.02), name
 
 
+@pytest.mark.parametrize("rate", [1000.0, 5000.0, 20_000.0])
+def test_a_fast_stream_is_not_drowned_in_the_noise_of_its_encoder(rate):
+    """With all motion up to a tenth of the rate the inertia was 1 % too small at 5 kHz, and 41 % at 20 kHz."""
+    t = np.arange(int(6.0 * rate)) / rate
+    w = 2.0 * np.pi * np.array([0.4, 1.1, 3.0])
+    size = np.array([0.6, 0.3, 0.1])
+    q, v, a = (
+        np.sin(np.outer(t, w)) @ size,
+        np.cos(np.outer(t, w)) @ (size * w),
+        -np.sin(np.outer(t, w)) @ (size * w**2),
+    )
+    path = q + 1e-5 * np.random.default_rng(0).standard_normal(t.size)
+    model = RLSRegressor(InverseDynamicsLags(sample_rate=rate, causal=True))
+    model.partial_fit(path[:, None], 0.02 * a + 0.05 * v + 0.3 * np.sign(v))
+    for name, value in (("inertia", 0.02), ("viscous", 0.05), ("coulomb", 0.3)):
+        assert model.parameters_[name] == pytest.approx(value, rel=0.005), name
+
+
 def test_an_axis_at_rest_gives_a_stream_no_rows():
     rng, rest = np.random.default_rng(0), np.zeros(2000)
     lags = InverseDynamicsLags(sample_rate=RATE, causal=True)

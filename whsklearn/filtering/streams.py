@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from whsklearn._numba import njit
 from whsklearn.filtering.records import Motion
 
-# Hz.  The noise of an acceleration grows with the fifth power of the cut-off, and no stream knows that of its encoder
-# when it starts: at 20 kHz a tenth of the rate put the inertia of an axis 41 % off, at 5 kHz 1 %, and 100 Hz none
-# (benchmarks/streaming.py, --rates).  It is what a stream at 1 kHz, the usual rate of a log, has by the other bound.
+# Hz.  The noise of an acceleration grows with the fifth power of the cut-off, and a stream does not know that of its
+# encoder when it starts: up to a tenth of the rate it made the inertia of an axis 41 % too small at 20 kHz, 1 % at
+# 5 kHz, and up to 100 Hz less than 0.1 % (tests/lags/test_inverse_dynamics.py).
 WIDEST = 100.0
 
 
