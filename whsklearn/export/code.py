@@ -13,7 +13,7 @@ from whsklearn import __version__
 from whsklearn.export.axis_code import WAVE, axis_code, compensated, torque_code
 from whsklearn.export.chain_code import chain_code
 from whsklearn.export.languages import C, Language, StructuredText
-from whsklearn.export.model import Exported, Loss, left_out, lost_parts, size_of
+from whsklearn.export.model import Exported, Loss, left_out, lost_parts, rigid, size_of
 from whsklearn.logs.files import atomic_write
 from whsklearn.systems.chain import FAR
 
@@ -88,7 +88,7 @@ def _shown(
     title = f"{'Compensator' if what == 'compensator' else 'Free run'} of an identified {kind}."
     names |= {"title": title, "losses": code_losses(model, what), "largest": LARGEST_DRIVE[real]}
     if what == "compensator":
-        names["torque"] = torque_code(model.need_axis("A compensator"), lang, *model.steady_factors)
+        names["torque"] = torque_code(rigid(model.need_axis("A compensator")), lang, *model.steady_factors)
     elif model.axis is not None:
         velocity, remember = model.logged == "velocity", isinstance(lang, C)
         names["code"] = axis_code(model.axis, lang, velocity=velocity, remember=remember, out=model.factors[1])

@@ -6,7 +6,17 @@ from typing import Any
 
 import numpy as np
 
-from whsklearn.export.model import Exported, Loss, as_exported, left_out, lost_parts, parts_of, size_of
+from whsklearn.export.model import (
+    Exported,
+    Loss,
+    as_exported,
+    left_out,
+    lost_parts,
+    parts_of,
+    rigid,
+    size_of,
+    with_held_law,
+)
 from whsklearn.export.robots import total
 
 _LINEAR = ("viscous", "cable_spring")
@@ -77,9 +87,9 @@ def _transfer(model: Exported) -> tuple[Any, Any, float, list[Loss]]:
         return wide[0][leading:], wide[1], model.chain.dt, losses
     from scipy.signal import cont2discrete
 
-    axis = model.need_axis("A linear system")
-    effects = parts_of(axis)
-    losses = left_out(axis, lambda e: e.name in _LINEAR, "it is not linear")
+    axis, losses = with_held_law(model.need_axis("A linear system"))
+    effects = parts_of(rigid(axis))
+    losses += left_out(axis, lambda e: e.name in _LINEAR, "it is not linear")
     losses += lost_parts(axis, timing=False, transmission=False, limit=False)
     springs = [e for e in effects if e.name == "cable_spring" and e.shape["centre"]]
     losses += [Loss(e.name, f"centre {e.shape['centre']:.6g} rad", "held with its centre at zero") for e in springs]

@@ -14,12 +14,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.optimize import nnls
 
-from whsklearn.effects import Effect, LearnedTorque
+from whsklearn.effects import Coulomb, Effect, FrictionLaw, LearnedTorque, LoadSideViscous, SpeedHinge, Viscous
 from whsklearn.export.chain_code import CodedChain
 from whsklearn.logs.current import AMPERES
 from whsklearn.logs.files import atomic_write
 from whsklearn.logs.units import UNKNOWN, UNSTATED, factor_of, integral_of, respelled
+from whsklearn.systems.arm import BETWEEN, closed
 from whsklearn.systems.servo import ServoAxis
 from whsklearn.systems.wiener_hammerstein import WienerHammersteinSystem
 
@@ -86,6 +88,40 @@ def size_of(effect: Effect) -> str:
 def parts_of(axis: ServoAxis) -> list[Effect]:
     """The law's terms and the effects whose size is not neutral."""
     return [*axis.law.terms, *(e for e in axis.effects if e.magnitude != e.neutral)]
+
+
+def rigid(axis: ServoAxis) -> ServoAxis:
+    """The axis with its load on the motor: in steady motion the friction of the load is that of the motor.
+
+    >>> from whsklearn.effects import Backlash
+    >>> rigid(ServoAxis(law=[Coulomb(0.3)], effects=[Backlash(0.01, load_coulomb=0.2)])).law.terms
+    (Coulomb(torque=0.3), Coulomb(torque=0.2))
+    """
+    behind = [e for e in axis.effects if isinstance(e, (*BETWEEN, LoadSideViscous))]
+    rest = tuple(e for e in axis.effects if e not in behind)
+    return dataclasses.replace(
+        axis, law=FrictionLaw([*axis.law.terms, *closed(behind)]), effects=rest, transmission=None
+    )
+
+
+def with_held_law(axis: ServoAxis) -> tuple[ServoAxis, list[Loss]]:
+    """The axis with damping and dry friction, as formats hold them, in place of a free law over speed; what that loses.
+
+    The slope of such a law at standstill is negative where friction falls with speed, and damping that is negative
+    drives a simulation away. The two are not negative and nearest to the curve up to its last kink.
+    """
+    curve = [t for t in axis.law.terms if isinstance(t, SpeedHinge | Viscous | Coulomb)]
+    knots = [t.knot for t in curve if isinstance(t, SpeedHinge)]
+    if not knots:
+        return axis, []
+    speeds = np.linspace(0.0, max(knots), 201)[1:]
+    torques = FrictionLaw(curve)(0.0, speeds)
+    (damping, dry), _ = nnls(np.column_stack([speeds, np.ones(speeds.size)]), torques)
+    off = float(np.max(np.abs(torques - damping * speeds - dry)))
+    size = f"{len(knots)} kinks up to {max(knots):.6g} rad/s, {off:.6g} Nm off at most"
+    held = [Viscous(float(damping)), Coulomb(float(dry))]
+    law = FrictionLaw([*held, *(t for t in axis.law.terms if t not in curve)])
+    return dataclasses.replace(axis, law=law), [Loss("free law over speed", size, "held as the nearest two terms")]
 
 
 def left_out(axis: ServoAxis, held: Callable[[Effect], bool], reason: str) -> list[Loss]:

@@ -24,7 +24,9 @@ from whsklearn.export.model import (
     lost_parts,
     of_a_whole_order,
     parts_of,
+    rigid,
     size_of,
+    with_held_law,
 )
 from whsklearn.logs.files import atomic_write
 from whsklearn.systems._servo_kernel import body_of, chain_of
@@ -35,9 +37,9 @@ from whsklearn.systems.servo import ServoAxis, pack
 
 def urdf(model: Exported) -> tuple[str, list[Loss]]:
     """A robot of one joint with ``<dynamics>``: damping, Coulomb friction, limits, inertia."""
-    axis = model.need_axis("URDF")
+    axis, losses = with_held_law(model.need_axis("URDF"))
     held = ("viscous", "coulomb", "saturation", "end_stop")
-    losses = left_out(axis, lambda e: e.name in held, "URDF has damping, friction and limits only")
+    losses += left_out(axis, lambda e: e.name in held, "URDF has damping, friction and limits only")
     losses += lost_parts(axis, timing=False, transmission=False, limit=True)
     stops = [e for e in parts_of(axis) if isinstance(e, EndStop)]
     losses += [Loss("end_stop", f"stiffness {e.magnitude:.6g} Nm/rad", "held as a rigid limit") for e in stops]
@@ -45,8 +47,8 @@ def urdf(model: Exported) -> tuple[str, list[Loss]]:
     losses = [*model.foreign(), *model.told(losses)]
     low, high = max((-FAR, *(e.ends[0] for e in stops))), min((FAR, *(e.ends[1] for e in stops)))
     text = render(
-        "model.urdf.j2", kind=kind, inertia=axis.inertia, damping=total(axis.law.terms, "viscous"),
-        friction=total(parts_of(axis), "coulomb"), limit=float(chain_of(pack(axis)).limit), low=low, high=high,
+        "model.urdf.j2", kind=kind, inertia=axis.inertia, damping=total(rigid(axis).law.terms, "viscous"),
+        friction=total(parts_of(rigid(axis)), "coulomb"), limit=float(chain_of(pack(axis)).limit), low=low, high=high,
         inf=math.inf, linear=model.linear, losses=losses, units=", ".join((*model.si, "s")),
     )  # fmt: skip
     return text, losses
@@ -54,13 +56,13 @@ def urdf(model: Exported) -> tuple[str, list[Loss]]:
 
 def isaac(model: Exported) -> tuple[str, list[Loss]]:
     """An Isaac Lab actuator configuration (Python source) for a joint driven by its effort."""
-    axis = model.need_axis("An Isaac Lab actuator")
+    axis, losses = with_held_law(model.need_axis("An Isaac Lab actuator"))
     held = ("viscous", "coulomb", "saturation", "input_delay", "stribeck")
-    losses = left_out(axis, lambda e: e.name in held, "Isaac Lab's actuators have friction, armature, limit and delay")
+    losses += left_out(axis, lambda e: e.name in held, "Isaac Lab's actuators have friction, armature, limit and delay")
     losses += [x for x in lost_parts(axis, timing=False, transmission=False, limit=True) if x.name != "drive delay"]
     chain = chain_of(pack(axis))
     limit, delay = float(chain.limit), float(chain.delay)
-    effects = parts_of(axis)
+    effects = parts_of(rigid(axis))
     dry, peak = total(effects, "coulomb"), total(effects, "stribeck")
     if peak:
         losses.append(Loss("stribeck", f"torque {peak:.6g} Nm", "held as static friction, without its velocity"))
@@ -98,7 +100,10 @@ GRAVITY = 9.81
 FINEST = 2.5e-4
 CREEP = 2e-3  # time constant of friction at rest (s), eight steps; MuJoCo's default of 20 ms creeps visibly
 STIFFEST = 0.9999  # impedance of a constraint: MuJoCo takes no more
-BRISTLE = 1e-4  # rad: presliding distance of LuGre where it replaces a Stribeck curve, which has none
+# rad: presliding distance of LuGre where it replaces a Stribeck curve, which has none.  Any damping of the bristles is
+# a peak of friction at each reversal: 2 ms of it at 1e-4 rad put the free run of a sticking axis 4 to 28 % off, this
+# without any 0.1 to 4 % (`benchmarks.export`, rows of "stribeck").
+BRISTLE = 1e-6
 
 FAR = 1e3  # position of a stop that does not exist
 
@@ -125,6 +130,7 @@ class Mjcf:
     lugre: list[tuple[float, ...]] = field(default_factory=list)
     stops: list[tuple[float, float, float]] = field(default_factory=list)  # stiffness, lower and upper end
     twist: dict[str, float] = field(default_factory=dict)
+    load: dict[str, float] = field(default_factory=dict)  # friction of a load that moves by itself
     creep: tuple[float, ...] = (CREEP,)  # time constant of friction at rest (s), and its impedance if not MuJoCo's
     losses: list[Loss] = field(default_factory=list)
 
@@ -158,14 +164,16 @@ def mjcf(model: Exported) -> tuple[str, list[Loss]]:
 
 def mapped(axis: ServoAxis, linear: bool = False) -> Mjcf:
     """The parts of an axis that MuJoCo can represent with its own elements; the others are ``losses``."""
+    axis, lost = with_held_law(axis)
     packed = pack(axis)
-    m = Mjcf(losses=lost_parts(axis, timing=True, transmission=True, limit=True))
+    m = Mjcf(losses=[*lost, *lost_parts(axis, timing=True, transmission=True, limit=True)])
     m.delay, first, second, _, m.limit = (float(x) for x in chain_of(packed))
     m.lag = first + second
     if first and second:
         m.losses.append(Loss("actuator_lag", f"{second:.6g} s", "added to the drive's lag: MuJoCo has one"))
-    _, share, stiffness, damping, gap, *_ = (float(x) for x in body_of(packed))
+    _, share, stiffness, damping, gap, _, dry, *_ = (float(x) for x in body_of(packed))
     if share > 0.0:
+        m.load = {"frictionloss": dry, "damping": total(axis.effects, "load_viscous")}
         m.twist = {"stiffness": stiffness, "damping": damping, "gap": gap, "ratio": 0.3, "frequency": 0.0}
         reduced = axis.inertia * share * (1.0 - share)
         m.twist["frequency"] = math.sqrt(stiffness / reduced)
@@ -186,7 +194,7 @@ def mapped(axis: ServoAxis, linear: bool = False) -> Mjcf:
 PARTS = {"saturation", "input_delay", "actuator_lag", "flexible_coupling", "backlash", "early_reversal"}
 ELEMENTS = {
     "viscous", "quadratic_drag", "coulomb", "stribeck", "presliding_hysteresis", "cogging", "gravity_imbalance",
-    "input_offset", "asymmetric_coulomb", "cable_spring", "hardening_spring", "end_stop",
+    "input_offset", "asymmetric_coulomb", "cable_spring", "hardening_spring", "end_stop", "load_viscous",
 }  # fmt: skip
 
 
@@ -202,6 +210,9 @@ def _hold_friction(m: Mjcf, e: Any, others: list[Effect]) -> str:
         case "viscous" | "quadratic_drag":
             power = 1 if e.name == "viscous" else 2
             m.damping[power] = m.damping.get(power, 0.0) + e.magnitude
+        case "load_viscous":
+            if not m.load:  # the two are one
+                m.damping[1] = m.damping.get(1, 0.0) + e.magnitude
         case "coulomb":
             if not any(o.name == "stribeck" and o.magnitude > 0.0 for o in others):  # whose LuGre element holds it
                 m.joint["frictionloss"] = m.joint.get("frictionloss", 0.0) + e.magnitude
@@ -216,7 +227,7 @@ def _hold_friction(m: Mjcf, e: Any, others: list[Effect]) -> str:
             if e.magnitude <= 0.0 or dry <= 0.0:
                 return "MuJoCo holds it only on top of Coulomb friction"
             velocity, exponent = (*e.shape.values(), 2.0)[:2]
-            m.lugre.append((dry / BRISTLE, dry / BRISTLE * 2e-3, dry, dry + e.magnitude, velocity))
+            m.lugre.append((dry / BRISTLE, 0.0, dry, dry + e.magnitude, velocity))
             if exponent != 2.0:
                 return "held with the exponent 2, which is MuJoCo's"
         case "presliding_hysteresis":
@@ -326,7 +337,7 @@ def arm_mjcf(arm: Arm) -> tuple[str, list[Loss]]:
 
 
 # an arm's weight is that of its links, and what is between motor and link has no state here
-AT_JOINT = (ELEMENTS | {"early_reversal"}) - {"gravity_imbalance"}
+AT_JOINT = (ELEMENTS | {"early_reversal"}) - {"gravity_imbalance", "load_viscous"}
 
 
 def _at_joint(name: str, acting: Iterable[Effect], slides: bool) -> Mjcf:

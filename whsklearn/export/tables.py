@@ -18,7 +18,7 @@ import numpy as np
 from whsklearn.effects import Effect
 from whsklearn.effects.base import Array, rms
 from whsklearn.export.axis_code import compensated
-from whsklearn.export.model import ROUNDED, Exported, Loss, losses_of, of_a_whole_order, parts_of
+from whsklearn.export.model import ROUNDED, Exported, Loss, losses_of, of_a_whole_order, parts_of, rigid
 from whsklearn.logs.current import AMPERES
 from whsklearn.logs.files import atomic_write
 from whsklearn.systems.servo import ServoAxis
@@ -98,7 +98,8 @@ def write_tables(model: Exported, out: Path, ratings: Ratings) -> tuple[list[Pat
     unit, length = model.si
     if ratings.speed is None and length not in ("rad", "m"):
         raise ValueError(f"The model moves in {length}; give the highest speed in {length}/s with --speed.")
-    asked, friction, rest = divided(axis)
+    asked, friction, _ = divided(rigid(axis))  # steady motion takes the friction of a load behind a play as well
+    rest = divided(axis)[2]
     if not asked and not friction:
         raise ValueError("The model has neither cogging nor friction, so there is nothing to put into a table.")
     waves = [w for wave in asked if (w := of_a_whole_order(wave)) is not None]
