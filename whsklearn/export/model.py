@@ -99,9 +99,8 @@ def rigid(axis: ServoAxis) -> ServoAxis:
     """
     behind = [e for e in axis.effects if isinstance(e, (*BETWEEN, LoadSideViscous))]
     rest = tuple(e for e in axis.effects if e not in behind)
-    return dataclasses.replace(
-        axis, law=FrictionLaw([*axis.law.terms, *closed(behind)]), effects=rest, transmission=None
-    )
+    law: list[Any] = [*axis.law.terms, *closed(behind)]
+    return dataclasses.replace(axis, law=FrictionLaw(law), effects=rest, transmission=None)
 
 
 def with_held_law(axis: ServoAxis) -> tuple[ServoAxis, list[Loss]]:

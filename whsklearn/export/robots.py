@@ -357,11 +357,10 @@ def _at_joint(name: str, acting: Iterable[Effect], slides: bool) -> Mjcf:
 
 def _beside(name: str, m: Mjcf, actuators: ElementTree.Element, tendons: ElementTree.Element) -> None:
     """Add the elements of a joint that are not its own attributes, after the motors, whose controls stay the first."""
-    own = {"cogging": m.cogging, "lugre": m.lugre}
-    for kind, rows in own.items():
-        for i, numbers in enumerate(rows):
-            motor = {"name": f"{name}_{kind}{i + 1}", "joint": name, "input": "none", "resistance": "1"}
-            ElementTree.SubElement(actuators, "dcmotor", motor | {"motorconst": "0 0", kind: _text(numbers)})
+    rows: list[tuple[str, tuple[float, ...]]] = [*(("cogging", n) for n in m.cogging), *(("lugre", n) for n in m.lugre)]
+    for i, (kind, numbers) in enumerate(rows):
+        motor = {"name": f"{name}_{kind}{i + 1}", "joint": name, "input": "none", "resistance": "1"}
+        ElementTree.SubElement(actuators, "dcmotor", motor | {"motorconst": "0 0", kind: _text(numbers)})
     for i, (stiffness, low, high) in enumerate(m.stops):
         ends = {"stiffness": _text([stiffness]), "springlength": _text([low, high])}
         stop = ElementTree.SubElement(tendons, "fixed", {"name": f"{name}_end_stop{i + 1}"} | ends)
