@@ -394,15 +394,18 @@ def test_what_neither_explains_may_favour_the_wrong_one(exact, whole, left, riva
 def test_few_instants_tell_two_laws_apart_where_one_leaves_nothing(whole, exact):
     """A stop is touched a few times; gravity in its place leaves what blocks cannot tell from chance."""
     plant, rng = Columns({}), np.random.default_rng(0)
-    plant.exact, plant.complete, plant.p_of_all = exact, lambda before, model: whole, lambda model, rng: float(whole)
-    plant.settled = lambda model: model
+    plant.exact, plant.complete, plant.settled = exact, lambda before, model: whole, lambda model: model
+    plant.p_of_all = lambda model, rng: float(whole and model == "end_stop")
     plant.leads = lambda taken, other, before, rng: rng.standard_normal(15)
     noise, touches = rng.standard_normal(N), np.zeros(N)
     touches[[100, 105, 600]] = 60.0
-    taken, other = (Named(Look(n, 40.0, np.zeros(3)), None, noise + 2.0 * touches, e, gain=g) for n, e, g in
+    taken, other = (Named(Look(n, 40.0, np.zeros(3)), n, noise + 2.0 * touches, e, gain=g) for n, e, g in
                     (("end_stop", noise, 900.0), ("gravity", noise + touches, 500.0)))  # fmt: skip
     search = Search(plant, rng, alpha=0.01, max_effects=3)
     assert search._told_apart(taken, other) is whole
+    if exact:  # nor do they where the other leaves nothing that could be shown
+        plant.p_of_all = lambda model, rng: 1.0
+        assert not search._told_apart(taken, other)
 
 
 @pytest.mark.parametrize(("numbers", "whole", "apart"), [(1, True, False), (1, False, True), (3, True, True)])

@@ -25,7 +25,7 @@ from whsklearn.gap.diagnosis import (
 from whsklearn.gap.pictures import pictures_in
 from whsklearn.gap.plant import LEARNED_SHARE, QUIET, quiet
 from whsklearn.gap.proof import closure, prove
-from whsklearn.gap.search import HALF, LEAST_SHARE, STILL, Found, Named, Step, meet, stands
+from whsklearn.gap.search import HALF, LEAST_SHARE, STILL, Found, Named, Step, meet, renamed, stands
 from whsklearn.gap.sentences import next_experiment, summary
 from whsklearn.gap.standard_errors import errors_of, labelled_errors, p_of_zero
 from whsklearn.gap.tangent import Look
@@ -144,7 +144,8 @@ def _closing(plant: Any, found: Found, rng: np.random.Generator, given: Any, alp
     # as fair as the repaired model: what other numbers of the base alone close in simulation, no effect has closed
     found.base = plant.to_simulate(found.base)
     if found.taken:
-        _retold(plant, found)
+        found.model = plant.retold(found.model)
+        renamed(found)
     while found.taken:
         fitted = found.model
         # numbers refitted along the run may suit the samples that they were fitted to, and no others
@@ -174,15 +175,6 @@ def _closing(plant: Any, found: Found, rng: np.random.Generator, given: Any, alp
         found.remainder = step.looks if alike else plant.looks(found.model, rng)
     found.model = found.base
     return prove(plant, found.base, found.base, rng, given)
-
-
-def _retold(plant: Any, found: Found) -> None:
-    """Put another effect in the place of one that search could not tell from it, if simulation tells so."""
-    found.model = model = plant.retold(found.model)
-    for i, (taken, term) in enumerate(zip(found.taken, model.terms[model.n_base :], strict=True)):
-        if term.name != taken.name:
-            rivals = [r for r in taken.rivals if r != term.name]
-            found.taken[i] = replace(taken, look=replace(taken.look, name=term.name), rivals=rivals)
 
 
 def _instead(found: Found, gone: Named) -> Named | None:

@@ -45,6 +45,14 @@ def stands(plant: Any, model: Any, index: int) -> bool:
     return not plant.objection(model.without(index), last)
 
 
+def renamed(found: Found) -> None:
+    """Name the effects by their terms, where a simulation has put another in the place of one."""
+    for i, (taken, term) in enumerate(zip(found.taken, found.model.terms[found.model.n_base :], strict=True)):
+        if term.name != taken.name:
+            rivals = [r for r in taken.rivals if r != term.name]
+            found.taken[i] = replace(taken, look=replace(taken.look, name=term.name), rivals=rivals)
+
+
 def shares(look: Look, nameless: Look) -> bool:
     """Whether `LEAST_SHARE` of the power that nameless functions explain lies along what a look explains."""
     a, b = look.explained, nameless.explained
@@ -187,7 +195,9 @@ class Search:
                     more.append(self._named(more[-1].model, taken.look, grown))
             model = self.plant.settled(more[-1].model)
             if taken.name in names or self.plant.rms(self.plant.errors(model)) < left:
-                step.taken, found.model, found.taken = taken, self.plant.along_the_run(model), found.taken + more
+                found.model, found.taken = self.plant.along_the_run(model), found.taken + more
+                renamed(found)
+                step.taken = found.taken[-1]
                 break
             found.model = self.plant.settled(found.model)
             failed = "with all numbers fitted, the residual is no smaller than without it"
@@ -328,7 +338,7 @@ class Search:
             return False
         z = vuong(other.errors, taken.errors)
         if self.plant.exact:  # records simulated with the rival would cost a joint fit each, and blocks suffice
-            return separable(lead, z, np.zeros(0), self.alpha) or self._is_all(taken)
+            return separable(lead, z, np.zeros(0), self.alpha) or (self._is_all(taken) and not self._is_all(other))
         whole = self.plant.complete(taken.before, taken.model)
         z = np.inf if whole else z
         if not separable(lead, z, self.plant.leads(taken, other, taken.before, self.rng), self.alpha):
@@ -338,8 +348,9 @@ class Search:
     def _is_all(self, taken: Named) -> bool:
         """Whether nothing is shown to be missing beside the effect, with all numbers fitted.
 
-        Then the lead is a likelihood ratio of the true model: a wrong one reaches 2 ln(1 / alpha) over it with a
-        probability of alpha at most (Royall 1997, Statistical Evidence, ch. 1).
+        Where that is so for one of two and not for the other, the lead is a likelihood ratio of the true model: a wrong
+        one reaches 2 ln(1 / alpha) over it with a probability of alpha at most (Royall 1997, Statistical Evidence,
+        ch. 1).  It need not be where both pass: a slew rate of 2 % left neither a tone nor a limit anything to see.
         """
         return bool(self.plant.p_of_all(self.plant.settled(taken.model), self.rng) > self.alpha)
 

@@ -352,9 +352,14 @@ class ServoPlant(Plant):
         """The model with numbers fitted along its own run, if they also reduce the residual of inverse dynamics.
 
         A strong effect changes how long the axis sticks.  Shapes fitted with the artefacts of a model without it may
-        end in another local minimum.
+        end in another local minimum.  A delay and a lag are told apart first.
         """
-        view, before = self.inverse, self.rms(self.errors(model))
+        view = self.inverse
+        told = self._late_otherwise(model)
+        if told is not model:
+            view.own = servo_own.own(view, told, np.random.default_rng(0))[0]
+            return looking_settled(view, view.fit(told))
+        before = self.rms(self.errors(model))
         if before <= QUIET * view.own.floor or stop.holds(model) or model.has_play:
             return model
         other = self.observer.fit(model)
@@ -364,6 +369,25 @@ class ServoPlant(Plant):
         if self.rms(self.errors(other)) < (1.0 - SAME) * before:
             return other
         view.own = kept
+        return model
+
+    def _late_otherwise(self, model: ServoHypothesis) -> ServoHypothesis:
+        """The model with a lag in the place of a delay, or the reverse, if that halves the error of the free run.
+
+        Inverse dynamics compares them by the drive before the lag, where the noise of the encoder is larger by the lag
+        over the width of the filter, and so are errors about when the axis stuck: a delay of 10 ms left less than the
+        lag of 12 ms that made the record, whose run has a twentieth of its error.
+        """
+        horizon = 0.0
+        for i, t in enumerate(model.terms):
+            for name in t.effect.aliases if t.kind.delays else ():
+                other = dataclasses.replace(t, kind=candidate(name))
+                swapped = model.with_terms((*model.terms[:i], other, *model.terms[i + 1 :]))
+                horizon = horizon or self._horizons(model)[0]
+                one, two = (self.observer.fit(m) for m in (model, swapped))
+                errors = [servo_run.train_error(self.observer, m, horizon) for m in (one, two)]
+                if errors[1] < HALF * errors[0]:
+                    return two
         return model
 
     def sharpened(self, model: ServoHypothesis) -> bool:

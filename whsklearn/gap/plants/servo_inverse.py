@@ -61,6 +61,11 @@ def later(code: int, u: Array, age: float, dt: float) -> Array:
     return np.asarray(lfilter([1 - a], [1, -a], u, zi=[a * u[0]])[0])
 
 
+def lag_of(model: ServoHypothesis) -> float:
+    """Time constant of the actuator in a model, s; zero without one."""
+    return float(sum(t.q[0] for t in model.terms if t.kind.code == codes.ACTUATOR_LAG))
+
+
 def noise_behind(kernel: Array, record: ServoRecord, noise: float) -> float:
     """Standard deviation of the position's noise, ``noise``, behind a filter with the taps ``kernel``.
 
@@ -222,10 +227,8 @@ class InverseView:
         a speed controller the fit ended without inertia, at a lag that took its place.  Models are therefore compared
         by the drive before the lag.
         """
-        for t in model.terms:
-            if t.kind.code == codes.ACTUATOR_LAG:
-                x = x + t.q[0] * ols.slope(x, self.step)
-        return x
+        lag = lag_of(model)
+        return x + lag * ols.slope(x, self.step) if lag else x
 
     def term_columns(self, model: ServoHypothesis, t: ServoTerm, torque: Array | None) -> Array:
         """Columns of one term, shape (n, number of its linear numbers)."""

@@ -14,7 +14,7 @@ from whsklearn.filtering.records import CUTOFF_SIGMA, HIGHEST_CUTOFF, gaussian_d
 from whsklearn.gap.filters import observer_gains, residual_filter
 from whsklearn.gap.plant import DEFAULT_TOLERANCE, PAYS
 from whsklearn.gap.plants.servo_candidates import candidate
-from whsklearn.gap.plants.servo_inverse import NOISY, SLOW, InverseView, noise_behind
+from whsklearn.gap.plants.servo_inverse import NOISY, SLOW, InverseView, lag_of, noise_behind
 from whsklearn.gap.plants.servo_model import FASTEST_COUPLING, HOLD, ServoHypothesis, ServoTerm
 from whsklearn.gap.plants.servo_own import own
 from whsklearn.gap.plants.servo_run import ObserverView
@@ -78,7 +78,8 @@ def best_view(view: InverseView, model: ServoHypothesis, goal: float, *, sharp: 
         if np.mean((speed < slowest) & (speed > SLOW * scene.speed)) > BLIND_SHARE:
             continue
         fitted, left = other.fit_with_gap(model)
-        floor = DRIVE_NOISE * fitted.inertia * noise_behind(g2, view.record, noise)
+        before_lag = g2 + lag_of(fitted) * np.gradient(g2, dt)  # models with a lag are compared by the drive before it
+        floor = DRIVE_NOISE * fitted.inertia * noise_behind(before_lag, view.record, noise)
         together = max(1.0, float(np.sqrt(other.n_effective / PAYS))) if sharp else 1.0
         if floor <= max(together * goal * scene.torque, OF_THE_GAP * other.rms(left)):
             break
