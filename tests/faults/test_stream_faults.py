@@ -91,6 +91,20 @@ def test_lost_rows_are_told_ten_times_and_change_nothing_else(tmp_path):
     assert carried(tmp_path / "log.csv.whs")["rows"] == len(lines)
 
 
+@pytest.mark.parametrize("step", [1.0, 3.0])
+def test_a_pause_is_told_also_where_a_new_experiment_begins(tmp_path, step):
+    """Two seconds without rows."""
+    lines = [line for i, line in enumerate(rows(400)) if not 100 <= i < 300]
+    done = run(write(tmp_path / "log.csv", lines), "--out", tmp_path / "out.jsonl", "--max-step", step)
+    assert done.exit_code == 0
+    records = [json.loads(line) for line in (tmp_path / "out.jsonl").read_text().splitlines()]
+    [alarm] = [r for r in records if r["kind"] == "alarm"]
+    assert (alarm["cause"], alarm["row"]) == ("pause", 100)
+    assert ("a new experiment begins" in alarm["reason"]) == (step < 2.0)
+    assert ("taken as neighbours" in alarm["reason"]) == (step > 2.0)
+    assert carried(tmp_path / "log.csv.whs")["experiment"] == (step < 2.0)
+
+
 def test_rows_given_up_are_taken_again_and_none_is_lost(tmp_path, monkeypatch):
     log = write(tmp_path / "log.csv", rows(300))
     whole = tmp_path / "whole.jsonl"

@@ -217,8 +217,8 @@ def test_a_change_at_one_joint_of_an_arm_is_an_alarm_there():
     monitor = StreamMonitor(RLSRegressor(lags, P0=1.0), alarm, options, told.append)
     monitor.take(np.concatenate(rows))
     raised = [r for r in told if r["kind"] == "alarm"]
-    assert [(r["cause"], r.get("joint")) for r in raised] == [("change", "pitch")], raised
-    assert 3800 < raised[0]["row"] < 4000
+    assert [(r["cause"], r.get("joint")) for r in raised] == [("pause", None), ("change", "pitch")], raised
+    assert 3800 < raised[1]["row"] < 4000
     last = [r for r in told if r["kind"] == "estimate"][-1]
     assert last["parameters"]["pitch.coulomb"] == pytest.approx(0.5, abs=0.04)
     assert last["parameters"]["yaw.coulomb"] == pytest.approx(0.3, abs=0.03)

@@ -100,6 +100,7 @@ ADAPTING_ROWS = 200 * BLOCK  # after an alarm; by then the forgetting factor has
 TAKEN_OVER = 480  # rows after which the first models of a memory take over
 SURE = 5.0  # standard deviations of a ratio of two variances by which an NMSE must exceed one
 DRIFT_LEVEL = 0.01  # probability that a drift is ever reported although there is none
+NEW_EXPERIMENT, NEIGHBOURS = "a new experiment begins", "the rows on both sides are taken as neighbours"
 TOLD = 10  # bad rows in a row, and pauses, with a record of their own: enough to see what is wrong with them
 
 
@@ -310,11 +311,13 @@ class StreamMonitor:
         """Handle a row according to its verdict."""
         what, number, row, reason, missed = verdict
         if what == "row":
+            before = self.carried.experiment
             if self.options.timed:
                 self._replace(number, min(self.carried.bad_run, missed))
             self._end_of_bad_rows(number)
-            if reason and row[0] - self.carried.time <= self.options.max_step:
-                self._pause(number, reason)
+            if reason:
+                begins = self.carried.experiment > before or row[0] - self.carried.time > self.options.max_step
+                self._pause(number, f"{reason}; {NEW_EXPERIMENT if begins else NEIGHBOURS}")
             self._take(row, number)
             self.carried.held = 0
             return
@@ -338,11 +341,11 @@ class StreamMonitor:
             self.carried.repeated_run += 1
 
     def _pause(self, number: int, reason: str) -> None:
-        """Tell the first pauses that begin no new experiment: rows were lost, or the clock's unit changed."""
+        """Tell the first pauses: rows were lost, the stream had stopped, or the clock's unit changed."""
         self._learn_taken()
         self.carried.pauses += 1
         if self.carried.pauses <= TOLD:
-            self._warn("pause", number, f"{reason}; the rows on both sides are taken as neighbours")
+            self._warn("pause", number, reason)
 
     def _take(self, row: list[float], number: int) -> None:
         """Queue a row to be learnt; a pause longer than ``max_step`` begins a new experiment."""
