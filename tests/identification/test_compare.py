@@ -208,6 +208,21 @@ def test_gravity_over_little_travel_is_not_replaced_by_a_cubic_that_imitates_it(
     assert "gravity is the best" in next(c.failure for c in found.models if "over position" in c.name)
 
 
+@pytest.mark.parametrize(("travel", "told"), [(0.5, True), (0.01, False)])
+@pytest.mark.parametrize(
+    ("force", "name"), [(lambda q: 1.5 * q, "axis on a spring"), (lambda q: 1.5 * np.sin(q + 0.4), "axis with gravity")]
+)
+def test_a_spring_is_no_weight_and_where_the_travel_is_too_short_it_is_said(force, name, travel, told):
+    t = 0.01 * np.arange(400)
+    waves = ((0.6, 3.0), (0.4, 7.1))
+    q, v, a = (travel * sum(s * w**k * np.sin(w * t + k * np.pi / 2) for s, w in waves) for k in range(3))
+    u = 0.08 * a + 0.2 * v + 0.1 * np.sign(v) + force(q)
+    y = q + 2e-5 * np.random.default_rng(0).standard_normal(t.size)
+    found = identify(u, y, dt=0.01, logged="position", units={"input": "Nm", "output": "rad"})
+    assert ("does not tell them apart" in found.reason) == (not told), found.reason
+    assert found.recommended.name == name or not told
+
+
 def test_of_one_kind_the_simpler_is_kept_where_windows_differ_by_chance():
     rng = np.random.default_rng(3)
     trivial = Compared("constant velocity", "trivial", {}, "-", score=10.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,14 +11,21 @@ import numpy as np
 from whsklearn.effects import Coulomb, FlexibleCoupling, FrictionLaw, InputOffset, SpeedHinge, Viscous
 from whsklearn.effects.base import Array
 from whsklearn.filtering.records import HOLDS
-from whsklearn.identification.axis_inverse import Start, inverse_starts, position_columns
-from whsklearn.identification.axis_numbers import axis_log, axis_residual, position_effects, shooting_log
+from whsklearn.identification.axis_inverse import Start, acting, inverse_starts, position_columns
+from whsklearn.identification.axis_numbers import (
+    PIECE,
+    axis_log,
+    axis_residual,
+    position_effects,
+    shooting_log,
+)
 from whsklearn.identification.linear_fit import fit_output_error
 from whsklearn.identification.view import View, derivative, window_of
 from whsklearn.identification.windows import axis_score
 from whsklearn.models import AxisModel
 from whsklearn.models.axis import spring_steps
 from whsklearn.recursion.batch.axis_free_run import (
+    LARGEST,
     SHARE_AND_DAMPING,
     AxisFit,
     AxisForm,
@@ -25,6 +33,8 @@ from whsklearn.recursion.batch.axis_free_run import (
     axis_motion,
     behind_the_spring,
     fit_pieces,
+    handed_over,
+    settled,
 )
 from whsklearn.recursion.batch.best_linear import filter_rows
 from whsklearn.systems.servo import fine_steps
@@ -55,8 +65,14 @@ RESONANT = 0.85
 # Starts of a coupled axis, as the output hardly shows them: shares of friction on the load, shares of inertia; steps of
 # the first fit of each, and how many of them go on
 SIDES, SHARES, FEW, GO_ON = (0.1, 0.9), (0.3, 0.7), 6, 3
+# Of the sum of squares over the next shorter pieces, above which the errors of a run in one piece are not independent;
+# and how much the logarithm of the product of all variances may be larger than the least
+GROWS, NO_WORSE = 1.5, 1.0
 AS_LOW = 1.1  # of the least sum of squares, or error over windows: fits that explain a record as well
 TINY = 1e-100
+# Of the highest speed, below which samples do not count for inverse dynamics: those at rest, and those at which
+# friction may be rounded, to which a jump at standstill and viscous friction are fitted as well as they can be
+SLOWEST_OF = (0.02, 0.2)
 LEVEL = 0.01  # of the test for whiteness
 LEAST_TESTED = 60  # samples, somewhat more than twice the lags of the test
 BLOCKS = 20  # blocks of the scores of inverse dynamics: each must be longer than the correlation of the missing torque
@@ -95,13 +111,20 @@ def fit_hanging_axis(log: View) -> AxisModel:
     return _determined(model)
 
 
-def fit_placed_axis(log: View) -> AxisModel:
-    """The rigid axis with a cubic force over position, whatever its cause; the output is its position.
+def fit_placed_axis(log: View, powers: int) -> AxisModel:
+    """The rigid axis with a force that is a polynomial of the position, whatever its cause; the output is its position.
 
     Raises ValueError if the force is negligible, or as `inverse_starts`.
     """
-    model = _fit(_of_position(log), AxisForm(powers=3))
-    return _with_force(model, sum(e.value(position=log.y) for e in model.effects[1:]), log)
+    record, form = _of_position(log), AxisForm(powers=powers)
+    try:
+        more = [spring_start(replace(log, logged="output", target=log.y))]
+    except ValueError:
+        more = []
+    inertia, *_, stiffness = (more or [inverse_starts(record, AxisForm(powers=1))[0].theta])[0]
+    record = replace(record, steps=max(record.steps, spring_steps(stiffness / inertia, record.dt)))
+    model = _fit(record, form, [np.r_[theta, np.zeros(powers - 1)] for theta in more])
+    return _determined(_with_force(model, sum(e.value(position=log.y) for e in model.effects[1:]), log))
 
 
 def _with_force(model: AxisModel, force: Array, log: View) -> AxisModel:
@@ -183,7 +206,8 @@ def fit_two_masses(log: View, *, at_load: bool = False) -> AxisModel:
 
 
 def _determined(model: AxisModel) -> AxisModel:
-    """The model, if the record says more of its inertia than that it is not zero, and of a weight on which side it is.
+    """The model, if the record says more of its inertia than that it is not zero, of a weight on which side it is, and
+    of a spring whether it pulls or pushes.
 
     What is free to be anything else is spent on the friction at rest: of a rigid axis that rests, a load of 0.1 of the
     inertia on a spring of no stiffness left two thirds of the error over windows.
@@ -194,6 +218,9 @@ def _determined(model: AxisModel) -> AxisModel:
         raise ValueError(f"Its inertia would be {inertia:.2g} with a standard error of {unsure:.2g}.")
     if errors.get("gravity_imbalance__phase", 0.0) > 1.0:  # rad
         raise ValueError("On which side the weight is cannot be told, so the axis without it is equivalent.")
+    alone = "hardening_spring" not in numbers
+    if alone and not 2.0 * errors.get("cable_spring", 0.0) <= abs(numbers.get("cable_spring", 0.0)):
+        raise ValueError("Whether the spring pulls or pushes cannot be told, so the axis without it is equivalent.")
     return model
 
 
@@ -298,39 +325,44 @@ def spring_start(log: View) -> Array:
     return np.array([stiffness / square, stiffness * fade / square, 0.0, -stiffness * linear.offset, stiffness])
 
 
-def _fit(log: View, form: AxisForm) -> AxisModel:
+def _fit(log: View, form: AxisForm, more: Sequence[Array] = ()) -> AxisModel:
     """Among the results of all fits, the parameters that simulate windows of the record best.
 
     A controller that is faster than its log acts between the samples too, so the drive is also taken as a smooth curve
     through them. Held, it acts half a sample late, which is what limits a robot's log of 100 Hz.
     """
-    least, start = min(
-        ((axis_score(s.theta, form, log), s) for s in inverse_starts(log, form)), key=lambda pair: pair[0]
-    )
-    held = _best_minimum(log, form, start, start_as_fit(start, axis_log(log, form)), least)
+    held = _best_of(log, form, more)
     smooth = replace(log, hold=HOLDS[1])
-    again = start_as_fit(start._replace(theta=held[1].theta), axis_log(smooth, form))
-    other = _best_minimum(smooth, form, start, again, axis_score(again.theta, form, smooth))
+    other = _best_of(smooth, form, [held[1].theta])
     _, best, log = (*other, smooth) if other[0] < SMOOTHER * held[0] else (*held, log)
     return _model(best, log, form)
+
+
+def _best_of(log: View, form: AxisForm, more: Sequence[Array]) -> tuple[float, AxisFit]:
+    """Score and fit of a record with one hold, from the best of its own starts and of ``more`` numbers."""
+    starts = inverse_starts(log, form)
+    starts += [starts[0]._replace(theta=theta) for theta in more]
+    least, start = min(((axis_score(s.theta, form, log), s) for s in starts), key=lambda pair: pair[0])
+    return _best_minimum(log, form, start, start_as_fit(start, axis_log(log, form)), least)
 
 
 def _model(best: AxisFit, log: View, form: AxisForm) -> AxisModel:
     """The numbers of a fit as an axis, with standard errors."""
     covariance = best.covariance
     incomplete = not covariance.any() or not white(axis_residual(best.theta, log, form), log)
-    if not (form.powers or form.coupled) and incomplete:
-        other, spread = inverse_dynamics(log, form)
+    if incomplete and not form.coupled:
         # two estimators agree if nothing is missing, and their difference shows what is (Hausman 1978): its square less
         # the variance of the other estimates the squared bias, which is nothing where inverse dynamics says little
+        others = [_of_torques(best.theta, log, form, slowest) for slowest in SLOWEST_OF[: 2 - bool(form.knots.size)]]
         errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-        apart = (best.theta - other) ** 2
-        wider = np.sqrt(errors**2 + np.maximum(apart - spread**2, 0.0))
+        apart, spread = (np.array([o[k] for o in others]) for k in (0, 1))
+        apart = (best.theta - apart) ** 2
+        wider = np.sqrt(errors**2 + np.maximum(apart - spread**2, 0.0).max(axis=0))
         if errors.min() > TINY * wider.max():
             scale = wider / errors
             covariance = covariance * np.outer(scale, scale)
         else:  # those of a diverged run are arbitrary, and the start itself has none
-            covariance = np.diag(errors**2 + spread**2 + apart)
+            covariance = np.diag(errors**2 + spread[0] ** 2 + apart[0])
     model = axis_of(best.theta, log, form)
     return replace(model, standard_errors=standard_errors(best.theta, covariance, log, form))
 
@@ -375,14 +407,35 @@ def _best_minimum(log: View, form: AxisForm, start: Start, best: AxisFit, least:
     pieces = [axis_log(log, form)]
     if log.logged == "position":
         pieces = [shooting_log(log, seconds, form) for seconds in (*SHOOTING, np.inf)]
-    bound = AS_LOW * least  # a start has no errors of its own, so it stays only where it is clearly better
+    start_only = least, best
+    found: list[tuple[float, AxisFit, bool]] = []
     for piece in pieces:
         ended = fit_pieces(best.theta, piece)
         if np.isfinite(ended.cost) and start.holds(ended.theta):
             reached = axis_score(ended.theta, form, log)
-            if reached < bound:
-                bound, least, best = reached, reached, ended
-    return least, best
+            grows = piece is pieces[-1] and bool(found) and ended.cost > GROWS * found[-1][1].cost
+            if (
+                reached < AS_LOW * least
+            ):  # a start has no errors of its own, so it stays only where it is clearly better
+                least, best = min(reached, least), ended
+                found.append((reached, ended, grows))
+    return best_known(found) if found else start_only
+
+
+def best_known(found: list[tuple[float, AxisFit, bool]]) -> tuple[float, AxisFit]:
+    """The score and fit over the longest pieces of those that predict windows as well and know their numbers as well.
+
+    Noise of the drive and missing torques add up along a run, so that of a long run the first seconds decide, and its
+    numbers are known less well than those of pieces. Noise of the position does not, and then a long run is best.
+    A run in one piece does not show how far its own errors are independent, so its sum of squares must not be larger.
+
+    ``found``: from the shortest pieces to the longest, each with its score and whether its sum of squares grew so.
+    """
+    least = min(score for score, *_ in found)
+    alike = [f for f in found if f[0] <= AS_LOW * least]
+    honest = [f for f in alike if not f[2]] or alike
+    unknown = [float(np.sum(np.log(np.diag(fit.covariance) + TINY))) for _, fit, _ in honest]
+    return next(f[:2] for f, u in zip(honest[::-1], unknown[::-1], strict=True) if u <= min(unknown) + NO_WORSE)
 
 
 def start_as_fit(start: Start, log: AxisLog) -> AxisFit:
@@ -401,7 +454,27 @@ def white(error: Array, log: View) -> bool:
     return whiteness_test(apart).p_value > LEVEL
 
 
-def inverse_dynamics(log: View, form: AxisForm) -> tuple[Array, Array]:
+def _of_torques(theta: Array, log: View, form: AxisForm, slowest: float) -> tuple[Array, Array]:
+    """The numbers by inverse dynamics without its own bias, and their standard errors.
+
+    What differentiation, sampling and the encoder do to them, they also do in a record that the model makes of itself
+    (indirect inference, Gourieroux, Monfort and Renault 1993).  With that bias, intervals of complete axes were 10 to
+    100 times as wide as their errors.
+    """
+    pieces = shooting_log(log, PIECE, form) if log.logged == "position" else axis_log(log, form)
+    cut = replace(log, starts=tuple(pieces.bounds[1:-1].tolist()))
+    found, spread = inverse_dynamics(cut, form, slowest)
+    run = axis_motion(theta, handed_over(theta, settled(theta, pieces)))
+    if not np.abs(run).max() < LARGEST:
+        return found, spread
+    # its size from the third differences of the error, in which torques are nothing, as in `noise_floor`
+    size = np.std(np.diff(pieces.target - run, 3)) / np.sqrt(20.0)
+    noise = size * np.random.default_rng(0).standard_normal(run.size)
+    own = replace(cut, y=run + noise) if log.logged == "position" else replace(cut, y=run + noise, target=run + noise)
+    return found - (inverse_dynamics(own, form, slowest)[0] - theta), spread
+
+
+def inverse_dynamics(log: View, form: AxisForm, slowest: float) -> tuple[Array, Array]:
     """The numbers by least squares of the torque balance along the measured motion, and their standard errors.
 
     In closed loop the motion hardly contains the missing torque, while the drive does. These estimates therefore stay
@@ -421,11 +494,11 @@ def inverse_dynamics(log: View, form: AxisForm) -> tuple[Array, Array]:
     columns = [acceleration, velocity, side, np.ones_like(velocity)]
     columns += position_columns(log.y, form)
     columns += [side * np.maximum(np.abs(velocity) - k, 0.0) for k in form.knots]
-    moving = np.abs(velocity) > 0.02 * np.abs(velocity).max()
+    moving = np.abs(velocity) > slowest * np.abs(velocity).max()
     rows = np.column_stack(columns) * moving[:, None]
     scale = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
     rows = rows / scale
-    drive = savgol_filter(log.u, window, 2) * moving
+    drive = savgol_filter(acting(log), window, 2) * moving
     inverse = np.linalg.pinv(rows.T @ rows, rcond=1e-12, hermitian=True)
     theta = inverse @ (rows.T @ drive)
     edges = np.linspace(0, drive.size, BLOCKS + 1).astype(int)[:-1]

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from whsklearn.effects.base import Array, rms
-from whsklearn.filtering.records import filtered, gaussian_derivatives
+from whsklearn.filtering.records import HOLDS, filtered, gaussian_derivatives
 from whsklearn.identification.view import View
 from whsklearn.recursion.batch.axis_free_run import AxisForm, dissipates, rising_at_last
 
@@ -71,6 +72,16 @@ def balance(log: View, width: float, form: AxisForm) -> tuple[Array, Array]:
     return rows[:, :-1], rows[:, -1]
 
 
+def acting(log: View) -> Array:
+    """The drive (n,) that acts about the instants of the samples: held, it is the mean of the last two."""
+    if log.hold != HOLDS[0]:
+        return log.u
+    out = log.u.copy()
+    out[1:] = 0.5 * (log.u[1:] + log.u[:-1])
+    out[log.bounds[:-1]] = log.u[log.bounds[:-1]]
+    return out
+
+
 def position_columns(q: Array, form: AxisForm) -> list[Array]:
     """Position-dependent forces at weight one, shape (n,) each."""
     e = q - form.centre
@@ -124,6 +135,7 @@ def inverse_starts(log: View, form: AxisForm) -> list[Start]:
     Raises ValueError if with none of them the drive accelerates the output in its own direction, even with a
     position-dependent force.
     """
+    log = replace(log, u=acting(log))
     found: list[Start] = []
     least = 1e-3 * np.std(log.u) / np.array([np.std(log.target) or 1.0, 1.0])
     for width in WIDTHS:

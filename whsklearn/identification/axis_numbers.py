@@ -10,7 +10,7 @@ from whsklearn.effects import CableSpring, Effect, FlexibleCoupling, GravityImba
 from whsklearn.effects.base import Array
 from whsklearn.identification.view import View
 from whsklearn.models import AxisModel
-from whsklearn.recursion.batch.axis_free_run import AxisForm, AxisLog, axis_motion, settled
+from whsklearn.recursion.batch.axis_free_run import AxisForm, AxisLog, axis_motion, handed_over, settled
 
 PIECE = 2.0  # s, length of a free run whose position must stay accurate
 LEAST_PIECE = 100  # samples of such a free run
@@ -49,7 +49,7 @@ def shooting_log(log: View, seconds: float, form: AxisForm) -> AxisLog:
 def axis_residual(theta: Array, log: View, form: AxisForm) -> Array:
     """Residual of the axis in SI, its state fitted: for a position in pieces, otherwise of one run."""
     position = log.logged == "position"
-    pieces = settled(theta, shooting_log(log, PIECE, form) if position else axis_log(log, form))
+    pieces = handed_over(theta, settled(theta, shooting_log(log, PIECE, form) if position else axis_log(log, form)))
     return pieces.target - axis_motion(theta, pieces)
 
 

@@ -45,7 +45,7 @@ from whsklearn.models.base import IdentifiedModel
 AS_GOOD = 1.075  # a simpler structure is preferred within 7.5 % of the least error: twins of one system differ by that
 AT_FLOOR = 1.3  # times the noise; no structure can be better, and the one with thirty parameters takes most of the time
 ORDERS = (1, 2, 3, 4)
-GRAVITY, FORCE = "axis with gravity", "axis, free force over position"
+GRAVITY, FORCE, SPRING = "axis with gravity", "axis, free force over position", "axis on a spring"
 TWO_MASSES, CHAIN = "axis with a load behind a spring", "Wiener-Hammerstein"
 AT_LOAD = "axis with a load behind a spring, measured at the load"
 LAST = (TWO_MASSES, AT_LOAD, CHAIN)  # what takes most of the time
@@ -290,7 +290,7 @@ def identify(
             cut,
             angle=angle,
             placed=whole.logged == "position",
-            sprung=output[1] not in RATES and (whole.logged == "output" or whole.settles),
+            sprung=output[1] not in RATES and whole.logged == "output",
             rectified=loses_sign(whole),
         )
     )
@@ -410,14 +410,14 @@ def candidates(
     yield of("axis, free law over speed", "axis", fit_free_law_axis, law=[*law, "speed_hinge"])
     if angle:
         yield of(GRAVITY, "axis", fit_hanging_axis, law=law, effects=["gravity_imbalance"])
-    if placed and not sprung:
-        yield of(FORCE, "axis", fit_placed_axis, law=law, effects=springs)
     if placed:
+        yield of(SPRING, "axis", partial(fit_placed_axis, powers=1), law=law, effects=springs[:1])
+        yield of(FORCE, "axis", partial(fit_placed_axis, powers=3), law=law, effects=springs)
         coupled: dict[str, Any] = {"law": law, "effects": ["flexible_coupling"]}
         yield of(TWO_MASSES, "axis", fit_two_masses, **coupled)
         yield of(AT_LOAD, "axis", partial(fit_two_masses, at_load=True), **coupled, output="load")
     if sprung:
-        yield of("axis on a spring", "axis", partial(fit_sprung_axis, powers=1), law=law, effects=springs[:1])
+        yield of(SPRING, "axis", partial(fit_sprung_axis, powers=1), law=law, effects=springs[:1])
         yield of("axis on a hardening spring", "axis", partial(fit_sprung_axis, powers=3), law=law, effects=springs)
     for order in ORDERS[1:] if rectified else ():
         name = f"output error, order {order}, without its sign"
@@ -466,7 +466,7 @@ def recommend(tried: list[Compared], trivial: Compared, *, steady: bool = False)
             else "without its drive it predicts them as well"
         )
         reason += f"; {first.name} is better over windows, but {why}"
-    reason += _alike(chosen, good)
+    reason += _alike(chosen, tried)
     if ratio > EXPLAINS and steady:
         reason += (
             f"; the motion is so even that {trivial.name} predicts it as well, so the record says little about the "
@@ -503,16 +503,19 @@ def _no_worse(simple: Compared, best: Compared) -> bool:
     return bool(np.log(simple.score / best.score) <= spread)
 
 
-def _alike(chosen: Compared, good: list[Compared]) -> str:
-    """Which forces over position the record does not tell apart: over little travel, a weight is a spring."""
+def _alike(chosen: Compared, tried: list[Compared]) -> str:
+    """Which forces over position the record does not tell apart: over little travel, a weight is a spring.
+
+    A weight that was refused, as it would cancel an offset or be on either side, is such a force too.
+    """
     forces = {"gravity_imbalance", "cable_spring"}
     own = forces.intersection(chosen.structure.get("effects", ()))
     others = [
         c.name
-        for c in good
+        for c in tried
         if (c_own := forces.intersection(c.structure.get("effects", ())))
         and c_own != own
-        and c.score <= AS_GOOD * chosen.score
+        and (c.score <= AS_GOOD * chosen.score or (c.name == GRAVITY and c.failure))
     ]
     if not own or not others:
         return ""

@@ -71,10 +71,9 @@ def on_intervals(found: Identification) -> str:
         return ""
     is_axis = isinstance(found.model, AxisModel)
     how = " The intervals are widened by sums over blocks"
-    if isinstance(found.model, AxisModel):  # not on a spring or in front of one: see `axis_fit`
-        form = axis_theta(found.model)[1]
-        widened = not (form.powers or form.coupled)
-        how = " The intervals are widened to the difference between two estimators" if widened else ""
+    if isinstance(found.model, AxisModel):  # not of two masses: see `axis_fit`
+        two = axis_theta(found.model)[1].coupled
+        how = "" if two else " The intervals are widened to the difference between two estimators"
     grid = lattice(found.train.y)
     if is_axis and grid and rms_of(residual(found.model, found.train)) < grid * found.train.si[1]:
         return (
@@ -82,9 +81,10 @@ def on_intervals(found: Identification) -> str:
             f"nothing else is seen to be missing.{how and how + '.'}"
         )
     how = how or " The intervals do not include what that does to the numbers"
+    noise = ", unless the drive was logged with noise, which adds up along a run" if is_axis else ""
     return (
-        f"The residual of the model is not white, so something may be missing.{how}; whsklearn gap tells whether "
-        "something is, and what."
+        f"The residual of the model is not white, so something may be missing{noise}.{how}; whsklearn gap tells "
+        "whether something is, and what."
     )
 
 

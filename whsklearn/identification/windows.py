@@ -111,10 +111,11 @@ def _theta_errors(
     return (log.y[whole_at] - run(whole_at, states))[:, before:]
 
 
-def _powers(errors: Array) -> Array:
-    """Mean square of each row; infinite if it diverges."""
-    size = np.abs(errors).max(axis=1, keepdims=True)
-    return np.where(size[:, 0] < LARGEST, np.mean(np.where(size < LARGEST, errors, 0.0) ** 2, axis=1), np.inf)
+def _powers(errors: Array, *, level: bool = False) -> Array:
+    """Mean square of each row, about its ``level`` or zero; infinite if it diverges."""
+    bounded = np.abs(errors).max(axis=1) < LARGEST
+    rows = np.where(bounded[:, None], errors, 0.0)
+    return np.where(bounded, np.mean((rows - level * rows.mean(axis=1, keepdims=True)) ** 2, axis=1), np.inf)
 
 
 def _first_speeds(y: Array, dt: float, run: Callable[[Array], Array]) -> Array:
@@ -129,8 +130,7 @@ def _first_speeds(y: Array, dt: float, run: Callable[[Array], Array]) -> Array:
     line, bent = (some[:, -1] - some[:, 0]) / at[-1], some @ np.linalg.pinv(np.vander(at, 3))[1]
 
     def closest(tried: Array) -> Array:
-        errors = (y - run(v) for v in tried)
-        left = np.array([_powers(e - e.mean(axis=1, keepdims=True)) for e in errors])  # the position is fitted too
+        left = np.array([_powers(y - run(v), level=True) for v in tried])  # the position is fitted too
         return np.take_along_axis(tried, np.argmin(left, axis=0)[None], axis=0)[0]
 
     best = closest(np.vstack([line + np.linspace(0.0, 2.0, SPEEDS)[:, None] * (bent - line), np.zeros_like(line)]))
@@ -162,8 +162,7 @@ def mean_error(rms: list[float], log: View, least: float) -> float:
 
 def rms_of(error: Array) -> float:
     """Root mean square; infinite if the run is."""
-    value = float(np.sqrt(np.mean(np.square(error)))) if np.isfinite(error).all() else np.inf
-    return value if np.isfinite(value) else np.inf
+    return float(np.sqrt(np.mean(np.square(error)))) if np.abs(error).max() < LARGEST else np.inf
 
 
 def residual(model: Any, log: View) -> Array:

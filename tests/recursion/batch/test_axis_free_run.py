@@ -23,6 +23,28 @@ def test_the_free_run_of_an_axis_has_exact_sensitivities(of_position, form):
     np.testing.assert_array_equal(sensitivities(theta, log, of_states=True)[1], rows[-2:])
 
 
+@pytest.mark.parametrize("seed", [2, 3])
+def test_a_reversal_is_as_exact_as_the_rest_of_the_run(seed):
+    """The drive is held, so that all that four steps a sample leave out lies where the axis stops and turns."""
+    log = axis_log(slow_drive(1000, seed), 0.01)._replace(of_position=True)
+    coarse, fine = (axis_motion(TRUTH, log._replace(u=np.repeat(log.u[:, :1], n, axis=1))) for n in (4, 256))
+    v = np.diff(fine)
+    assert np.sum(v[1:] * v[:-1] < 0.0) + np.sum((v[1:] == 0.0) & (v[:-1] != 0.0)) > 10
+    assert np.abs(coarse - fine).max() < 2e-5 * np.ptp(fine)  # 6e-4 and more where a step that crosses rest ends there
+
+
+def test_pieces_are_fitted_to_their_least_squares_from_numbers_that_are_far_off():
+    """States that stayed where they were before a step had it refused, at up to sixty times the least."""
+    log = axis_log(slow_drive(4000, 4), 0.005)._replace(of_position=True)
+    q, v = axis_motion(TRUTH, log), axis_motion(TRUTH, log._replace(of_position=False))
+    noisy = q + 1e-4 * np.random.default_rng(0).standard_normal(q.size)
+    begins = np.arange(0, 4001, 50)
+    log = log._replace(target=noisy, bounds=begins, v0=v[begins[:-1]], q0=q[begins[:-1]])
+    least = fit_pieces(TRUTH, log)
+    for factors in ([1.03, 1.3, 0.97, 1.1], [0.9, 0.5, 1.2, 0.5]):
+        assert fit_pieces(TRUTH * factors, log).cost == pytest.approx(least.cost, rel=1e-3)
+
+
 def test_a_pendulum_keeps_its_energy():
     """J v^2 / 2 - k1 cos q of a free swing of 1 rad, by the symplectic steps of the run."""
     theta = np.array([0.05, 0.0, 0.0, 0.0, 2.0, 0.0])
