@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from tests.compare.test_records import record
 from whsklearn.compare.axis import LAW, axis_rows
@@ -38,6 +39,19 @@ def test_a_drive_that_is_held_over_its_sample_has_no_delay():
     (rows,) = axis_rows([record(seed=1)], ["a"], 0.01, np.random.default_rng(0))
     found = estimate(rows)
     assert abs(found.values[-1]) < 2.0 * found.errors[-1]  # ten of them with the hold and the filters in it
+
+
+@pytest.mark.parametrize("samples", [3, 8, -6])
+def test_a_drive_that_acts_late_has_that_age(samples):
+    """To first order about zero, a delay of several samples is sin(w T) / w at the frequency w: 12 % too small."""
+    log = make_servo_log([], duration=20.0, random_state=1)
+    dt = float(log["time_s"].diff().median())
+    moved = log.assign(torque_nm=np.roll(log["torque_nm"], -samples)).iloc[10:-10]
+    (rows,) = axis_rows([ServoRecord.from_frame(moved)], ["a"], 0.01, np.random.default_rng(0))
+    (still,) = axis_rows([ServoRecord.from_frame(log)], ["a"], 0.01, np.random.default_rng(0))
+    late, usual = (estimate(r) for r in (rows, still))
+    assert late.values[-1] - usual.values[-1] == pytest.approx(samples * dt, abs=2.0 * late.errors[-1])
+    assert late.values[0] == pytest.approx(usual.values[0], rel=0.01)
 
 
 def test_a_record_that_sticks_is_judged_while_it_moves():

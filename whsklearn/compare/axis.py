@@ -18,7 +18,7 @@ from whsklearn.gap.plants.servo_families import Scene, family, inverse_kinds, re
 from whsklearn.gap.plants.servo_inverse import InverseView
 from whsklearn.gap.plants.servo_model import ServoHypothesis, ServoTerm
 from whsklearn.gap.plants.servo_own import own as own_records
-from whsklearn.gap.plants.servo_start import base_model, start_of
+from whsklearn.gap.plants.servo_start import base_model, logged_late, start_of, with_earlier_drive
 from whsklearn.gap.record import ServoRecord
 from whsklearn.gap.tangent import Look, Tangent
 from whsklearn.logs.units import inertia_unit, respelled
@@ -68,6 +68,7 @@ def axis_rows(
     ``same_zero``: whether all records count the position from one zero. If not, the numbers of effects that depend on
     the position (the phase of a wave, the rest position of a spring) belong to each record alone.
     """
+    records, late = in_time(records)
     views, models = alike(records)
     for _ in range(MOST_EFFECTS):
         looks = missing(views, models, rng, alpha)
@@ -78,7 +79,7 @@ def axis_rows(
         with_each = [[v.fit(m.with_term(term)) for v, m in zip(views, models, strict=True)] for term in terms]
         models = min(with_each, key=lambda fitted: bic(views, fitted, with_each))
     own = records[0].shown
-    rows = [rows_of(v, m, label, own) for v, m, label in zip(views, models, labels, strict=True)]
+    rows = [rows_of(v, m, label, own, by) for v, m, label, by in zip(views, models, labels, late, strict=True)]
     if not same_zero:
         there = {t.name for t in models[0].terms if t.kind.cls.place == "position"}
         rows = [r.without(there) for r in rows]
@@ -121,6 +122,21 @@ def bic(views: Sequence[InverseView], fitted: list[ServoHypothesis], rivals: lis
         numbers = kind.linear + (kind.n_slots - kind.linear) / len(views)
         total += n * np.log(max(float(np.mean(view.gap(fitted[k]) ** 2)), 1e-300)) + numbers * np.log(n)
     return total
+
+
+def in_time(records: list[ServoRecord]) -> tuple[list[ServoRecord], list[float]]:
+    """The records with drives that act when they are written, and by how much each was moved (s).
+
+    Numbers are linear in the age of a drive: about zero, an age T at the frequency w is found as sin(w T) / w, of 6 ms
+    5.3.
+    """
+    moved, late = [], []
+    for record in records:
+        view = start_of(record, LAW, DEFAULT_TOLERANCE)[0]
+        lead = logged_late(view, view.fit(base_model(LAW, view.scene)), either_way=True)
+        moved.append(with_earlier_drive(record, lead) if lead else record)
+        late.append(-lead * record.dt)
+    return moved, late
 
 
 def alike(records: list[ServoRecord]) -> tuple[list[InverseView], list[ServoHypothesis]]:
@@ -234,8 +250,13 @@ def by_shape(view: InverseView, model: ServoHypothesis) -> Array:
     return np.column_stack(out)
 
 
-def rows_of(view: InverseView, model: ServoHypothesis, label: str, own: Mapping[str, str]) -> Regression:
-    """The judged samples of a view, with numbers in the units given by ``own``; the last is the age of the drive."""
+def rows_of(
+    view: InverseView, model: ServoHypothesis, label: str, own: Mapping[str, str], late: float = 0.0
+) -> Regression:
+    """The judged samples of a view, with numbers in the units given by ``own``; the last is the age of the drive.
+
+    ``late``: by how much the drive of the view's record has been moved (s, see `in_time`).
+    """
     at = view.at
     x = view.columns(model)[0]
     rate = ols.slope(x @ view.sizes(model), view.step)
@@ -255,8 +276,9 @@ def rows_of(view: InverseView, model: ServoHypothesis, label: str, own: Mapping[
     shapes = by_shape(view, model)[at]
     covers = {t.name: t.kind.cls.covers for t in model.terms if t.kind.cls.covers}
     return Regression(
-        label, names, units, columns, view.drive[at], at, view.step, time, path, blocks_between(turns, at.size),
-        np.column_stack([nuisances, shapes]), of, np.array([view.rms(view.drive[at])]), slowest, covers,
+        label, names, units, columns, view.drive[at] + late * rate[at], at, view.step, time, path,
+        blocks_between(turns, at.size), np.column_stack([nuisances, shapes]), of,
+        np.array([view.rms(view.drive[at])]), slowest, covers,
         frozenset({"inertia", *(n for n, kind in kinds if kind.positive and n in LAW and both_ways)}),
         (*(by for by, _ in told), 1.0), parts=("", *(part for t in model.terms for part in parts_of(t)), ""),
     )  # fmt: skip

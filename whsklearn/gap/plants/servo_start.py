@@ -137,10 +137,11 @@ def tracking(dt: float) -> float:
     return float(np.clip(0.02 / dt, 0.2, 2.0))
 
 
-def logged_late(view: InverseView, model: ServoHypothesis) -> int:
+def logged_late(view: InverseView, model: ServoHypothesis, *, either_way: bool = False) -> int:
     """Samples by which a drive was logged after it had acted, see `whsklearn.identification.drive_lead`.
 
-    A drive that acts later than it was logged is a delay, which the search handles.  Friction that the law lacks is
+    A drive that acts later than it was logged is a delay, which the search handles; with ``either_way`` it is told, as
+    a negative number.  Friction that the law lacks is
     included, because it lags behind the acceleration, as a drive that is logged late: viscous friction of 16 % of the
     drive had moved it by 4 ms, and a delay was named that moved it back.
     """
@@ -156,7 +157,7 @@ def logged_late(view: InverseView, model: ServoHypothesis) -> int:
         fitted, left = seen.fit_with_gap(model)
         return seen.age(fitted), seen.rms(left)
 
-    return drive_lead(look, as_logged, view.scene.dt)
+    return drive_lead(look, as_logged, view.scene.dt, either_way=either_way)
 
 
 def reversing_early(view: InverseView, model: ServoHypothesis) -> ServoHypothesis:
