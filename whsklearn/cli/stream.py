@@ -112,6 +112,7 @@ def main(**options: Any) -> None:
     rows = Options(
         options["every"], options["predictions"], options["bad_rows"] == "refuse", hole == "restart", max_step,
         options["smallest_change"], options["most_held"], bool(timed), outputs, factors,
+        int(bool(timed)) if axis else None,
     )  # fmt: skip
     files = Files(
         source, options["out"], kept, options["follow"], options["fresh"], options["checkpoint_every"],

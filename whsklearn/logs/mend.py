@@ -251,11 +251,11 @@ def frozen(position: Array, segment: NDArray[np.int64]) -> tuple[NDArray[np.bool
     for a, b in zip(first[inside].tolist(), last[inside].tolist(), strict=True):
         if np.ptp(segment[a - k - 1 : b + k + 2]):
             continue
-        jumped = not _moving(step[a - k : a])
+        jumped = not evenly_moving(step[a - k : a])
         before, after = step[a - k - jumped : a - jumped], step[b + 1 : b + 1 + k]
         most = CAUGHT_UP * max(np.abs(before).max(), np.abs(after).max())
         leap = min(abs(step[b]), abs(step[a - 1]) if jumped else np.inf)
-        if _moving(before) and _moving(after) and leap > most:
+        if evenly_moving(before) and evenly_moving(after) and leap > most:
             out[(a if jumped else a + 1) : b + 1] = True
             begins.append(a if jumped else a + 1)
     if not begins:
@@ -267,7 +267,7 @@ def frozen(position: Array, segment: NDArray[np.int64]) -> tuple[NDArray[np.bool
     return out, Finding("LOG024", "warning", text, begins, float(out.sum()))
 
 
-def _moving(step: Array) -> bool:
+def evenly_moving(step: Array) -> bool:
     """Whether steps are those of a motion whose speed hardly changes."""
     return bool(np.ptp(step) <= EVEN_SPEED * np.abs(step).min() and np.abs(step).min() > 0)
 

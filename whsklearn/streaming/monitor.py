@@ -23,6 +23,7 @@ from sklearn.base import clone
 from whsklearn.change import ChangeAlarm, compare_parameters, forgetting_after, set_forgetting
 from whsklearn.plot import flat_parameters
 from whsklearn.streaming.clock import Clock, Verdict
+from whsklearn.streaming.freeze import Freeze
 from whsklearn.streaming.rows import BadRow, OtherHeader
 from whsklearn.streaming.sides import Compare, Sides
 
@@ -131,6 +132,8 @@ class Options:
     factors : tuple of float, default=()
         Factors by which the columns of a row (including its time) are multiplied, for example to convert degrees to
         rad; empty for no conversion.
+    position : int, optional
+        Index in a row of the position of an axis. Rows that repeat it while the axis moves are left out.
 
     References
     ----------
@@ -154,6 +157,7 @@ class Options:
     timed: bool = False
     outputs: tuple[str, ...] = ("",)
     factors: tuple[float, ...] = ()
+    position: int | None = None
 
 
 class Refused(ValueError):
@@ -250,6 +254,7 @@ class StreamMonitor:
         self.carried = Carried(poor=[False] * n)
         self._count_anew()
         self.clock = Clock()
+        self.freeze = Freeze()
         self._rows: list[list[float]] = []
         self._experiments: list[int] = []
         self._numbers: list[int] = []
@@ -353,10 +358,29 @@ class StreamMonitor:
             if row[0] - self.carried.time > self.options.max_step and self.carried.time > -np.inf:
                 self.carried.experiment += 1
             self.carried.time = row[0]
-        self.carried.last, self.carried.repeated_run = row, 0
-        self._rows.append(row)
-        self._experiments.append(self.carried.experiment)
-        self._numbers.append(number)
+        c, freeze = self.carried, self.freeze
+        c.last, c.repeated_run = row, 0
+        if self.options.position is None:
+            self._queue([[number, row]])
+            return
+        if freeze.experiment != c.experiment:
+            self._queue(freeze.end(), freeze.experiment)
+            freeze.experiment = c.experiment
+        rows, lost, anew = freeze.take([number, row], row[self.options.position])
+        self._queue(rows)
+        if anew:
+            freeze.experiment = c.experiment = c.experiment + 1
+        if lost:
+            self._learn_taken()
+            said = f"the position repeats for {lost} rows and then leaps on, as no axis moves; they show no motion"
+            self._warn("held_rows", anew[0][0], f"{said}, and {NEW_EXPERIMENT}")
+        self._queue(anew)
+
+    def _queue(self, rows: list[list[Any]], experiment: int | None = None) -> None:
+        """Queue rows, each with its number, of an experiment: the present one, or another."""
+        self._numbers += [number for number, _ in rows]
+        self._rows += [row for _, row in rows]
+        self._experiments += [self.carried.experiment if experiment is None else experiment] * len(rows)
 
     def _learn_taken(self) -> None:
         """Learn the rows queued so far."""
@@ -517,6 +541,7 @@ class StreamMonitor:
             "alarms": [a.get_state() if a.started else {} for a in self.alarms],
             "innovations": self.innovations.get_state() if fitted else {},
             "clock": self.clock.get_state(),
+            "freeze": asdict(self.freeze),
             "sides": {} if self.sides is None else self.sides.get_state(),
         }
 
@@ -527,6 +552,7 @@ class StreamMonitor:
         """
         self.carried = Carried(**state["carried"])
         self.clock.set_state(state.get("clock", {}))
+        self.freeze = Freeze(**state.get("freeze", {}))
         if self.sides is not None and state.get("sides"):
             self.sides.set_state(state["sides"])
         if self.carried.rows:

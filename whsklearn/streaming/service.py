@@ -239,9 +239,11 @@ def _run(stream: StreamMonitor, files: Files, place: dict[str, Any], keeper: Kee
             stopper.restore()
         if lines.left:
             keeper.say("The last line has no end and was not read; complete it, or wait for its end with --follow.")
-    c, waiting = stream.carried, len(stream.clock.ahead) + len(stream.clock.back)
-    if waiting:
-        keeper.say(f"{waiting} rows after a leap of the clock are still waiting for the rows after them.")
+    c, ahead = stream.carried, len(stream.clock.ahead) + len(stream.clock.back)
+    waiting = ahead + len(stream.freeze.waiting)
+    for n, what in ((ahead, "after a leap of the clock"), (waiting - ahead, "that repeat the position")):
+        if n:
+            keeper.say(f"{n} rows {what} are still waiting for the rows after them.")
     for said in stream.worse_than_mean():
         keeper.say(f"At the end {said}.")
     if not stopper.by and stream.sides is not None and (said := stream.sides.so_far(FEWEST_COMPARED)):
