@@ -39,7 +39,10 @@ class Freeze:
     experiment: int = 0
 
     def take(self, row: list[Any], position: float) -> tuple[list[list[Any]], int, list[list[Any]]]:
-        """Rows that continue the motion, the number of frozen rows after them, and rows of a new experiment."""
+        """Rows that continue the motion, the number of frozen rows after them, and rows of a new experiment.
+
+        ``row``: whatever is to come out again. ``position``: the axis's in that row.
+        """
         if self.path and position == self.path[-1] and not self.after:
             return self._repeated(row)
         if self.repeats >= FROZEN_STEPS:
