@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from whsklearn.cli.simulate import main
-from whsklearn.effects import GravityImbalance, as_law
+from whsklearn.effects import Coulomb, FrictionLaw, GravityImbalance, Viscous, as_law
 from whsklearn.logs import load_log
 from whsklearn.models import AxisModel, LinearModel, load_model, save_model
 
@@ -159,3 +159,17 @@ def test_an_axis_starts_at_the_speed_of_the_log(tmp_path, column):
     pd.DataFrame({"time_s": 0.01 * np.arange(300), "torque_nm": u, column: y}).to_csv(tmp_path / "log.csv", index=False)
     assert run(tmp_path).exit_code == 0
     assert np.abs(np.subtract(*table_of(tmp_path)[["simulated", "measured"]].to_numpy().T)).max() < 0.01
+
+
+def test_an_axis_at_rest_under_a_step_starts_at_rest(tmp_path):
+    """Its acceleration is no speed; one of 0.3 rad/s would leave the position 0.07 rad off for good."""
+    units = {"input": "Nm", "output": "rad"}
+    law = FrictionLaw([Viscous(0.05), Coulomb(0.2)])
+    model = AxisModel(0.012, law, dt=0.001, logged="position", units=units)
+    u = np.where(np.arange(3000) < 1500, 2.5, -2.5)
+    y = model.simulate(u, start=0.0) + 1e-5 * np.random.default_rng(0).normal(size=u.size)
+    save_model(model, tmp_path / "model.json")
+    table = pd.DataFrame({"time_s": 0.001 * np.arange(3000), "torque_nm": u, "position_rad": y})
+    table.to_csv(tmp_path / "log.csv", index=False)
+    assert run(tmp_path).exit_code == 0
+    assert np.abs(np.subtract(*table_of(tmp_path)[["simulated", "measured"]].to_numpy().T)).max() < 1e-3

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,9 @@ import numpy as np
 from whsklearn.cli.job import WrongOption, job, worse_than_mean, wrapped, writable_file
 from whsklearn.cli.options import FILE, LOG, NEW_FILE, joint_options, reading_options, system_options
 from whsklearn.cli.records import note, read_system
+
+TRIED = 17  # speeds, of which the middle is rest
+SEEN = 1000  # samples at most that are simulated to find the first velocity
 
 
 @partial(job, unused=("seed", "track"))
@@ -63,10 +67,8 @@ def main(**options: Any) -> None:
     y, kept = np.empty(log.y.size), np.zeros(log.y.size, dtype=bool)
     for segment in range(int(log.groups[-1]) + 1):  # each starts from the state of the log
         rows = np.flatnonzero(log.groups == segment)
-        state = {"start": float(log.y[rows[0]])} if model.logged == "position" else {}
-        if model.kind == "axis":
-            state["speed"] = first_speed(log.y[rows], model.dt) if state else float(log.y[rows[0]])
-        y[rows] = model.simulate(by * log.X[rows, 0], **{k: far * v for k, v in state.items()}) / far
+        u, measured = by * log.X[rows, 0], far * log.y[rows]
+        y[rows] = model.simulate(u, **state_of(model, u, measured)) / far
         kept[rows[min(options["skip"], rows.size - 1) :]] = True
     table = pd.DataFrame({"time": log.time, "drive": log.X[:, 0], "simulated": y, "measured": log.y})
     unit_of_each = {"time": log.units["time"], "drive": drive, "simulated": unit, "measured": unit}
@@ -91,21 +93,52 @@ def main(**options: Any) -> None:
     click.echo(f"Written: {out}{': ' if told else ''}{', '.join(told)}")
 
 
-def first_speed(position: Any, dt: float) -> float:
+def state_of(model: Any, u: Any, measured: Any) -> dict[str, float]:
+    """The state of a model at the start of a log: its position if it has one, and its velocity if it is an axis.
+
+    ``u``, ``measured`` (n,): drive and output, in the units of the model.
+    """
+    first = float(measured[0])
+    if model.logged != "position":
+        return {"speed": first} if model.kind == "axis" else {}
+    if model.kind != "axis":
+        return {"start": first}
+
+    def run(speed: float) -> Any:
+        return model.simulate(u[:SEEN], start=first, speed=speed)
+
+    return {"start": first, "speed": first_speed(measured[:SEEN], model.dt, run)}
+
+
+def first_speed(position: Any, dt: float, run: Callable[[float], Any]) -> float:
     """The velocity at the start of a position (n,), sampled every ``dt`` s; 0 if its noise may have made it.
+
+    ``run``: the model's position (m,) from such a velocity. The velocity is the one whose run is the closest: where a
+    drive steps or friction turns, no polynomial tells an acceleration from a velocity.
 
     >>> import numpy as np
     >>> t = np.arange(300) / 100
-    >>> round(first_speed(3.0 * t - t**2, 0.01), 6), first_speed(np.random.default_rng(0).normal(size=300), 0.01)
-    (3.0, 0.0)
+    >>> round(first_speed(3.0 * t - t**2, 0.01, lambda v: v * t - t**2), 6)
+    3.0
+    >>> first_speed(np.random.default_rng(0).normal(size=300), 0.01, lambda v: v * t)
+    0.0
     """
+    from scipy.optimize import minimize_scalar
+
     from whsklearn.identification.view import window_of
 
     if len(position) < 7:
         return 0.0
     samples = window_of(len(position), dt)
-    time, first = dt * np.arange(samples), np.asarray(position[:samples])
-    parabola = np.polyfit(time, first, 2)
-    noise = np.sqrt(np.sum((first - np.polyval(parabola, time)) ** 2) / (samples - 3))
-    error = noise * np.sqrt(192.0 / samples**3) / dt  # of the slope at the end of a parabola
-    return float(parabola[1]) if abs(parabola[1]) > 3.0 * error else 0.0
+    first, stride = np.asarray(position[:samples]), max(samples // 8, 1)
+
+    def left(speed: float) -> float:
+        with np.errstate(all="ignore"):
+            return float(np.nan_to_num(np.sum((first - run(speed)[:samples]) ** 2), nan=np.inf))
+
+    most = 2.0 * float(np.abs(np.diff(first[::stride])).max()) / (stride * dt)
+    tried, apart = np.linspace(-most, most, TRIED, retstep=True)
+    near = float(min(tried, key=left))
+    best = minimize_scalar(left, bounds=(near - apart, near + apart), method="bounded", options={"xatol": 1e-9 * most})
+    is_noise = left(0.0) <= best.fun * (1.0 + 9.0 / samples)  # three standard errors
+    return 0.0 if is_noise else float(best.x)
