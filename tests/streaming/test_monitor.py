@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from tests.streaming.recorded_stream import QUICK, axis, carried, records, stream, write
-from whsklearn import RigidBodyLags, RLSRegressor
+from whsklearn import RigidBodyLags, RLSRegressor, RMILSRegressor, WienerHammersteinLags, WienerHammersteinSystem
 from whsklearn.change import ChangeAlarm
 from whsklearn.datasets import default_arm, make_arm_log
-from whsklearn.effects import Coulomb
+from whsklearn.effects import Coulomb, FrictionLaw, Viscous
 from whsklearn.streaming import Options, Refused, StreamMonitor
 from whsklearn.streaming.monitor import BLOCK, Innovations
 from whsklearn.streaming.rows import CsvParser
@@ -126,6 +127,26 @@ def test_a_rise_of_friction_raises_the_alarm_and_is_named(tmp_path):
     assert f"row {change['row']}: change since row {change['since_row']}: {change['changes'][0]}." in done.stderr
     # the forgetting settles again, so the estimate is no noisier than one of the new regime alone
     assert records(tmp_path / "out.jsonl", "estimate")[-1]["parameters"]["coulomb"] == pytest.approx(0.84, abs=0.03)
+
+
+def test_after_a_change_nothing_else_is_said_to_have_changed():
+    """A pole near a zero: under forgetting, the signs in doubt still belong to its standard error."""
+    rng = np.random.default_rng(1)
+    u = rng.normal(size=(16_000, 1))
+    laws = (FrictionLaw([Viscous(0.5), Coulomb(size)]) for size in (0.8, 0.96))
+    blocks = [1, -0.116], [-0.33, 0.092], [1, -0.25], [-1.63, 0.66]
+    y = [WienerHammersteinSystem(*blocks, law=law).simulate(u) for law in laws]
+    noise = lfilter([1.0], [1.0, *blocks[3]], rng.normal(0, 0.014, size=len(u)))
+    told = []
+    lags = WienerHammersteinLags(law="viscous,coulomb")
+    monitor = StreamMonitor(RMILSRegressor(lags, random_state=0), ChangeAlarm(), Options(), told.append)
+    monitor.take(np.column_stack([u, np.r_[y[0][:6000], y[1][6000:]] + noise]))
+    assert [r["kind"] for r in told if r["kind"] != "estimate"] == ["alarm", "change"]
+    [said] = [r["changes"] for r in told if r["kind"] == "change"]
+    assert [c.split()[0] for c in said] == ["coulomb"]
+    last = told[-1]
+    z = [(last["parameters"][k] - v) / last["standard_errors"][k] for k, v in (("a2", -0.116), ("b2", 0.092))]
+    assert np.abs(z).max() < 3.0
 
 
 @pytest.mark.parametrize("refuse", [False, True])

@@ -253,11 +253,8 @@ class FullStream:
     def _estimate(self, state: State) -> Gaussian:
         """The posterior if signs may be in doubt, otherwise the model that gives the answer and its P."""
         r = self.settings
-        # If samples have been forgotten, the recursion's own estimate is kept.  A turned page was linearised at the
-        # parameters of that time.  After a long rest under forgetting these are far off: after 4,000 samples of motion
-        # the error of the posterior mean was 0.47, that of this estimate 0.05 (benchmarks/endurance.py, rest).
         whole = bool(np.all(state["memory_kept"][: state["fill"]] == 1.0)) if r.memory else False
-        silent, certain = multistart.is_silent(state), whole and has_posterior(r)
+        silent, certain = multistart.is_silent(state), has_posterior(r)
         # Between two re-runs the recursion may stray: after 1,000 rows of a spline its free run had 2,000 times the
         # error of a re-run, which corrects it as the posterior does where there is one.
         strays = whole and not certain and bool(state["motion"][multistart.answer(state), 1])
