@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import importlib
 import importlib.util
 import os
@@ -13,6 +14,7 @@ import click
 import pytest
 from click.testing import CliRunner
 
+from whsklearn._inputs import ArgumentError
 from whsklearn.cli.job import Ended, job, root, table, writable_file
 from whsklearn.logs import ColumnError, LogError
 from whsklearn.logs.files import atomic_write
@@ -66,8 +68,28 @@ def test_expected_errors_are_one_sentence(error):
     assert done.output == f"Error: {error}\n"
 
 
+def test_a_reader_that_has_ended_is_told_nothing():
+    """As in ``whsklearn compare a.csv b.csv | head -1``."""
+
+    @job
+    def main(**options):
+        """Fail."""
+        raise BrokenPipeError(errno.EPIPE, "Broken pipe")
+
+    done = CliRunner().invoke(main)
+    assert done.exit_code == 1
+    assert not done.output
+
+
 @pytest.mark.parametrize(
-    ("error", "status"), [(LogError("bad"), 3), (ColumnError("bad"), 2), (KeyboardInterrupt(), 130), (Ended(), 143)]
+    ("error", "status"),
+    [
+        (ArgumentError("bad"), 2),
+        (LogError("bad"), 3),
+        (ColumnError("bad"), 2),
+        (KeyboardInterrupt(), 130),
+        (Ended(), 143),
+    ],
 )
 def test_the_exit_status_tells_the_kind_of_failure(error, status):
     @job

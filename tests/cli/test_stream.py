@@ -17,6 +17,7 @@ from tests.streaming.recorded_stream import QUICK, ROOT, carried, records, strea
 from whsklearn import RLSRegressor
 from whsklearn.change import ChangeAlarm
 from whsklearn.checks import state_difference
+from whsklearn.cli.job import Ended
 from whsklearn.cli.stream import main as stream_command
 from whsklearn.datasets import make_servo_log
 from whsklearn.effects import Coulomb
@@ -69,13 +70,18 @@ def test_the_run_is_recorded(mlflow_root, rows):
     ("change", "said", "status"),
     [
         (["--input", "torque"], "The header has no column 'torque'", 2),
-        (["--law", "nonsense"], "Unknown effect 'nonsense'", 1),
+        (["--law", "nonsense"], "Unknown effect 'nonsense'", 2),
+        (["--law", "nonsense", "--input", "u_nm", "--output", "y_rad"], "Unknown effect 'nonsense'", 2),
+        (["--time", "nope", "--input", "u_nm", "--output", "y_rad"], "The header has no column 'nope'", 2),
+        (["--checkpoint", "log.csv"], "are the same file", 2),
         (["--p", "0"], "'--p': 0 is not in the range x>=1", 2),
     ],
 )
 def test_impossible_requests_are_one_sentence(tmp_path, rows, change, said, status):
     log = write(tmp_path / "log.csv", rows[:50])
-    done = stream(log, "--no-track", *change)
+    if "y_rad" in change:
+        log.write_text(log.read_text().replace("t,u,y", "t,u_nm,y_rad"))
+    done = stream(log, "--no-track", *[log if word == "log.csv" else word for word in change])
     assert done.exit_code == status
     assert said in done.stderr
     assert "Traceback" not in done.stderr
@@ -243,3 +249,16 @@ def test_a_rate_is_given_instead_of_a_time(tmp_path):
     done = stream(log, "--no-track", "--time", "t", "--rate", "100")
     assert done.exit_code == 2
     assert "--time or --rate" in done.output
+
+
+@pytest.mark.parametrize("asked_by", [KeyboardInterrupt, Ended])
+def test_a_stop_before_the_first_row_is_one_that_was_asked_for(tmp_path, rows, monkeypatch, asked_by):
+    """SIGTERM while libraries are imported."""
+
+    def stopped(*args):
+        raise asked_by
+
+    monkeypatch.setattr("whsklearn.cli.axis_stream.axis_stream", stopped)
+    done = stream(write(tmp_path / "log.csv", rows[:50]), "--no-track")
+    assert done.exit_code == 0
+    assert done.stderr == "Stopped before the first row; nothing was read.\n"

@@ -20,7 +20,7 @@ def test_the_source_is_never_written_to(tmp_path, option, link):
         other.symlink_to(log)
     before = log.read_bytes()
     done = run(log, option, other, "--fresh")
-    assert done.exit_code == 1
+    assert done.exit_code == 2
     assert "are the same file" in done.stderr
     assert log.read_bytes() == before
 

@@ -77,7 +77,7 @@ def test_a_refused_row_ends_the_stream_before_it_and_corrected_it_goes_on(tmp_pa
     spoilt[1000] = "10.00,1.0,oops\n"
     log, args = write(tmp_path / "log.csv", spoilt), ["--bad-rows", "refuse", "--predictions", *QUICK]
     done = stream(log, "--out", tmp_path / "out.jsonl", *args)
-    assert done.exit_code == 1
+    assert done.exit_code == 3
     assert "line 1002: y is 'oops', not a number" in done.stderr
     assert carried(tmp_path / "log.csv.whs")["carried"]["rows"] == 1000
     write(log, rows)

@@ -68,6 +68,7 @@ def axis_stream(options: Mapping[str, Any], chosen: set[str], say: Any) -> AxisS
     that tells what is taken, and why it is not an axis where the columns alone would be one.
     """
     from whsklearn import InverseDynamicsLags, RLSRegressor
+    from whsklearn.lags.axis_rows import effect_terms
     from whsklearn.logs.roles import says
     from whsklearn.logs.units import seconds_of, unit_of
     from whsklearn.streaming.monitor import alarm_of_averages
@@ -83,16 +84,20 @@ def axis_stream(options: Mapping[str, Any], chosen: set[str], say: Any) -> AxisS
         )
     if not (says(drive, "drive") and says(position, "position")):
         return None
-    dt = 1.0 / rate if rate else head_of(source, time)[1]
+    names, step = head_of(source, time)
+    dt = 1.0 / rate if rate else step
     what = f"{drive} and {position} are the drive and the position of an axis"
     if dt is None and (time is None or source == "-"):
         say(f"{what}, but without {'--time or ' if time is None else ''}--rate they are taken for a chain.")
         return None
+    if time and names and time not in names:
+        raise ColumnError(f"The header has no column {time!r}; it has: {', '.join(names)[:300]}.")
     if dt is None:
         raise ColumnError(f"{source} does not show its sample rate by {time} of three rows; give --rate HZ too.")
     say(f"{what}, whose inertia and friction are estimated at {1.0 / dt:.6g} Hz; --orders takes them for a chain.")
     law = options["law"] if "law" in chosen else "viscous,coulomb"
     lags = InverseDynamicsLags(float(f"{1.0 / dt:.6g}"), law=law, causal=True)
+    effect_terms(lags.law, lags.effects)  # a wrong name is said now, not at each row
     model = RLSRegressor(lags, forgetting=options["forgetting"])
     alarm = alarm_of_averages(options["alarm_interval"])
     clock = seconds_of(unit_of(time, "s")) if time else 1.0

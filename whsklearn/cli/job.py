@@ -93,6 +93,7 @@ def job(function: Callable[..., None], unused: tuple[str, ...] = ()) -> click.Co
 
 def guarded(function: Callable[..., None], **kwargs: Any) -> None:
     """Run a job; expected errors become one sentence and an exit status."""
+    from whsklearn._inputs import ArgumentError
     from whsklearn.logs.errors import ColumnError, LogError
 
     before = _end_as_interrupt()
@@ -101,6 +102,10 @@ def guarded(function: Callable[..., None], **kwargs: Any) -> None:
             function(**kwargs)
     except LogError as error:
         raise (WrongOption if isinstance(error, ColumnError) else UnusableLog)(str(error)) from error
+    except ArgumentError as error:
+        raise WrongOption(str(error)) from error
+    except BrokenPipeError:  # whoever read the output has ended; click ends in silence
+        raise
     except OSError as error:
         raise click.ClickException(no_room(error) or str(error)) from error
     except (ValueError, ImportError) as error:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -71,6 +72,16 @@ def main(**options: Any) -> None:
     \b
     whsklearn stream axis.csv --input torque_nm --output position_rad --time time_s --out log.jsonl
     """  # noqa: D301 - click reads the backspace
+    try:
+        run = _prepared(options)
+    except KeyboardInterrupt:  # a stop that was asked for, as one of the running stream is
+        click.echo("Stopped before the first row; nothing was read.", err=True)
+        return
+    run()
+
+
+def _prepared(options: dict[str, Any]) -> Callable[[], None]:
+    """What runs the stream that the options ask for; imports, which take seconds, are done here."""
     from whsklearn.cli.axis_stream import axis_stream
     from whsklearn.compare import at_an_alarm, at_an_alarm_of
     from whsklearn.streaming import Files, Options, run_stream
@@ -118,6 +129,7 @@ def main(**options: Any) -> None:
         source, options["out"], kept, options["follow"], options["fresh"], options["checkpoint_every"],
         options["disk_full"] == "stop",
     )  # fmt: skip
-    run_stream(
-        model, columns, files, rows, alarm, compare=compare, root=root() if options["track"] else None, say=say,
+    return functools.partial(
+        run_stream, model, columns, files, rows, alarm, compare=compare, root=root() if options["track"] else None,
+        say=say,
     )  # fmt: skip

@@ -49,6 +49,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.utils import Bunch
 
+from whsklearn._inputs import ArgumentError
 from whsklearn.effects import codes
 from whsklearn.effects.own import address_of, own_values_along
 from whsklearn.effects.quantity import Quantity, Scales
@@ -539,7 +540,7 @@ def get_effect(name: str) -> type[Effect]:
         return _REGISTRY[name]
     except KeyError:
         known = ", ".join(sorted(_REGISTRY))
-        raise ValueError(f"Unknown effect {name!r}; expected one of: {known}.") from None
+        raise ArgumentError(f"Unknown effect {name!r}; expected one of: {known}.") from None
 
 
 def shapes_of(name: str) -> tuple[type[Effect], ...]:

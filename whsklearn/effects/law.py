@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from whsklearn._inputs import ArgumentError
 from whsklearn.effects.base import Array, get_effect
 from whsklearn.effects.codes import N_SHAPE
 from whsklearn.effects.friction import Coulomb, ReducedStribeck, StaticEffect, Viscous
@@ -40,7 +41,7 @@ def static_terms(name: str) -> tuple[StaticEffect, ...] | None:
     kind, colon, number = name.partition(":")
     least = 3 if kind == "cubic_spline" else 1
     if colon and not (number.isdigit() and least <= int(number) <= MOST):
-        raise ValueError(f"The law has {name!r}; expected a number from {least} to {MOST} after the colon.")
+        raise ArgumentError(f"The law has {name!r}; expected a number from {least} to {MOST} after the colon.")
     if name == "linear":
         return (Power(1.0, 1),)
     if name == "offset":
@@ -137,10 +138,10 @@ class FrictionLaw:
     def __init__(self, terms: Iterable[StaticEffect]):
         self.terms = tuple(terms)
         if not self.terms:
-            raise ValueError("The friction law has no terms; give at least one, such as Viscous().")
+            raise ArgumentError("The friction law has no terms; give at least one, such as Viscous().")
         for t in self.terms:
             if not isinstance(t, StaticEffect):
-                raise ValueError(
+                raise ArgumentError(
                     f"{t!r} cannot be a term of a friction law: expected a memoryless effect such as Coulomb()."
                 )
         names = [f"x{int(t.degree)}" if isinstance(t, Power) else t.name for t in self.terms]

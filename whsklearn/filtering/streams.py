@@ -21,6 +21,8 @@ WIDEST = 100.0
 def causal_cutoff(sample_rate: float) -> float:
     """Cut-off of a stream for which none is given, in Hz: a tenth of the sampling rate, but no more than `WIDEST`.
 
+    ``sample_rate``: in Hz.
+
     >>> causal_cutoff(500.0), causal_cutoff(20_000.0)
     (50.0, 100.0)
     """

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from whsklearn._inputs import ArgumentError
 from whsklearn.effects import Coulomb, Effect, FrictionLaw, LoadFriction, as_law, get_effect
 from whsklearn.effects.base import Array
 from whsklearn.filtering.records import Motion
@@ -29,7 +30,9 @@ def effect_terms(law: Any, effects: str | Iterable[str | Effect]) -> tuple[Effec
         if not isinstance(term, Effect):
             raise ValueError(f"{term!r} is not an effect; expected a catalogue name or an instance such as Coulomb().")
         if term.column_kind == "none":
-            raise ValueError(f"{term.name} has no columns and can only be simulated; remove it from law and effects.")
+            raise ArgumentError(
+                f"{term.name} has no columns and can only be simulated; remove it from law and effects."
+            )
     return terms
 
 

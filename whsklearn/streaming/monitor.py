@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from sklearn.base import clone
 
 from whsklearn.change import ChangeAlarm, compare_parameters, forgetting_after, set_forgetting
+from whsklearn.logs.errors import LogError
 from whsklearn.plot import flat_parameters
 from whsklearn.streaming.clock import Clock, Verdict
 from whsklearn.streaming.freeze import Freeze
@@ -160,7 +161,7 @@ class Options:
     position: int | None = None
 
 
-class Refused(ValueError):
+class Refused(LogError):
     """A bad row in a stream that refuses them.
 
     Examples

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.effects import Stribeck, get_effect
+from whsklearn._inputs import ArgumentError
+from whsklearn.effects import Stribeck, effect_names, get_effect
 from whsklearn.effects.base import rms
 from whsklearn.effects.surroundings import chatters
 from whsklearn.gap.calibration import gain
@@ -32,7 +33,7 @@ from whsklearn.gap.plants import (
 from whsklearn.gap.plants import servo_stop as stop
 from whsklearn.gap.plants import servo_two_mass as two_mass
 from whsklearn.gap.plants.from_log import servo_record
-from whsklearn.gap.plants.servo_candidates import TWO_MASS, aliases, candidate
+from whsklearn.gap.plants.servo_candidates import TWO_MASS, UNSEEN, aliases, candidate
 from whsklearn.gap.plants.servo_families import highest_order, next_order, polished, widened
 from whsklearn.gap.plants.servo_families import settled as looking_settled
 from whsklearn.gap.plants.servo_inverse import InverseView, surroundings
@@ -580,10 +581,13 @@ def law_names(law: str | None, default: str) -> tuple[str, ...]:
     """Names of a law given as text."""
     names = tuple(n.strip() for n in (default if law is None else law).split(",") if n.strip())
     if not names:
-        raise ValueError("The friction law is empty; name at least one term, such as viscous.")
+        raise ArgumentError("The friction law is empty; name at least one term, such as viscous.")
+    fit = [n for n in effect_names() if n not in UNSEEN and candidate(n).linear == 1]
     for name in names:
-        if candidate(name).linear != 1:
-            raise ValueError(f"{name!r} cannot be part of the base law of an axis; expected friction such as coulomb.")
+        if name not in fit:
+            raise ArgumentError(
+                f"{name!r} cannot be part of the base law of an axis; expected some of {', '.join(sorted(fit))}."
+            )
     return names
 
 
