@@ -199,6 +199,17 @@ def test_a_constant_input_warns_and_is_taken(name):
     assert np.isfinite(model.theta_).all()
 
 
+@pytest.mark.parametrize("name", ["RMILS", "RMILS, pure", "MILS, published", "PEM"])
+def test_of_constant_signals_nothing_else_is_said(name):
+    """Any share of a variance of zero is nonsense."""
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        copy.deepcopy(MODELS[name]).fit(np.ones_like(X), np.ones_like(Y))
+    told = [str(w.message) for w in said]
+    assert any("input is constant" in text for text in told)
+    assert not any("free run" in text for text in told)
+
+
 def test_a_warning_made_an_error_changes_nothing_either():
     model = copy.deepcopy(MODELS["RMILS"]).fit(X, Y)
     before = attributes(model)

@@ -9,19 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-
-class ArgumentError(ValueError):
-    """A name or a file that was asked for does not fit: on the command line a wrong option, whatever the data.
-
-    >>> from whsklearn.effects import get_effect
-    >>> try:
-    ...     get_effect("magic")
-    ... except ArgumentError as error:
-    ...     print(str(error)[:23])
-    Unknown effect 'magic';
-    """
-
-
 LARGEST = 1e30  # squares and products of four stay finite
 
 

@@ -13,6 +13,7 @@ from scipy.signal import lfilter
 
 from whsklearn.cli import records
 from whsklearn.cli.identify import main
+from whsklearn.datasets import make_servo_log
 from whsklearn.models import load_model
 
 
@@ -169,3 +170,16 @@ def test_a_clipped_drive_is_told_where_something_is_missing(tmp_path):
         done = CliRunner().invoke(main, [str(a) for a in arguments])
         assert done.exit_code == 0, done.output
         assert ("log.csv: drive stays at its extreme values" in " ".join(done.output.split())) == (name == "clipped")
+
+
+def test_degrees_called_radians_are_asked_about_as_gap_does(tmp_path):
+    log = make_servo_log(duration=4.0, sample_rate=250.0, random_state=0)
+    log["position_rad"] *= 180.0 / np.pi
+    log.to_csv(tmp_path / "log.csv", index=False)
+    said = CliRunner().invoke(
+        main,
+        [str(tmp_path / "log.csv"), "--input", "torque_nm", "--output", "position_rad", "--out", str(tmp_path / "o"),
+         "--no-track"],
+    )  # fmt: skip
+    assert said.exit_code == 0, said.output
+    assert "are those degrees? If so, add --unit position=deg." in " ".join(said.stderr.split())

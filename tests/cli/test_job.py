@@ -14,8 +14,8 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from whsklearn._inputs import ArgumentError
 from whsklearn.cli.job import Ended, job, root, table, writable_file
+from whsklearn.effects.base import ArgumentError
 from whsklearn.logs import ColumnError, LogError
 from whsklearn.logs.files import atomic_write
 

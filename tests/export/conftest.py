@@ -23,7 +23,7 @@ void replay(const {real} *u, {real} *y, int *held, long n)
     }}
 }}
 """
-FLAGS = ["-std=c99", "-O1", "-Wall", "-Wextra", "-Werror", "-pedantic", "-shared", "-fPIC"]
+FLAGS = ["-std=c99", "-O1", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-pedantic", "-shared", "-fPIC"]
 
 
 @pytest.fixture

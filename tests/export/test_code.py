@@ -14,7 +14,7 @@ from whsklearn.effects import Cogging, DisturbanceTone, GravityImbalance, InputD
 from whsklearn.export import export_model
 from whsklearn.models import AxisModel, save_model
 
-FLAGS = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-shared", "-fPIC"]
+FLAGS = ["-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-pedantic", "-shared", "-fPIC"]
 
 
 def test_a_compensator_is_the_sum_of_the_steady_torques(compiler, tmp_path):

@@ -94,11 +94,16 @@ def axis_stream(options: Mapping[str, Any], chosen: set[str], say: Any) -> AxisS
         raise ColumnError(f"The header has no column {time!r}; it has: {', '.join(names)[:300]}.")
     if dt is None:
         raise ColumnError(f"{source} does not show its sample rate by {time} of three rows; give --rate HZ too.")
-    say(f"{what}, whose inertia and friction are estimated at {1.0 / dt:.6g} Hz; --orders takes them for a chain.")
     law = options["law"] if "law" in chosen else "viscous,coulomb"
     lags = InverseDynamicsLags(float(f"{1.0 / dt:.6g}"), law=law, causal=True)
     effect_terms(lags.law, lags.effects)  # a wrong name is said now, not at each row
     model = RLSRegressor(lags, forgetting=options["forgetting"])
     alarm = alarm_of_averages(options["alarm_interval"])
+    first = (alarm.n_settle + alarm.n_reference) * lags.spacing * dt
+    say(
+        f"{what}, whose inertia and friction are estimated at {1.0 / dt:.6g} Hz; --orders takes them for a chain. "
+        f"A change is told from {first:.3g} s of motion on; where the axis stops or turns within "
+        f"{2e3 * lags.spacing * dt:.3g} ms, none counts."
+    )
     clock = seconds_of(unit_of(time, "s")) if time else 1.0
     return AxisStream(model, [*([time] if time else []), position, drive], alarm, LONGEST_STEP * dt / clock, dt)

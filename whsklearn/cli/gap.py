@@ -156,15 +156,12 @@ def diagnose(options: dict[str, Any], log: Bunch, second: Bunch | None, folder: 
     from whsklearn.gap import GapFinder
     from whsklearn.gap.finder import STEPS
     from whsklearn.gap.standard_errors import with_drive_error
-    from whsklearn.logs.slips import slips_in
 
     record, columns = as_record(options, log)
     record = [record, *map(partial(another, options, log), options["more"])] if options.get("more") else record
-    slips = slips_in(log) if options["kind"] == "servo" and not options["robot"] else []
-    told = [str(s) for s in slips]
-    if options["invert_drive"]:
-        told = [t.replace("add --invert-drive", "leave out --invert-drive") for t in told]
-    for text in [*told, *zeros_apart(log, bool(options.get("more")))]:
+    if options["kind"] == "servo" and not options["robot"]:
+        records.note_slips(log, options)
+    for text in zeros_apart(log, bool(options.get("more"))):
         records.note(text)
         log.notes = (*log.notes, text)
     tracker = tracker_for("close_gap", options["track"], data=Path(options["log_file"]).stem)

@@ -61,6 +61,7 @@ def main(**options: Any) -> None:
     opt.refuse_without_robot(options)
 
     from whsklearn.identification.report import write
+    from whsklearn.logs.roles import says
 
     paths = (options["train"], *options["more"])
     logs = [records.liveliest(records.read_system(path, options)) for path in paths]
@@ -70,6 +71,9 @@ def main(**options: Any) -> None:
         records.refuse_shared(train, test)
     jobs.writable_folder(options["out"])
     name = Path(options["train"]).stem
+    for log in logs:
+        if says(log.columns["drive"], "drive") and says(log.columns["position"], "position"):
+            records.note_slips(log, options)
     tracker = jobs.tracker_for("identify", options["track"], data=name)
     whose = np.repeat(records.names_of(paths), [log.y.size for log in logs]) if len(logs) > 1 else None
     found = fitted(options, train, test, whose)

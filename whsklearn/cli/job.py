@@ -93,7 +93,6 @@ def job(function: Callable[..., None], unused: tuple[str, ...] = ()) -> click.Co
 
 def guarded(function: Callable[..., None], **kwargs: Any) -> None:
     """Run a job; expected errors become one sentence and an exit status."""
-    from whsklearn._inputs import ArgumentError
     from whsklearn.logs.errors import ColumnError, LogError
 
     before = _end_as_interrupt()
@@ -102,13 +101,13 @@ def guarded(function: Callable[..., None], **kwargs: Any) -> None:
             function(**kwargs)
     except LogError as error:
         raise (WrongOption if isinstance(error, ColumnError) else UnusableLog)(str(error)) from error
-    except ArgumentError as error:
-        raise WrongOption(str(error)) from error
     except BrokenPipeError:  # whoever read the output has ended; click ends in silence
         raise
     except OSError as error:
         raise click.ClickException(no_room(error) or str(error)) from error
     except (ValueError, ImportError) as error:
+        if type(error).__name__ == "ArgumentError":  # of effects, whose import takes a second
+            raise WrongOption(str(error)) from error
         raise click.ClickException(str(error)) from error
     except RuntimeError as error:
         if type(error).__name__ != "TrackingError":  # not imported for this, because that takes a quarter of a second

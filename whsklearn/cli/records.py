@@ -185,6 +185,19 @@ def note_assumed(log: Bunch) -> None:
             note(f"The unit of the {role} is not stated and is taken to be SI ({si}); --unit {role}=UNIT sets another.")
 
 
+def note_slips(log: Bunch, options: Mapping[str, Any]) -> None:
+    """Print the likely slips of unit and sign in the log of an axis, and keep them among its notes."""
+    from whsklearn.logs.slips import slips_in
+
+    for slip in slips_in(log):
+        of_velocity = slip.option.startswith("--velocity") and "velocity" not in options
+        text = str(slip._replace(option="--unit position=rad/s") if of_velocity else slip)
+        if options["invert_drive"]:
+            text = text.replace("add --invert-drive", "leave out --invert-drive")
+        note(text)
+        log.notes = (*log.notes, text)
+
+
 SHORTEST_SEGMENT = 2.0  # s; in shorter segments a filter of 2 Hz and an observer leave nothing to judge
 
 

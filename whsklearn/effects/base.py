@@ -49,7 +49,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.utils import Bunch
 
-from whsklearn._inputs import ArgumentError
 from whsklearn.effects import codes
 from whsklearn.effects.own import address_of, own_values_along
 from whsklearn.effects.quantity import Quantity, Scales
@@ -523,6 +522,21 @@ def _code_of(field: dataclasses.Field[Any]) -> property:
     return property(
         lambda self: field.metadata["codes"][getattr(self, field.name)], doc=f"The code of its {field.name}."
     )
+
+
+class ArgumentError(ValueError):
+    """A name that no effect has, or whose effect cannot be where it is asked for: on the command line a wrong option.
+
+    Examples
+    --------
+    >>> from whsklearn.effects import get_effect
+    >>> from whsklearn.effects.base import ArgumentError
+    >>> try:
+    ...     get_effect("magic")
+    ... except ArgumentError as error:
+    ...     print(str(error)[:23])
+    Unknown effect 'magic';
+    """
 
 
 def get_effect(name: str) -> type[Effect]:

@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from whsklearn._inputs import ArgumentError
-from whsklearn.effects.base import Array, get_effect
+from whsklearn.effects.base import ArgumentError, Array, get_effect
 from whsklearn.effects.codes import N_SHAPE
 from whsklearn.effects.friction import Coulomb, ReducedStribeck, StaticEffect, Viscous
 from whsklearn.effects.rows import law_values

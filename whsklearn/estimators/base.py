@@ -229,10 +229,11 @@ class AxisRegressor(RegressorMixin, CheckedModel):
     def _warn_of_the_law(self, X: Array, y: Array, restart: Bools) -> None:
         """Warn of a chain that misses something that follows the input, or whose free run leaves most of the record.
 
-        Nothing is added if a constant is missing, which is told, and in a search, which tries bad settings.
+        Nothing is added to what is told of a signal at rest and of a missing constant, and in a search, which tries bad
+        settings.
         """
         s = self._structure()
-        if fold_of_a_search() is not None or _advice.of_a_constant(s.law, X, y) is not None:
+        if fold_of_a_search() is not None or _advice.of_a_signal_at_rest(X, y) or _advice.of_a_constant(s.law, X, y):
             return
         natural = self._running()[0]
         told = _advice.one_step(natural, (s.dims, s.law.codes, s.law.shapes), X, y, restart)

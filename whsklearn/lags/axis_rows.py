@@ -10,9 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from whsklearn._inputs import ArgumentError
 from whsklearn.effects import Coulomb, Effect, FrictionLaw, LoadFriction, as_law, get_effect
-from whsklearn.effects.base import Array
+from whsklearn.effects.base import ArgumentError, Array
 from whsklearn.filtering.records import Motion
 
 # Effects whose columns depend on the drive.

@@ -14,7 +14,7 @@ from typing import Any, BinaryIO
 
 from filelock import FileLock, Timeout
 
-from whsklearn._inputs import ArgumentError
+from whsklearn.logs.errors import ColumnError
 from whsklearn.logs.files import check_writable, is_device, is_same
 from whsklearn.state import is_state
 from whsklearn.streaming.monitor import Record
@@ -33,7 +33,7 @@ def check_files(source: str, out: Path | None, kept: Path, fresh: bool) -> None:
     for name, path in files.items():
         for other, second in files.items():
             if name < other and is_same(path, second):
-                raise ArgumentError(f"{name} and {other} are the same file, {path}; give each a file of its own.")
+                raise ColumnError(f"{name} and {other} are the same file, {path}; give each a file of its own.")
     for path in files.values():
         if path in (out, kept) and not is_device(path):
             check_writable(path)

@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn._inputs import ArgumentError
 from whsklearn.effects import Stribeck, effect_names, get_effect
-from whsklearn.effects.base import rms
+from whsklearn.effects.base import ArgumentError, rms
 from whsklearn.effects.surroundings import chatters
 from whsklearn.gap.calibration import gain
 from whsklearn.gap.data_check import DataProblem, check_servo
