@@ -10,7 +10,7 @@ from tests.recursion.axis_log import TRUTH, axis_log, slow_drive
 from whsklearn.effects import FrictionLaw, Hinge, Power
 from whsklearn.identification import Compared, identify
 from whsklearn.identification.axis_fit import fit_rigid_axis
-from whsklearn.identification.compare import _at_floor, _better, _indices, _no_chain, _score, recommend
+from whsklearn.identification.compare import _at_floor, _better, _indices, _no_chain, _of_weight, _score, recommend
 from whsklearn.identification.view import view
 from whsklearn.models import AxisModel, ChainModel, LinearModel
 from whsklearn.recursion.batch.axis_free_run import axis_motion
@@ -221,6 +221,18 @@ def test_a_spring_is_no_weight_and_where_the_travel_is_too_short_it_is_said(forc
     found = identify(u, y, dt=0.01, logged="position", units={"input": "Nm", "output": "rad"})
     assert ("does not tell them apart" in found.reason) == (not told), found.reason
     assert found.recommended.name == name or not told
+
+
+@pytest.mark.parametrize(
+    ("weight", "spring", "cubic", "force"),
+    [(1.0, 3.0, True, True), (1.0, 1.01, False, True), (1.01, 1.0, False, False), (1.0, np.inf, True, True)],
+)
+def test_a_cubic_is_not_tried_where_a_weight_is_seen(weight, spring, cubic, force):
+    """In unknown units a wave may be a line, and a hardening spring is then tried all the same."""
+    names = {"axis, viscous and Coulomb": 9.0, "axis with gravity": weight, "axis on a spring": spring}
+    tried = [Compared(name, "axis", {}, "-", score=score) for name, score in names.items()]
+    assert _of_weight(tried, sure=True) == cubic
+    assert _of_weight(tried, sure=False) == force
 
 
 def test_of_one_kind_the_simpler_is_kept_where_windows_differ_by_chance():

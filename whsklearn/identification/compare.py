@@ -45,7 +45,8 @@ from whsklearn.models.base import IdentifiedModel
 AS_GOOD = 1.075  # a simpler structure is preferred within 7.5 % of the least error: twins of one system differ by that
 AT_FLOOR = 1.3  # times the noise; no structure can be better, and the one with thirty parameters takes most of the time
 ORDERS = (1, 2, 3, 4)
-GRAVITY, FORCE, SPRING = "axis with gravity", "axis, free force over position", "axis on a spring"
+GRAVITY, FORCE = "axis with gravity", "axis, free force over position"
+SPRING, HARDENING = "axis on a spring", "axis on a hardening spring"
 TWO_MASSES, CHAIN = "axis with a load behind a spring", "Wiener-Hammerstein"
 AT_LOAD = "axis with a load behind a spring, measured at the load"
 LAST = (TWO_MASSES, AT_LOAD, CHAIN)  # what takes most of the time
@@ -333,7 +334,7 @@ def _each_tried(
             compared.failure = "skipped, because a simpler structure is at the noise floor"
         elif compared.name == CHAIN and _no_chain(tried):
             compared.failure = "skipped, because an axis leaves far less than the best linear model"
-        elif compared.name == FORCE and min(tried, key=lambda c: c.score).name == GRAVITY:
+        elif compared.name in (FORCE, HARDENING) and _of_weight(tried, sure=compared.name == HARDENING):
             compared.failure = "skipped, because gravity is the best so far"  # over little travel a cubic imitates it
         else:
             if progress:
@@ -343,6 +344,16 @@ def _each_tried(
         tried.append(compared)
     # noise of the output biases the poles of an ARX model: of two that are as large and as good it comes second
     return sorted(tried, key=lambda c: (c.size, c.criterion == "prediction", c.score))
+
+
+def _of_weight(tried: list[Compared], *, sure: bool) -> bool:
+    """Whether gravity is the best so far, and if it must be ``sure``, far better than a linear spring.
+
+    An output that need not be a position may be small against a radian, over which a wave is a line.
+    """
+    least = min(c.score for c in tried if c.name == SPRING or not sure)
+    best = min(tried, key=lambda c: c.score)
+    return best.name == GRAVITY and best.score * (AS_GOOD if sure else 1.0) <= least
 
 
 def _no_chain(tried: list[Compared]) -> bool:
@@ -418,7 +429,7 @@ def candidates(
         yield of(AT_LOAD, "axis", partial(fit_two_masses, at_load=True), **coupled, output="load")
     if sprung:
         yield of(SPRING, "axis", partial(fit_sprung_axis, powers=1), law=law, effects=springs[:1])
-        yield of("axis on a hardening spring", "axis", partial(fit_sprung_axis, powers=3), law=law, effects=springs)
+        yield of(HARDENING, "axis", partial(fit_sprung_axis, powers=3), law=law, effects=springs)
     for order in ORDERS[1:] if rectified else ():
         name = f"output error, order {order}, without its sign"
         signless: dict[str, Any] = {"order": order, "effects": ["sensor_rectification"]}
