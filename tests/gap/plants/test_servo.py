@@ -13,7 +13,7 @@ import pytest
 from tests.gap.plants.example_servo import record_of
 from whsklearn import ServoAxis
 from whsklearn.datasets import make_servo_log
-from whsklearn.effects import Coulomb, InputDelay, Scales, Stribeck, Viscous
+from whsklearn.effects import ActuatorLag, Coulomb, InputDelay, Scales, Stribeck, Viscous
 from whsklearn.effects.base import rms
 from whsklearn.gap import VERDICTS, GapFinder
 from whsklearn.gap.plants import servo_own, servo_run, servo_stop
@@ -297,6 +297,27 @@ def test_a_limit_that_the_fitted_samples_do_not_reach_runs_no_worse():
     limits = np.abs(columns[1]).max() * np.array([1.1, 0.5])
     worse = [plant._runs_worse(base, base.with_term(ServoTerm(candidate("saturation"), (x,)))) for x in limits]
     assert worse == [False, True]
+
+
+def test_a_run_is_judged_with_numbers_that_are_fitted_along_it(monkeypatch):
+    """Those of inverse dynamics ran a true friction by the load farther off than the model without it."""
+    plant = ServoPlant(ServoRecord.from_frame(record()), ("viscous", "coulomb"), None, 0.004)
+    base = plant.base(np.random.default_rng(0))
+    grown = base.with_term(ServoTerm(candidate("load_friction"), (0.04,)))
+    error = {base: 2.4, grown: 3.0, "base along the run": 1.9, "grown along the run": 0.06}
+    monkeypatch.setattr(servo_run, "train_error", lambda view, model, horizon: error[model])
+    along = {base: "base along the run", grown: "grown along the run"}
+    monkeypatch.setattr(type(plant.observer), "fit", lambda view, model: along[model])
+    assert not plant._runs_worse(base, grown)
+    error["grown along the run"] = 2.0
+    assert plant._runs_worse(base, grown)
+
+
+def test_a_long_lag_is_no_delay():
+    """Before a lag the noise of the encoder is larger, so that inverse dynamics had a delay of 10.4 ms leave less."""
+    finder = GapFinder().fit(make_servo_log([ActuatorLag(0.012)], duration=15.0, random_state=0))
+    assert (finder.verdict_, [e.name for e in finder.effects_]) == ("named", ["actuator_lag"])
+    assert finder.effects_[0].effect.time_constant == pytest.approx(0.012, rel=0.02)
 
 
 def test_a_model_has_no_more_numbers_than_the_record_has_independent_samples():
