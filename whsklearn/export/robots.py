@@ -105,6 +105,9 @@ STIFFEST = 0.9999  # impedance of a constraint: MuJoCo takes no more
 # without any 0.1 to 4 % (`benchmarks.export`, rows of "stribeck").
 BRISTLE = 1e-6
 
+# Impedance of a stop with a damper, the least that MuJoCo takes: its limit is then a spring and a damper that only
+# push, beside this share of the other torques (Computation, "Solver parameters": a1 + d (b v + k r) = (1 - d) a0).
+SOFT = 1e-4
 FAR = 1e3  # position of a stop that does not exist
 
 
@@ -128,7 +131,8 @@ class Mjcf:
     gravity: tuple[float, float] = (0.0, 0.0)  # amplitude, phase
     cogging: list[tuple[float, float, float]] = field(default_factory=list)
     lugre: list[tuple[float, ...]] = field(default_factory=list)
-    stops: list[tuple[float, float, float]] = field(default_factory=list)  # stiffness, lower and upper end
+    # stiffness, lower and upper end, and the time constant of the damping, which acts in contact only
+    stops: list[tuple[float, float, float, float]] = field(default_factory=list)
     twist: dict[str, float] = field(default_factory=dict)
     load: dict[str, float] = field(default_factory=dict)  # friction of a load that moves by itself
     creep: tuple[float, ...] = (CREEP,)  # time constant of friction at rest (s), and its impedance if not MuJoCo's
@@ -158,6 +162,7 @@ def mjcf(model: Exported) -> tuple[str, list[Loss]]:
         inertia=axis.inertia - load, load=load, mass=mass, place=(arm * math.cos(phase), arm * math.sin(phase)),
         own=(load or axis.inertia) - mass * arm**2 if arm else (load or axis.inertia),
         g=GRAVITY if arm else 0.0, samples=round(m.delay / step), inf=math.inf, drive=drive, motion=motion,
+        soft=SOFT,
     )  # fmt: skip
     return text, m.losses
 
@@ -266,9 +271,7 @@ def _hold_force(m: Mjcf, e: Any, others: list[Effect]) -> str:
             m.springref = shape["centre"]
             m.spring[3] = m.spring.get(3, 0.0) + e.magnitude
         case "end_stop":
-            m.stops.append((e.magnitude, *np.clip(e.ends, -FAR, FAR)))
-            if shape.get("relaxation"):
-                return "held without its damping: a tendon cannot be damped in contact only"
+            m.stops.append((e.magnitude, *np.clip(e.ends, -FAR, FAR), shape.get("relaxation", 0.0)))
     return ""
 
 
@@ -348,6 +351,8 @@ def _at_joint(name: str, acting: Iterable[Effect], slides: bool) -> Mjcf:
             continue
         if e.name in AT_JOINT and (e.magnitude > 0.0 or e.name not in ("viscous", "coulomb", "quadratic_drag")):
             hold_in(m, e, effects)
+            if e.shape.get("relaxation"):
+                m.losses.append(Loss(e.name, size_of(e), "held without its damping, which the arm's inertia scales"))
         else:
             lost.append(e)
     lost += [e for e in acting if isinstance(e, BETWEEN)]
@@ -361,7 +366,7 @@ def _beside(name: str, m: Mjcf, actuators: ElementTree.Element, tendons: Element
     for i, (kind, numbers) in enumerate(rows):
         motor = {"name": f"{name}_{kind}{i + 1}", "joint": name, "input": "none", "resistance": "1"}
         ElementTree.SubElement(actuators, "dcmotor", motor | {"motorconst": "0 0", kind: _text(numbers)})
-    for i, (stiffness, low, high) in enumerate(m.stops):
+    for i, (stiffness, low, high, _) in enumerate(m.stops):
         ends = {"stiffness": _text([stiffness]), "springlength": _text([low, high])}
         stop = ElementTree.SubElement(tendons, "fixed", {"name": f"{name}_end_stop{i + 1}"} | ends)
         ElementTree.SubElement(stop, "joint", joint=name, coef="1")
