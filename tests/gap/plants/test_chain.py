@@ -99,11 +99,12 @@ def test_a_delay_within_a_sample_is_not_told_from_a_lag():
 
 
 @pytest.mark.parametrize(("effect", "seed"), [("input_delay", 1156649), ("actuator_lag", 1156746)])
-def test_a_delay_or_a_lag_of_hundredths_of_a_sample_is_one_of_the_two(effect, seed):
+def test_a_delay_or_a_lag_of_hundredths_of_a_sample_is_either(effect, seed):
     """A ripple was named for a delay of 0.014 samples; a lag of 0.3 dt, behind a hold, is a delay of 0.04."""
     finder = diagnose(blind.make_case("named", seed, effects=(effect,), n=1500))
     ((told,),) = [finder.effects_]
-    assert {told.name, *told.aliases} == {"input_delay", "actuator_lag"}
+    assert told.name in ("input_delay", "actuator_lag")
+    assert {told.name, *told.aliases} >= {"input_delay", "actuator_lag"}
 
 
 def test_a_model_is_all_there_is_with_the_effect_and_not_without():
