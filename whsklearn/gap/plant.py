@@ -371,6 +371,13 @@ class Plant(Protocol):
         """Whether effects improve the runs in a way that the closure hides: never."""
         return False
 
+    def told_by_run(self, model: Any) -> tuple[Any, tuple[str, ...]]:
+        """The model with another effect in the place of one that is the same to first order, if a simulation says so.
+
+        Also the names of those between which it does not decide: by default nothing is asked.
+        """
+        return model, ()
+
     def along_the_run(self, model: Any) -> Any:
         """The model at another minimum that fits along its own run have found; by default itself."""
         return model

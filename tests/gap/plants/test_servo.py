@@ -320,6 +320,20 @@ def test_a_long_lag_is_no_delay():
     assert finder.effects_[0].effect.time_constant == pytest.approx(0.012, rel=0.02)
 
 
+@pytest.mark.parametrize(("error", "name", "open_"), [
+    (0.6, "actuator_lag", ()), (0.8, "input_delay", ("actuator_lag",)), (1.3, "input_delay", ("actuator_lag",)),
+    (1.5, "input_delay", ()),
+])  # fmt: skip
+def test_a_delay_and_a_lag_are_rivals_unless_a_run_halves_the_power_of_the_error(error, name, open_, monkeypatch):
+    plant = ServoPlant(ServoRecord.from_frame(record()), ("viscous", "coulomb"), None, 0.004)
+    late = plant.settled(plant.base(np.random.default_rng(0))).with_term(ServoTerm(candidate("input_delay"), (0.008,)))
+    monkeypatch.setattr(type(plant.observer), "fit", lambda view, model: model)
+    errors = {"input_delay": 1.0, "actuator_lag": error}
+    monkeypatch.setattr(servo_run, "train_error", lambda view, model, horizon: errors[model.terms[-1].name])
+    told, rivals = plant.told_by_run(late)
+    assert (told.terms[-1].name, rivals) == (name, open_)
+
+
 def test_a_model_has_no_more_numbers_than_the_record_has_independent_samples():
     """With 14 numbers for 13.6 samples, waves of friction and of the gain took the place of a pendulum's gravity."""
     plant = ServoPlant(ServoRecord.from_frame(record(seconds=4.0)), ("viscous", "coulomb"), None, 0.004)

@@ -355,14 +355,9 @@ class ServoPlant(Plant):
         """The model with numbers fitted along its own run, if they also reduce the residual of inverse dynamics.
 
         A strong effect changes how long the axis sticks.  Shapes fitted with the artefacts of a model without it may
-        end in another local minimum.  A delay and a lag are told apart first.
+        end in another local minimum.
         """
-        view = self.inverse
-        told = self._late_otherwise(model)
-        if told is not model:
-            view.own = servo_own.own(view, told, np.random.default_rng(0))[0]
-            return looking_settled(view, view.fit(told))
-        before = self.rms(self.errors(model))
+        view, before = self.inverse, self.rms(self.errors(model))
         if before <= QUIET * view.own.floor or stop.holds(model) or model.has_play:
             return model
         other = self.observer.fit(model)
@@ -374,24 +369,27 @@ class ServoPlant(Plant):
         view.own = kept
         return model
 
-    def _late_otherwise(self, model: ServoHypothesis) -> ServoHypothesis:
-        """The model with a lag in the place of a delay, or the reverse, if that halves the error of the free run.
+    def told_by_run(self, model: ServoHypothesis) -> tuple[ServoHypothesis, tuple[str, ...]]:
+        """A lag in the place of a delay, or the reverse, if that halves the power of the free run's error.
 
-        Inverse dynamics compares them by the drive before the lag, where the noise of the encoder is larger by the lag
-        over the width of the filter, and so are errors about when the axis stuck: a delay of 10 ms left less than the
-        lag of 12 ms that made the record, whose run has a twentieth of its error.
+        If it is halved by neither, the other is a rival.  Inverse dynamics compares them by the drive before the lag,
+        where the noise of the encoder is larger by the lag over the width of the filter, and so are errors about when
+        the axis stuck: a delay of 10 ms left less than the lag of 12 ms that made the record, whose run has a twentieth
+        of its error.
         """
-        horizon = 0.0
         for i, t in enumerate(model.terms):
             for name in t.effect.aliases if t.kind.delays else ():
                 other = dataclasses.replace(t, kind=candidate(name))
                 swapped = model.with_terms((*model.terms[:i], other, *model.terms[i + 1 :]))
-                horizon = horizon or self._horizons(model)[0]
+                horizon, _ = self._horizons(model)
                 one, two = (self.observer.fit(m) for m in (model, swapped))
-                errors = [servo_run.train_error(self.observer, m, horizon) for m in (one, two)]
-                if errors[1] < HALF * errors[0]:
-                    return two
-        return model
+                power = [servo_run.train_error(self.observer, m, horizon) ** 2 for m in (one, two)]
+                if power[1] < HALF * power[0]:
+                    view = self.inverse
+                    view.own = servo_own.own(view, two, np.random.default_rng(0))[0]
+                    return looking_settled(view, view.fit(two)), ()
+                return model, () if power[0] < HALF * power[1] else (name,)
+        return model, ()
 
     def sharpened(self, model: ServoHypothesis) -> bool:
         """Whether a higher cut-off still shows a wave worth naming, though not in single samples; it is used then."""
