@@ -312,7 +312,7 @@ def streamed(extra, drift=0.0, alarm_at=None):
         monitor.sides.alarm(alarm_at)
         monitor.take(rows[alarm_at:])
     monitor.tell_moved(wait=120.0)
-    return [r for r in told if r["kind"] == "alarm"], [r for r in told if r["kind"] == "moved"]
+    return [r for r in told if r.get("cause") == "change"], [r for r in told if r["kind"] == "moved"]
 
 
 def test_the_stream_of_an_arm_says_what_moved_at_its_alarm():

@@ -98,10 +98,9 @@ def test_a_delay_within_a_sample_is_not_told_from_a_lag():
     assert plant.refine(None, delay).terms[-1].effect.delay == pytest.approx(case.parameters[0]["size"], rel=0.05)
 
 
-@pytest.mark.parametrize(("effect", "seed"), [("input_delay", 1156649), ("actuator_lag", 1156746)])
-def test_a_delay_or_a_lag_of_hundredths_of_a_sample_is_either(effect, seed):
+def test_a_delay_of_hundredths_of_a_sample_is_that_or_a_lag():
     """A ripple was named for a delay of 0.014 samples; a lag of 0.3 dt, behind a hold, is a delay of 0.04."""
-    finder = diagnose(blind.make_case("named", seed, effects=(effect,), n=1500))
+    finder = diagnose(blind.make_case("named", 1156649, effects=("input_delay",), n=1500))
     ((told,),) = [finder.effects_]
     assert told.name in ("input_delay", "actuator_lag")
     assert {told.name, *told.aliases} >= {"input_delay", "actuator_lag"}
