@@ -321,7 +321,7 @@ def test_a_long_lag_is_no_delay():
 
 
 @pytest.mark.parametrize(("error", "name", "open_"), [
-    (0.6, "actuator_lag", ()), (0.8, "input_delay", ("actuator_lag",)), (1.3, "input_delay", ("actuator_lag",)),
+    (0.6, "actuator_lag", ()), (0.8, "actuator_lag", ("input_delay",)), (1.3, "input_delay", ("actuator_lag",)),
     (1.5, "input_delay", ()),
 ])  # fmt: skip
 def test_a_delay_and_a_lag_are_rivals_unless_a_run_halves_the_power_of_the_error(error, name, open_, monkeypatch):

@@ -370,12 +370,12 @@ class ServoPlant(Plant):
         return model
 
     def told_by_run(self, model: ServoHypothesis) -> tuple[ServoHypothesis, tuple[str, ...]]:
-        """A lag in the place of a delay, or the reverse, if that halves the power of the free run's error.
+        """A lag in the place of a delay, or the reverse, if it leaves less in a free run.
 
-        If it is halved by neither, the other is a rival.  Inverse dynamics compares them by the drive before the lag,
-        where the noise of the encoder is larger by the lag over the width of the filter, and so are errors about when
-        the axis stuck: a delay of 10 ms left less than the lag of 12 ms that made the record, whose run has a twentieth
-        of its error.
+        If neither leaves half the power of the other's error, the other is a rival.  Inverse dynamics compares them by
+        the drive before the lag, where the noise of the encoder is larger by the lag over the width of the filter, and
+        so are errors about when the axis stuck: a delay of 10 ms left less than the lag of 12 ms that made the record,
+        whose run has a twentieth of its error.
         """
         for i, t in enumerate(model.terms):
             for name in t.effect.aliases if t.kind.delays else ():
@@ -384,11 +384,12 @@ class ServoPlant(Plant):
                 horizon, _ = self._horizons(model)
                 one, two = (self.observer.fit(m) for m in (model, swapped))
                 power = [servo_run.train_error(self.observer, m, horizon) ** 2 for m in (one, two)]
-                if power[1] < HALF * power[0]:
-                    view = self.inverse
-                    view.own = servo_own.own(view, two, np.random.default_rng(0))[0]
-                    return looking_settled(view, view.fit(two)), ()
-                return model, () if power[0] < HALF * power[1] else (name,)
+                decided = min(power) < HALF * max(power)
+                if power[1] >= power[0]:
+                    return model, () if decided else (name,)
+                view = self.inverse
+                view.own = servo_own.own(view, two, np.random.default_rng(0))[0]
+                return looking_settled(view, view.fit(two)), () if decided else (t.name,)
         return model, ()
 
     def sharpened(self, model: ServoHypothesis) -> bool:
