@@ -21,7 +21,18 @@ import click
 import numpy as np
 
 from whsklearn import ServoAxis, WienerHammersteinSystem
-from whsklearn.effects import CableSpring, Effect, effect_names, get_effect
+from whsklearn.effects import (
+    Backlash,
+    CableSpring,
+    ContactStop,
+    Coulomb,
+    Effect,
+    FlexibleCoupling,
+    Stribeck,
+    Viscous,
+    effect_names,
+    get_effect,
+)
 from whsklearn.export import export_model
 
 # sizes that can be seen where the default is too small or too large for an axis of 0.05 kg m2
@@ -34,6 +45,17 @@ SIZES = {
     "input_delay": 3e-3,
     "actuator_lag": 3e-3,
     "end_stop": 10.0,
+}
+# Beside viscous and Coulomb friction, of an axis of 0.012 kg m2 on nothing, which sticks and slips or strikes a stop.
+STICKING: dict[str, tuple[Effect, ...]] = {
+    "Coulomb friction": (),
+    "Stribeck, 0.12 rad/s": (Stribeck(0.09, 0.12),),
+    "Stribeck, 0.02 rad/s": (Stribeck(0.05, 0.02),),
+    "Stribeck, 0.05 rad/s, twofold": (Stribeck(0.2, 0.05),),
+    "stop with a damper": (ContactStop(40.0, 0.5, relaxation=0.005),),
+    "stiff stop with a damper": (ContactStop(400.0, 0.5, relaxation=0.002),),
+    "load that rubs, spring": (FlexibleCoupling(1e-2, load_coulomb=0.05),),
+    "load that rubs, play": (Backlash(0.02, load_coulomb=0.05),),
 }
 TIMED, REPEATS = 40_000, 40  # samples of a run that is timed, and how often
 REPLAY = """
@@ -101,16 +123,36 @@ def axes(substeps: int) -> dict[str, ServoAxis]:
     return every
 
 
+def sticking() -> None:
+    """Print MuJoCo's replay of axes that stick, under sines of 3 s and three waves of 5 s, as rms shares."""
+    t = np.arange(5000) / 1000.0
+    waves = ((0.45, 0.9, 0.0), (0.2, 2.7, 1.0), (0.1, 5.3, 0.0))
+    drives = [a * np.sin(2 * np.pi * f * t[:3000]) + 0.02 for a, f in ((0.5, 0.5), (0.5, 1.0), (0.6, 2.0), (0.7, 4.0))]
+    drives.append(np.sum([a * np.sin(2 * np.pi * f * t + p) for a, f, p in waves], axis=0))
+    click.echo(f"\n{'MuJoCo, rms share':<32}{'0.5 Hz':>10}{'1 Hz':>10}{'2 Hz':>10}{'4 Hz':>10}{'three':>10}")
+    for name, effects in STICKING.items():
+        axis = ServoAxis(0.012, law=[Viscous(0.03), Coulomb(0.18)], effects=effects, substeps=20)
+        shares = []
+        for u in drives:
+            own = axis.simulate_drive(u, noise=False).true_position
+            shares.append(float(np.sqrt(np.mean((run_mujoco(axis, u)[0] - own) ** 2)) / np.std(own)))
+        click.echo(f"{name:<32}" + "".join(f"{share:>10.4f}" for share in shares))
+
+
 @click.command(help=__doc__)
 @click.option("--samples", default=1_000_000, help="Of the C code's replay.")
 @click.option("--mujoco-samples", default=10_000, help="Of MuJoCo's; 0 leaves it out.")
 @click.option("--substeps", default=4, help="Fine steps a sample, of the axis and of its code.")
-@click.option("--only", default="", help="Only these effects, joined by commas.")
+@click.option("--only", default="", help="Only these effects, joined by commas, or sticking.")
 def main(samples: int, mujoco_samples: int, substeps: int, only: str) -> None:
     if shutil.which("gcc") is None:
         raise click.ClickException("gcc is not there; install a C compiler.")
+    if mujoco_samples and only in ("", "sticking"):
+        sticking()
+    if only == "sticking":
+        return
     u = drive(samples)
-    click.echo(f"{'effect':<24}{'C - Python, largest':>20}{'ns a step':>12}{'MuJoCo, rms share':>20}")
+    click.echo(f"\n{'effect':<24}{'C - Python, largest':>20}{'ns a step':>12}{'MuJoCo, rms share':>20}")
     worst, slowest = 0.0, 0.0
     for name, axis in axes(substeps).items():
         if only and name not in only.split(","):

@@ -46,7 +46,7 @@ def test_nothing_is_said_of_a_record_about_zero(seed):
 
 
 def test_nothing_is_said_of_records_about_zero_behind_slow_blocks():
-    """Their residuals vary as slowly as the blocks do: of 60, eleven in 150 were told to be offset."""
+    """Their residuals vary as slowly as the blocks do: six of 60 were told to be offset."""
     told = 0
     for seed in range(60):
         rng = np.random.default_rng(seed)

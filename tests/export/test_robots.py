@@ -134,9 +134,11 @@ def test_steady_motion_takes_the_friction_of_a_load_behind_a_play(tmp_path):
         assert one == other
 
 
-@pytest.mark.parametrize("effect", [Stribeck(0.09, 0.12), Stribeck(0.05, 0.02)], ids=str)
-def test_an_axis_that_sticks_on_a_stribeck_curve_is_replayed(effect, tmp_path):
-    """With bristles of 1e-4 rad and 2 ms of damping, the free run was 4 to 28 % off."""
+@pytest.mark.parametrize(
+    ("effect", "share"), [(Stribeck(0.09, 0.12), 0.01), (Stribeck(0.05, 0.02), 0.015), (Stribeck(0.2, 0.05), 0.05)]
+)
+def test_an_axis_that_sticks_on_a_stribeck_curve_is_replayed(effect, share, tmp_path):
+    """With bristles of 1e-4 rad and 2 ms of damping, sines were 4 to 8 % off at the first of these curves."""
     mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed (extra mujoco)")
     axis = ServoAxis(0.012, law=[Viscous(0.03), Coulomb(0.18)], effects=[effect], substeps=20)
     model = mujoco.MjModel.from_xml_path(str(export_model(axis, to="mjcf", out=tmp_path).paths[0]))
@@ -144,7 +146,7 @@ def test_an_axis_that_sticks_on_a_stribeck_curve_is_replayed(effect, tmp_path):
     for frequency, amplitude in ((0.5, 0.5), (2.0, 0.6), (4.0, 0.7)):
         u = amplitude * np.sin(2.0 * np.pi * frequency * t) + 0.02
         own = axis.simulate_drive(u, noise=False).true_position
-        assert rms(replay(mujoco, model, u) - own) < 0.03 * np.std(own)
+        assert rms(replay(mujoco, model, u) - own) < share * np.std(own)
 
 
 @pytest.mark.parametrize("behind", [(), (FlexibleCoupling(1e-2),)], ids=["one mass", "two masses"])

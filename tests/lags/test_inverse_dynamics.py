@@ -207,7 +207,7 @@ def test_a_fast_stream_is_not_drowned_in_the_noise_of_its_encoder(rate):
     model = RLSRegressor(InverseDynamicsLags(sample_rate=rate, causal=True))
     model.partial_fit(path[:, None], 0.02 * a + 0.05 * v + 0.3 * np.sign(v))
     for name, value in (("inertia", 0.02), ("viscous", 0.05), ("coulomb", 0.3)):
-        assert model.parameters_[name] == pytest.approx(value, rel=0.005), name
+        assert model.parameters_[name] == pytest.approx(value, rel=0.001), name
 
 
 def test_an_axis_at_rest_gives_a_stream_no_rows():

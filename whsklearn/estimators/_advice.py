@@ -22,8 +22,9 @@ PAST, FEWEST, DYNAMIC = 3, 60, 0.2
 
 # A constant of a fifth of the residual of a linear filter makes the free run of Example 5.1 three times worse, one of
 # three fifths a hundred times (tests/estimators/test_advice.py).  By chance it is 1/sqrt(n) of the residual only if
-# that is white: behind slow blocks it was more than a fifth in 11 of 150 records about zero.  The means of ten parts
-# tell its standard error, whatever the colour; of 1,000 records about zero, one may exceed what Student's t allows.
+# that is white: behind slow blocks it was more than a fifth in 6 of 60 records about zero (the same tests).  The means
+# of ten parts tell its standard error, whatever the colour; of 1,000 such records, one may exceed what Student's t
+# allows.
 WORTH_A_CONSTANT, FEWEST_FOR_A_CONSTANT, TAPS = 0.2, 400, 8
 PARTS, NOT_BY_CHANCE = 10, 1e-3
 # Ratio of mean to standard deviation up to which an input counts as centred; otherwise an odd law may cause a constant.

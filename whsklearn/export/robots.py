@@ -101,8 +101,8 @@ FINEST = 2.5e-4
 CREEP = 2e-3  # time constant of friction at rest (s), eight steps; MuJoCo's default of 20 ms creeps visibly
 STIFFEST = 0.9999  # impedance of a constraint: MuJoCo takes no more
 # rad: presliding distance of LuGre where it replaces a Stribeck curve, which has none.  Any damping of the bristles is
-# a peak of friction at each reversal: 2 ms of it at 1e-4 rad put the free run of a sticking axis 4 to 28 % off, this
-# without any 0.1 to 4 % (`benchmarks.export`, rows of "stribeck").
+# a peak of friction at each reversal: 2 ms of it at 1e-4 rad put sines of a sticking axis 4 to 8 % off and three waves
+# 28 %, this without any 0.2 to 0.9 % and 1.4 % (`benchmarks.export --only sticking`, the first Stribeck curve).
 BRISTLE = 1e-6
 
 # Impedance of a stop with a damper, the least that MuJoCo takes: its limit is then a spring and a damper that only

@@ -345,7 +345,7 @@ class Plant(Protocol):
         return False
 
     def p_of_all(self, model: Any, rng: np.random.Generator) -> float:
-        """p-value of the hypothesis that a model is all there is: zero where its own records may hide what is missing.
+        """p-value of the hypothesis that a model, settled, is all there is: zero where own records may hide the rest.
 
         They do where they take the colour of their noise from a residual that contains it.
         """

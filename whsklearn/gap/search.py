@@ -354,7 +354,7 @@ class Search:
         one reaches 2 ln(1 / alpha) over it with a probability of alpha at most (Royall 1997, Statistical Evidence,
         ch. 1).  It need not be where both pass: a slew rate of 2 % left neither a tone nor a limit anything to see.
         """
-        return bool(self.plant.p_of_all(self.plant.settled(taken.model), self.rng) > self.alpha)
+        return bool(self.plant.p_of_all(taken.model, self.rng) > self.alpha)
 
     def _still_apart(self, taken: Named, other: Named) -> bool:
         """Whether they still differ if each is judged with its own artefacts instead of those of their base."""

@@ -70,8 +70,7 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
         makes up 1e-6 of the acceleration's variance, or what the motion needs (`motion_cutoff`). Torque and all
         columns then pass the same filter, so that only frequencies above it are lost. For streams, which start
         without a record to choose from, the default is a tenth of the sampling rate and at most 100 Hz; the rows of
-        `rows` and
-        `partial_rows` are averages over two periods of it.
+        `rows` and `partial_rows` are averages over two periods of it.
     order : int, default=4
         Order of the zero-phase Butterworth filter.
     decimate : int, optional

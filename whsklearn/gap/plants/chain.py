@@ -220,7 +220,7 @@ class ChainPlant(Plant):
 
     def p_of_all(self, model: ChainHypothesis, rng: np.random.Generator) -> float:
         """The smallest p-value of the look: the errors are whitened, so that no colour hides an effect."""
-        return self.seen(model, rng).p_value
+        return self.seen(self.settled(model), rng).p_value
 
     def _may_be_bent(self, model: ChainHypothesis, rng: np.random.Generator) -> bool:
         """Whether the blocks may be so distorted that no effect fits from their present values.
