@@ -320,6 +320,16 @@ def test_a_long_lag_is_no_delay():
     assert finder.effects_[0].effect.time_constant == pytest.approx(0.012, rel=0.02)
 
 
+def test_a_short_lag_is_no_delay_for_certain():
+    """Without a free run of each it was `named` a delay, of an axis whose drive is mostly friction."""
+    axis = ServoAxis(
+        0.012, law=[Viscous(0.03), Coulomb(0.18)], controller=PIDController(kp=6.0, ki=0.0, kd=0.2), substeps=10
+    )
+    log = make_servo_log([ActuatorLag(0.004)], axis=axis, duration=15.0, amplitude=1.0, noise=2e-5, random_state=0)
+    ((told,),) = [GapFinder().fit(log).effects_]
+    assert "actuator_lag" in (told.name, *told.aliases)
+
+
 @pytest.mark.parametrize(("error", "name", "open_"), [
     (0.6, "actuator_lag", ()), (0.8, "actuator_lag", ("input_delay",)), (1.3, "input_delay", ("actuator_lag",)),
     (1.5, "input_delay", ()),

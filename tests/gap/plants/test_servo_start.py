@@ -10,9 +10,11 @@ import pytest
 
 from tests.gap.plants.example_servo import INERTIA, RATE, TIME, opened, record_of, shaken
 from whsklearn.datasets import make_servo_log
-from whsklearn.effects import Coulomb, EarlyReversal, GravityImbalance, InputDelay, Viscous
+from whsklearn.effects import ActuatorLag, Coulomb, EarlyReversal, GravityImbalance, InputDelay, Viscous
 from whsklearn.gap import GapFinder
 from whsklearn.gap.plants import servo_start
+from whsklearn.gap.plants.servo_candidates import candidate
+from whsklearn.gap.plants.servo_model import ServoTerm
 from whsklearn.gap.plants.servo_start import (
     base_model,
     best_view,
@@ -74,6 +76,17 @@ def test_a_noisier_encoder_asks_for_a_lower_cut_off(views):
         cutoffs.append(best_view(inverse, base, 0.004).cutoff)
     assert cutoffs == sorted(cutoffs, reverse=True)
     assert cutoffs[-1] < 0.5 * cutoffs[0]
+
+
+def test_a_lag_asks_for_a_lower_cut_off():
+    """Models with one are compared by the drive before it, in which the noise is larger by T d/dt."""
+    noise, cutoffs = np.random.default_rng(0).standard_normal(TIME.size), []
+    for lag in (0.0, 0.01, 0.04):
+        record = record_of([ActuatorLag(lag)] if lag else [])
+        inverse, _, base = opened(dataclasses.replace(record, position=record.position + 1e-4 * noise))
+        model = base.with_term(ServoTerm(candidate("actuator_lag"), (lag,))) if lag else base
+        cutoffs.append(best_view(inverse, model, 0.004).cutoff)
+    assert cutoffs[0] > cutoffs[1] > cutoffs[2], cutoffs
 
 
 def test_waves_are_looked_for_up_to_frequencies_at_which_single_samples_are_noise(views):

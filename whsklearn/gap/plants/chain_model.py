@@ -150,11 +150,8 @@ class ChainCandidate(EffectVariant):
         scales = z.seen_from(self)
         if self.scanned == "position":
             return [(float(o),) for o in np.arange(*self.range_of(self.linear, z), WAVE_STEP / scales.reach)]
-        if self.delays:  # one between samples has a local minimum of its own, and so has one of a few hundredths
-            small = np.array([SMALLEST, 0.03, 0.1])
-            if self.fields[0] == "time_constant":  # the lag which, behind a hold, leaves as much of the last sample
-                small = -1.0 / np.log(small)
-            return [(z.dt * float(n),) for n in (*small, *np.arange(0.3, 6.0, 0.4), *np.geomspace(6.3, 60.0, 6))]
+        if self.delays:  # a delay between samples has a local minimum of its own
+            return [(z.dt * float(n),) for n in (*np.arange(0.3, 6.0, 0.4), *np.geomspace(6.3, 60.0, 6))]
         found = self.grid(scales, np.inf)
         if self.fields[-1] == "centre" and len(self.fields) - 1 not in self.free:
             return list(dict.fromkeys((*shape[:-1], 0.0) for shape in found))
@@ -206,8 +203,7 @@ AR_ORDER = 6  # two for the denominator of L2, through which equation noise pass
 LONGEST_COLOUR = 0.95  # largest modulus of A's roots; closer to one, A would treat a tone or an offset as noise
 HELD_TO = 4.0  # robust deviations at which an error is clipped; six of 1e5 Gaussian ones are larger
 CAP = HELD_TO * HELD_TO  # largest cost of a sample, in variances: that of an error that is clipped
-# Samples by which the smallest delay shifts the input.  The smallest lag mixes as much of the sample before into it: in
-# a chain that is held over the sampling time the two are the same.
+# Share of the last sample that the smallest lag leaves behind a hold, as a delay of so many samples does.
 SMALLEST = 0.01
 # kappa times rms dx on the rungs of a fit, soft ones first: the first has a slope everywhere, under the third a sign is
 # resolved, and on the last only one sample in a thousand differs from a sign.
