@@ -28,7 +28,7 @@ from whsklearn.lags.arm_rows import records_of, turning
 from whsklearn.lags.axis_rows import DRIVEN, column_names, effect_terms, experiments, sized_effects, stack_columns
 from whsklearn.models.files import as_arm
 from whsklearn.systems._arm_kernels import N_BODY
-from whsklearn.systems.arm import Arm, direction_of
+from whsklearn.systems.arm import Arm, closed, direction_of
 from whsklearn.systems.base_parameters import BaseParameters, base_parameters
 
 FINE = 5.0  # the motion passes a filter this many times wider than the columns, so that signs and products stay sharp
@@ -165,6 +165,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
     def of_arm(cls, arm: Arm, sample_rate: float, law: Any = None, **settings: Any) -> Self:
         """Columns with an arm's own effects as the law: those at its joints and an offset, or ``law`` if given.
 
+        A link moves with its motor, as in `Arm.inverse_dynamics`.
         ``sample_rate``: in Hz. ``law``: friction of every joint of the ``arm``; viscous and Coulomb friction if it has
         no effects. ``**settings``: further parameters.
         """
@@ -172,7 +173,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
             return cls(arm, sample_rate, **({} if law is None else {"law": law}), **settings)
         offset = InputOffset()
         own = {
-            joint: (*row, *(() if any(e.name == offset.name for e in row) else (offset,)))
+            joint: (*closed(row), *(() if any(e.name == offset.name for e in row) else (offset,)))
             for joint, row in zip(arm.joints, arm.effects, strict=True)
         }
         return cls(arm, sample_rate, law=(), effects=own | arm.sums, **settings)
@@ -407,9 +408,10 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         sums = [arm.sum_armature.get(a, 0.0) for a in self.axes_ if a not in arm.joints]
         parts, acting = [arm.inertial.ravel(), arm.armature, sums], dict(zip(arm.joints, arm.effects, strict=True))
         for axis in (a for group in self._groups for a in group):
-            there = {e.name: e for e in (acting | arm.sums).get(axis, ())}
+            there = list((acting | arm.sums).get(axis, ()))
             for term in self.axes_[axis][1]:
-                given = there.get(term.name)
+                given = next((e for e in there if e.name == term.name), None)
+                there = [e for e in there if e is not given]
                 parts.append(np.zeros(len(term.coefficients)) if given is None else np.asarray(given.coefficients))
         numbers = np.concatenate(parts)
         out, size = self.base_.mapping @ numbers, np.abs(self.base_.mapping) @ np.abs(numbers)

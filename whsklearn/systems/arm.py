@@ -654,19 +654,25 @@ def _axes(arm: Arm, resolution: float) -> Axes:
 def closed(acting: Iterable[Effect]) -> list[Effect]:
     """Effects of a joint as they act if its link moves with its motor: friction behind a play is friction at both.
 
+    Of effects that differ in size alone, there is one with the sum.
+
     Examples
     --------
     >>> from whsklearn.effects import Backlash, LoadSideViscous, Viscous
     >>> closed([Viscous(0.1), Backlash(0.01, load_coulomb=0.2), LoadSideViscous(0.3)])
-    [Viscous(coefficient=0.1), Coulomb(torque=0.2), Viscous(coefficient=0.3)]
+    [Viscous(coefficient=0.4), Coulomb(torque=0.2)]
     """
-    out: list[Effect] = []
+    sums: dict[Effect, float] = {}  # by the effect at size one
     for e in acting:
         if isinstance(e, BETWEEN):
-            out += [Coulomb(e.shape["load_coulomb"])] if e.shape["load_coulomb"] else []
-        else:
-            out.append(Viscous(e.magnitude) if isinstance(e, LoadSideViscous) else e)
-    return out
+            if not e.shape["load_coulomb"]:
+                continue
+            e = Coulomb(e.shape["load_coulomb"])
+        elif isinstance(e, LoadSideViscous):
+            e = Viscous(e.magnitude)
+        kind = e.resized(1.0) if e.linear() else e
+        sums[kind] = sums.get(kind, 0.0) + e.magnitude
+    return [kind.resized(size) if kind.linear() else kind for kind, size in sums.items()]
 
 
 def direction_of(joints: Sequence[str], name: str) -> Array:

@@ -18,6 +18,8 @@ from whsklearn.effects import (
     Cogging,
     ContactStop,
     Coulomb,
+    DeadZone,
+    FlexibleCoupling,
     HardeningSpring,
     LoadFriction,
     PreslidingHysteresis,
@@ -30,6 +32,7 @@ from whsklearn.gap.plants.arm_families import families
 from whsklearn.gap.plants.arm_terms import JointTerm, Load, candidates, present
 from whsklearn.gap.standard_errors import p_of_zero
 from whsklearn.identification import identify_arm
+from whsklearn.models import load_model, save_model
 from whsklearn.systems.arm import Arm
 
 pytestmark = pytest.mark.usefixtures("library_effects")
@@ -94,6 +97,7 @@ def test_a_play_between_a_motor_and_its_link_is_named_with_its_width():
     assert repaired.mass_matrix([[0.0]])[0, 0, 0] == pytest.approx(1 / 2, rel=0.02)
     before, after = (max(h[k] for h in finder.diagnosis_.horizons) for k in ("before", "after"))
     assert after < 0.25 * before, "the repaired arm itself runs free, with its play"
+    assert GapFinder(finder.model_).fit((t, *with_play(0.012)[1:])).verdict_ == "no_gap", "the play is known now"
 
 
 def names(finder):
@@ -199,6 +203,41 @@ def test_a_load_is_named_against_the_numbers_without_it(empty):
     told = re.match(r"Of the rms drive of (\w+)", found.diagnosis_.sentence)[1]
     assert found.diagnosis_.pictures["output"] == f"position of {told}"
     assert GapFinder(empty.model).fit(record(random_state=3)).verdict_ == "no_gap"
+
+
+@pytest.mark.parametrize(
+    ("known", "robot", "effects"),
+    [
+        (False, ARM, {"yaw": [DeadZone(0.1)]}),  # no column
+        (True, ARM, {"yaw": [Coulomb(0.06), Cogging(0.08, order=12.0)]}),  # more of what is there; a law with a shape
+        (True, ARM.with_body("pitch", 0.5, (0.1, 0.0, 0.05)), {}),  # numbers of the links
+    ],
+)
+def test_a_repaired_arm_is_the_model_of_the_next_record(empty, known, robot, effects, tmp_path):
+    repaired = GapFinder(empty.model if known else ARM).fit(record(effects, robot)).model_
+    save_model(repaired, tmp_path / "repaired.json")
+    again = load_model(tmp_path / "repaired.json")
+    assert GapFinder(again).fit(record(effects, robot, random_state=5)).verdict_ == "no_gap"
+    beside = effects | {"pitch": [Cogging(0.06, order=9.0)]}
+    found = GapFinder(again).fit(record(beside, robot, random_state=6))
+    assert (found.verdict_, names(found)) == ("named", ["cogging at pitch"])
+
+
+def test_the_numbers_of_a_repaired_arm_hold_what_was_found_within_their_errors(empty):
+    robot = ARM.with_body("pitch", 0.5, (0.1, 0.0, 0.05))
+    repaired = GapFinder(empty.model).fit(record(robot=robot, random_state=4)).model_
+    true = dict(zip(empty.lags.base_.names, empty.lags.weights_of(robot), strict=True))
+    before = dict(zip(empty.lags.base_.names, empty.lags.weights_of(ARM), strict=True))
+    z = {k: (repaired.numbers[k] - true[k]) / repaired.standard_errors[k] for k in true}
+    assert max(map(abs, z.values())) < 4.0
+    moved = [k for k in true if abs(true[k] - before[k]) > 10.0 * repaired.standard_errors[k]]
+    assert moved, "the load is in the numbers of the links"
+
+
+def test_a_known_coupling_is_refused_in_a_sentence():
+    sprung = dataclasses.replace(ARM, armature=(0.05, 0.01)).with_effects({"yaw": [FlexibleCoupling(20.0)]})
+    with pytest.raises(ValueError, match="flexible_coupling at yaw, beside which nothing can be looked for"):
+        GapFinder(sprung).fit(record(duration=4.0))
 
 
 def test_friction_that_has_become_less_than_it_was_is_named_by_itself(empty):

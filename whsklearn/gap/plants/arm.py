@@ -35,6 +35,7 @@ from whsklearn.gap.plants.arm_terms import (
     at_a_joint,
     candidates,
     completed,
+    parts_of,
     present,
 )
 from whsklearn.gap.plants.arm_view import LATEST, ArmRecord, ArmState, ArmView, law_of
@@ -90,6 +91,8 @@ class ArmPlant(Plant):
         Smallest effect worth naming: its rms as a share of its joint's rms drive.
     known : Known, optional
         What another record knows of the numbers.
+    given : tuple of JointTerm
+        Effects of the base model that have no columns.
 
     Examples
     --------
@@ -114,10 +117,11 @@ class ArmPlant(Plant):
     joint = 0  # that the first sentence of the report is about, and so its pictures
 
     def __init__(
-        self, record: ArmRecord, lags: RigidBodyLags, given_model: Any, tolerance: float, known: Known | None = None
-    ):
+        self, record: ArmRecord, lags: RigidBodyLags, given_model: Any, tolerance: float, known: Known | None = None,
+        given: tuple[JointTerm, ...] = (),
+    ):  # fmt: skip
         self.record, self.lags, self.given_model, self.tolerance = record, lags, given_model, tolerance
-        self.known = known
+        self.known, self.given = known, given
         self.own_units: dict[str, str] = {}
         self._arms: dict[Any, Arm] = {}
         self._runs: dict[Any, Array] = {}
@@ -150,7 +154,7 @@ class ArmPlant(Plant):
         if self.known is None and (reversals := reversals_of(self.view, FRICTIONS)):
             self.lags.set_params(reversals=reversals)
             self.view = ArmView(self.lags, self.record)
-        model = self.settled(ArmState(np.zeros(len(self.lags.base_.names)), np.zeros(n)))
+        model = self.settled(ArmState(np.zeros(len(self.lags.base_.names)), np.zeros(n), self.given, len(self.given)))
         self.view.hear_stops(model)
         return self.settled(model)
 
@@ -162,7 +166,7 @@ class ArmPlant(Plant):
             model = view.fit(model)
             view.weigh(model)
             for i, t in enumerate(model.terms):
-                if t.shape:
+                if t.shape and (self.known is None or i >= model.n_base):
                     rest = view.fit(model.without(i))
                     term = polished(view, self._tangent(rest, np.zeros((0, view.keep.size))), t)
                     model = view.fit(model.with_terms((*model.terms[:i], term, *model.terms[i + 1 :])))
@@ -227,7 +231,7 @@ class ArmPlant(Plant):
 
     def _usual(self, model: ArmState) -> set[str]:
         """The joints at which a model with effects leaves no more than the arm's own record may leave."""
-        if not model.terms or self.known is None or not self.known.unexplained:
+        if not model.added or self.known is None or not self.known.unexplained:
             return set()
         return set(np.array(self.view.arm.joints)[self._shares(self.errors(model)) <= QUIET * self.floor].tolist())
 
@@ -435,7 +439,7 @@ class ArmPlant(Plant):
         if {view.arm.joints[i] for i in at} <= self._usual(model):
             return "before it, no more was left at its joint than the arm's own record may leave"
         there = float(self._shares(self.errors(model.with_terms(())))[at].max())
-        if model.terms and self._explains(model, grown, t.kind.place)[1] < STILL * there:
+        if model.added and self._explains(model, grown, t.kind.place)[1] < STILL * there:
             return "it explains no more than may stay without a name beside the effects already found"
         before, after = (view.held_out(view.fit(m)) * view.weight * view.drive_rms for m in (model, grown))
         if np.nansum(after[at] ** 2) >= np.nansum(before[at] ** 2):
@@ -626,14 +630,14 @@ class ArmPlant(Plant):
         """
         before, after = (self._shares(self.errors(m)) for m in (base, model))
         named, floor = self._acting(model), self.floor
-        j = int(np.argmax(np.where(named, before**2 - after**2, -np.inf) if model.terms else after / floor))
+        j = int(np.argmax(np.where(named, before**2 - after**2, -np.inf) if model.added else after / floor))
         if self.known is not None and self.known.unexplained:
             loud = ~quiet(after, floor, np.where(named, 0.0, self.tolerance))
             still = float(np.sqrt(np.max(np.where(loud, after**2 - floor**2, 0.0), initial=0.0)))
             if before[j] <= floor[j]:  # it was there before, and what explains it has no certain name
                 still = float(before[j])
         else:
-            here = frozenset(np.array(self.view.arm.joints)[named] if model.terms else ())
+            here = frozenset(np.array(self.view.arm.joints)[named] if model.added else ())
             sizes = [k.size for k in self.looked if not k.name and (k.size >= self.tolerance or k.place & here)]
             still = max((size for size in sizes if size <= nameless), default=0.0)
         self.joint, self.subject = j, f" of {self.view.arm.joints[j]}"
@@ -641,7 +645,7 @@ class ArmPlant(Plant):
 
     def _acting(self, *models: ArmState) -> NDArray[np.bool_]:
         """The joints at which the terms of these models act, shape (n_joints,); all if there is no term."""
-        places = [t.kind.place for m in models for t in m.terms]
+        places = [t.kind.place for m in models for t in m.added]
         joints = self.view.arm.joints
         if not all(places):
             places = []
@@ -667,7 +671,7 @@ class ArmPlant(Plant):
         missing = zip(*(self.view.held_out(self.view.fit(m)) for m in (base, model)), self.floor, strict=True)
         return [
             {"name": joint, "missing": dict(zip(("before", "after", "floor"), map(float, shares), strict=True)),
-             "names": [t.name for t in model.terms if joint in (t.kind.place or {t.joint})]}
+             "names": [t.name for t in model.added if joint in (t.kind.place or {t.joint})]}
             for joint, shares in zip(self.view.arm.joints, missing, strict=True)
         ]  # fmt: skip
 
@@ -749,9 +753,33 @@ class ArmPlant(Plant):
             return other.system(
                 other.settled(none.with_terms(tuple(t for t in model.terms if t.kind.cls is not Weight)))
             )
-        arm, numbers = completed(self._physical(model), model.terms, self.view.motors(model)), self.numbers(model)
-        return ArmModel(arm, {k: v for k, (v, _) in numbers.items()}, dt=self.view.dt, logged="position",
-                        units={"input": "Nm", "output": "rad"}, reversals=self.lags.reversals or {})  # fmt: skip
+        motors, (numbers, spread) = self.view.motors(model), self._measured_numbers(model)
+        arm, missing = completed(self._physical(model), model.terms, motors), self.view.held_out(self.view.fit(model))
+        errors = np.sqrt(np.maximum(np.diag(spread), 0.0))
+        return ArmModel(
+            arm, numbers, dt=self.view.dt, logged="position", standard_errors=dict(zip(numbers, errors, strict=True)),
+            units={"input": "Nm", "output": "rad"}, covariance=spread, reversals=self.lags.reversals or {},
+            unexplained=self._by_joint(missing * self.view.drive_rms), varied=self._by_joint(self.view.varies),
+        )  # fmt: skip
+
+    def _by_joint(self, values: Array) -> dict[str, float]:
+        return {j: float(x) for j, x in zip(self.view.arm.joints, values, strict=True) if np.isfinite(x)}
+
+    def _measured_numbers(self, model: ArmState) -> tuple[dict[str, float], Array]:
+        """Base numbers of the arm with all terms, by name, and their covariance: what a next record starts from."""
+        fit, lags = self.linearised(model), self.lags
+
+        def arm_of(x: Array) -> Arm:
+            state = fit.rebuild(x)
+            arm = lags.interpret(state.numbers, physical=False)
+            return parts_of(completed(arm, state.terms, self.view.motors(state)))[0]
+
+        other = RigidBodyLags.of_arm(arm_of(fit.x), lags.sample_rate).fit(self.record.position)
+        numbers, steps = other.weights_of(arm_of(fit.x)), CHANGED * np.maximum(np.abs(fit.x), CHANGED)
+        moved = (other.weights_of(arm_of(fit.x + row)) - numbers for row in np.diag(steps))
+        slopes = np.column_stack([change / step for change, step in zip(moved, steps, strict=True)])
+        spread = slopes @ fit.covariance @ slopes.T
+        return dict(zip(other.base_.names, map(float, numbers), strict=True)), spread
 
 
 def outermost(looks: list[Look], arm: Arm) -> list[Look]:
@@ -793,10 +821,10 @@ def arm_plant(model: Any, log: Any, *, law: str | None, tolerance: float) -> Arm
 
     The effects at the joints of an `Arm` are its base law; the numbers of an `ArmModel` stay fixed.
     """
-    arm = model.arm if isinstance(model, ArmModel) else model
+    arm, terms = parts_of(model.arm if isinstance(model, ArmModel) else model)
     record = record_of(log, arm)
     lags = RigidBodyLags.of_arm(arm, 1.0 / record.dt, law, reversals=getattr(model, "reversals", None))
     if not isinstance(model, ArmModel):
-        return ArmPlant(record, lags, model, tolerance)
+        return ArmPlant(record, lags, model, tolerance, given=() if law else terms)
     lags.fit(record.position)
-    return ArmPlant(record, lags, model, tolerance, Known.of(model, lags.base_.names))
+    return ArmPlant(record, lags, model, tolerance, Known.of(model, lags.base_.names), terms)

@@ -12,10 +12,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from whsklearn.effects import ContactStop, Coulomb, Effect, LoadSideViscous, Quantity, Viscous
+from whsklearn.effects import ContactStop, Coulomb, Effect, FlexibleCoupling, LoadSideViscous, Quantity, Viscous
+from whsklearn.effects.base import ArgumentError
 from whsklearn.gap.plant import FittedTerm
 from whsklearn.gap.plants.servo_candidates import Candidate, catalogue
-from whsklearn.systems.arm import Arm
+from whsklearn.systems.arm import Arm, closed
 
 # Effects of the catalogue that are not candidates at a joint: an error of an encoder changes the columns of all joints,
 # the weight of a joint is that of the links, and a coupling is not told from the links' own flexibility.
@@ -200,6 +201,45 @@ def at_a_joint() -> list[Candidate]:
     stops = [Candidate(ContactStop, (("side", side),)) for side in ("upper", "lower")]
     every = (c for c in catalogue() if not (c.on_load or c.name in ELSEWHERE or c.cls.sought))
     return [*every, *stops]
+
+
+def parts_of(arm: Arm) -> tuple[Arm, tuple[JointTerm, ...]]:
+    """The arm with effects that have columns alone, links that move with their motors, and the other effects as terms.
+
+    Delays, limits, dead zones and plays change a drive or the motion by more than the size of a column; of them a model
+    keeps the numbers that it has.  A coupling stays, for the columns to refuse.
+
+    Examples
+    --------
+    >>> from whsklearn.datasets import default_arm
+    >>> from whsklearn.effects import InputDelay
+    >>> bare, (delay,) = parts_of(default_arm().with_effects({"yaw": [InputDelay(0.004)]}))
+    >>> [e.name for e in bare.effects[0]], delay.kind.name, delay.q
+    (['viscous', 'coulomb'], 'input_delay at yaw', (0.004,))
+    """
+    inertia = np.diagonal(arm.mass_matrix(np.zeros((1, arm.n_joints)))[0])
+    kinds = [c for c in at_a_joint() if c.linear == 0]
+    rows, terms = [], []
+    for j, (joint, row) in enumerate(zip(arm.joints, arm.effects, strict=True)):
+        rest = []
+        for e in row:
+            if isinstance(e, FlexibleCoupling):
+                raise ArgumentError(
+                    f"The model has {e.name} at {joint}, beside which nothing can be looked for yet; remove it."
+                )
+            kind = next((c for c in kinds if c.cls is type(e) and c.options == e.options), None)
+            if kind is None:
+                rest.append(e)
+                continue
+            along = tuple(map(float, np.arange(arm.n_joints) == j))
+            term = JointTerm(AtJoint(kind.cls, joint, along, kind, place=frozenset([joint])), e.row)
+            if term.kind.splits:  # the load is all that is not the motor
+                share = 1.0 - float(arm.armature[j]) / max(float(inertia[j]), TINY)
+                term = replace(term, q=(e.row[0], share, *e.row[2:]))
+                rest += closed([e])
+            terms.append(term)
+        rows.append(closed(rest))
+    return replace(arm, effects=tuple(rows)), tuple(terms)
 
 
 def candidates(arm: Arm, there: dict[str, set[str]], *, frozen: bool, weight: int) -> Iterator[AtJoint]:

@@ -51,12 +51,17 @@ STANDS_OUT = 4.0  # standard deviations of the residual; chance puts 6e-5 of a n
 
 @dataclass(frozen=True)
 class ArmState:
-    """Base numbers, ages of the drives, and added terms; ``n_base``, the number of terms of the base model, is zero."""
+    """Base numbers, ages of the drives, and terms; the first ``n_base`` are the plays that the base model has."""
 
     numbers: Any  # (n_columns,)
     timing: Any  # (n_joints,), s
     terms: tuple[JointTerm, ...] = ()
     n_base: int = 0
+
+    @property
+    def added(self) -> tuple[JointTerm, ...]:
+        """Effects beyond the base model."""
+        return self.terms[self.n_base :]
 
     def with_terms(self, terms: tuple[JointTerm, ...]) -> ArmState:
         """The same state with other terms."""
@@ -392,7 +397,7 @@ class ArmView(ArmRows):
         With the weights of what the found effects leave, the numbers would bend to the gap of one joint at the cost of
         all others.
         """
-        return self.weight if self.known is None or model.terms else self.unbiased
+        return self.weight if self.known is None or model.added else self.unbiased
 
     def known_rows(self, width: int) -> Array:
         """What another record says about the first of ``width`` columns, as rows scaled like weighted ones of this."""
@@ -431,7 +436,7 @@ class ArmView(ArmRows):
         Beside the numbers of another record the residual is largest where most has changed.  There, a joint is first
         weighted by the residual that it would have if its own numbers were fitted.
         """
-        if self.known is None or model.terms:
+        if self.known is None or model.added:
             left = self.by_joint(self.left(model))
             self.weight = 1.0 / np.maximum(left, 1e-6 * np.maximum(self.drive_rms, 1e-12))
         self.model_arm, self._last = self.arm_of(model), None
