@@ -152,7 +152,7 @@ class Beside:
         numbers = point_load(gram, cross)
         slopes = slopes_at(place_of(numbers))
         inner = slopes.T @ gram @ slopes
-        size = np.sqrt(np.diag(inner))
+        size = np.sqrt(np.maximum(np.diag(inner), 0.0))  # rounding, where the other numbers explain a direction
         shown = size > SEEN * size.max()
         size = np.where(shown, size, np.inf)
         power, along = np.linalg.eigh(inner / np.outer(size, size))
