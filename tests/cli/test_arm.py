@@ -12,6 +12,7 @@ from click.testing import CliRunner
 
 from whsklearn.cli.arm import arm_stream
 from whsklearn.cli.arm_log import gains_of, guessed_columns, joint_columns
+from whsklearn.cli.compare import main as compare
 from whsklearn.cli.export import main as export
 from whsklearn.cli.gap import main as gap
 from whsklearn.cli.identify import main as identify
@@ -297,6 +298,19 @@ def test_gap_finds_gains_by_a_load_and_a_load_by_an_identified_model(folder):
     pair = json.loads((out / "pair" / "gap.json").read_text())["effects"][0]
     assert (pair["name"], pair["joint"]) == ("payload", "pitch")
     assert abs(pair["parameters"]["mass_kg"] - 0.8) < 3 * pair["standard_errors"]["mass_kg"] < 0.05
+
+
+def test_compare_finds_a_load_and_writes_its_page(folder, tmp_path):
+    out, _ = folder
+    log = make_arm_log(default_arm().with_body("pitch", 0.8, (0.1, 0.0, 0.05)), duration=12.0, random_state=1)
+    log.to_csv(tmp_path / "loaded.csv", index=False)
+    logs = out / "arm.csv", tmp_path / "loaded.csv"
+    done = run(compare, *logs, "--robot", out / "arm.xml", "--out", tmp_path / "moved", "--no-track")
+    assert done.exit_code == 0, done.output
+    (found,) = json.loads((tmp_path / "moved" / "compare.json").read_text())["changes"]
+    assert found["name"] == "moment at pitch"  # two axes do not tell the mass from where it is
+    page = (tmp_path / "moved" / "compare.html").read_text(encoding="utf-8")
+    assert "loaded.csv: yaw from &#39;yaw_position_rad&#39; and &#39;yaw_torque_nm&#39;" in page
 
 
 def test_gap_refuses_columns_in_another_order_and_tells_the_right_one(folder):

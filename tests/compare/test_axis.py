@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from tests.compare.test_records import record
+from whsklearn import ServoAxis
 from whsklearn.compare.axis import LAW, axis_rows
 from whsklearn.compare.estimate import estimate
 from whsklearn.datasets import make_servo_log
-from whsklearn.effects import Cogging, get_effect
+from whsklearn.effects import CableSpring, Cogging, Coulomb, Viscous, as_law, get_effect
 from whsklearn.gap import ServoRecord
 
 
@@ -26,6 +27,21 @@ def test_of_effects_that_look_alike_the_one_that_fits_is_taken():
     rows = axis_rows([record(seed=1), ServoRecord.from_frame(log)], ["a", "b"], 0.01, np.random.default_rng(0))
     assert "cable_spring" in rows[0].names
     assert "gravity_imbalance" not in rows[0].names
+
+
+def test_an_axis_that_stops_often_has_no_cogging_and_its_spring_is_no_gravity():
+    """Where it rests nobody knows the friction, and what the filters make of that is ten times the noise."""
+    t = np.arange(0.0, 25.0, 0.002)
+    moves = np.where(t % 2.0 < 0.4, np.where(t // 2.0 % 4.0 < 2.0, 2.0, -2.0), 0.0).cumsum() * 0.002
+    axis = ServoAxis(inertia=0.05, law=as_law([Viscous(0.1), Coulomb(0.4)]), sample_rate=500.0)
+    records = [
+        ServoRecord.from_frame(
+            make_servo_log(effects, axis=axis, reference=moves, random_state=seed, noise=1e-5, resolution=1e-4)
+        )
+        for seed, effects in ((1, []), (2, [CableSpring(0.13)]))
+    ]
+    rows = axis_rows(records, ["a", "b"], 0.01, np.random.default_rng(0))
+    assert rows[0].names == ("inertia", *LAW, "cable_spring", "delay")
 
 
 def test_numbers_times_columns_are_the_drive():

@@ -65,3 +65,20 @@ def test_a_number_that_differs_only_if_all_others_are_held_equal_is_not_named():
     assert weigh(d, inertia, np.zeros((5, 0))).p_value < 1e-6
     assert alone(d, inertia) > 0.1
     assert changed(d, 0.01) == []
+
+
+def test_of_two_that_fit_alike_the_one_that_none_can_stand_in_for_is_named():
+    """Gravity in two numbers, one of which is nearly an offset: the other says that gravity moved."""
+    shared = np.diag([0.01, 0.3, 0.3, 0.01, 0.01]) ** 2 / 2
+    shared[1, 2] = shared[2, 1] = -0.9997 * shared[1, 1]
+    d = replace(difference(np.zeros(5)), names=("inertia", "offset", "gravity", "gravity", "delay"))
+    first = replace(d.first, parts=(Summand(shared, 30.0),))
+    second = replace(first, values=first.values + [0.0, 0.0, 0.1, 0.033, 0.0])
+    d = replace(d, first=first, second=second, sizes=np.array([1.0, 1.0, 1.0, 0.05, 1.0]))
+    offset, gravity = hypotheses(d)[1:3]
+    nothing = np.zeros((5, 0))
+    assert weigh(d, offset, nothing).evidence > weigh(d, gravity, nothing).evidence
+    assert alone(d, offset) > 0.1
+    ((found, rivals),) = changed(d, 0.01)
+    assert found.hypothesis.name == "gravity"
+    assert "offset" in [f.hypothesis.name for f in rivals]

@@ -325,7 +325,7 @@ def origin(log: Bunch) -> str:
     from whsklearn import __version__
     from whsklearn.logs.units import UNSTATED
 
-    units = {role: f" in {unit}" for role, unit in log.units.items() if unit not in UNSTATED}
+    units = {role: f" in {unit}" for role, unit in log.get("units", {}).items() if unit not in UNSTATED}
     columns = ", ".join(
         f"{r} from {c[0]!r} and {c[1]!r}" if isinstance(c, tuple) else f"{r} from {c!r}{units.get(r, '')}"
         for r, c in log.columns.items()  # by role, or position and drive by joint

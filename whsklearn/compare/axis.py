@@ -10,7 +10,7 @@ import numpy as np
 
 from whsklearn.compare.rows import Array, Regression, blocks_between, drifting, reversals_of, slowest_of
 from whsklearn.gap import least_squares as ols
-from whsklearn.gap.calibration import coloured, n_effective, p_value, smoothed_power
+from whsklearn.gap.calibration import n_effective, p_value
 from whsklearn.gap.plant import DEFAULT_TOLERANCE
 from whsklearn.gap.plants import servo_stop as stop
 from whsklearn.gap.plants.servo_candidates import Candidate
@@ -77,7 +77,7 @@ def axis_rows(
         if not terms:
             break
         with_each = [[v.fit(m.with_term(term)) for v, m in zip(views, models, strict=True)] for term in terms]
-        models = min(with_each, key=lambda fitted: bic(views, fitted, with_each))
+        models = best_of(views, with_each)
     own = records[0].shown
     rows = [rows_of(v, m, label, own, by) for v, m, label, by in zip(views, models, labels, late, strict=True)]
     if not same_zero:
@@ -108,20 +108,28 @@ def unexplained(rows: Regression) -> float:
     return float(np.linalg.norm(rows.target - z @ np.linalg.lstsq(z, rows.target, rcond=None)[0]))
 
 
-def bic(views: Sequence[InverseView], fitted: list[ServoHypothesis], rivals: list[list[ServoHypothesis]]) -> float:
-    """Of one effect beside its rivals, each fitted to all records; the independent samples are the best one's.
+def best_of(views: Sequence[InverseView], rivals: list[list[ServoHypothesis]]) -> list[ServoHypothesis]:
+    """Of models with one effect more, each fitted to all records, the one with the lowest BIC.
 
-    A look does not tell a spring from gravity on a short path: what it leaves has the colour of neither, and counts as
-    a few samples.
+    Filters and the smoothed sign leave ten times the noise of a good encoder, and beside that a spring looked like
+    gravity: each rival is judged without what its own records leave, and where none of them knows the friction, for the
+    axis rests, by little (`whsklearn.gap.plants.servo_own`).  A look does not tell a spring from gravity on a short path:
+    what it leaves has the colour of neither, and counts as a few samples.  The independent samples are the best one's.
     """
-    total = 0.0
+    if len(rivals) == 1:
+        return rivals[0]
+    totals = np.zeros(len(rivals))
     for k, view in enumerate(views):
-        least = min((view.gap(models[k]) for models in rivals), key=lambda left: float(left @ left))
-        n = n_effective(least, view.n_effective)
-        kind = fitted[k].terms[-1].kind
-        numbers = kind.linear + (kind.n_slots - kind.linear) / len(views)
-        total += n * np.log(max(float(np.mean(view.gap(fitted[k]) ** 2)), 1e-300)) + numbers * np.log(n)
-    return total
+        models = [fitted[k] for fitted in rivals]
+        owns = [own_records(view, m, np.random.default_rng(0))[0] for m in models]
+        weight = np.min([own.weight for own in owns], axis=0)
+        left = [weight * (view.gap(m) - own.mean) for m, own in zip(models, owns, strict=True)]
+        n = n_effective(min(left, key=lambda rest: float(rest @ rest)), view.n_effective)
+        kinds = [m.terms[-1].kind for m in models]
+        numbers = np.array([kind.linear + (kind.n_slots - kind.linear) / len(views) for kind in kinds])
+        power = np.array([rest @ rest for rest in left]) / (weight @ weight)
+        totals += n * np.log(np.maximum(power, 1e-300)) + numbers * np.log(n)
+    return rivals[int(np.argmin(totals))]
 
 
 def in_time(records: list[ServoRecord]) -> tuple[list[ServoRecord], list[float]]:
@@ -191,17 +199,16 @@ def missing(
 
 def looks_of(view: InverseView, model: ServoHypothesis, rng: np.random.Generator) -> dict[Candidate, Look]:
     """What the columns of every constant effect explain of one record's residual, and of random rows of its colour."""
-    _, x, target, sizes, _ = view.solved(model)
-    view = copy(view)
+    own, x = own_records(view, model, rng)[0], view.solved(model)[1]
     fewer = min(int(1.0 / (LOOKED_AT * view.cutoff * view.step)), view.at.size // ENOUGH)
-    view.at = view.at[:: max(1, fewer)]
+    every = slice(None, None, max(1, fewer))
+    left, null, weight = (view.gap(model) - own.mean)[every], own.null[:N_NULL, every], own.weight[every]
+    view = copy(view)
+    view.at = view.at[every]
     scene = Scene(view, model)
-    left = (target - x @ sizes)[view.at]
-    power = smoothed_power(left)
-    null = coloured(power, (N_NULL, left.size), rng)
     time = view.time[:: view.every][view.at]
     slow, _ = drifting(np.ones((time.size, 1)), ("input_offset",), time, slowest_of(path_of(view), time))
-    tangent = Tangent(left, null, np.column_stack([x[view.at], slow]), n_effective(null[0], view.n_effective))
+    tangent = Tangent(left, null, np.column_stack([x[view.at], slow]), own.n_effective, weight)
     return {k: look for k in inverse_kinds(model) if constant(k) and (look := tangent.look(family(scene, k)))}
 
 

@@ -270,23 +270,30 @@ def _occam(d: Difference, h: Hypothesis, information: Array) -> float:
     return 0.5 * float(np.linalg.slogdet(np.eye(prior.size) + np.outer(prior, prior) * information)[1])
 
 
+def shows(f: FittedHypothesis, alpha: float) -> bool:
+    """Whether a hypothesis explains more than chance does, more than its numbers cost, and enough to matter."""
+    return f.p_value <= alpha and f.evidence >= BESIDE and f.size >= LEAST
+
+
 def changed(d: Difference, alpha: float) -> list[tuple[FittedHypothesis, list[FittedHypothesis]]]:
     """What changed, the most certain first, each with its rivals; empty if nothing did.
 
-    A second change must be as sure as the first beside it, and explain e^4 times more than the first alone.  A load is
-    sought as a point; beside it, what the inertias of a body at its link would explain is no change of anything else.
+    Of hypotheses that explain the difference about as well, the best for which no other number can stand in is named.
+    An offset and a gravity that is nearly constant along the path had tied, and nothing was told.  A second change must
+    be as sure as the first beside it, and explain e^4 times more than the first alone.  A load is sought as a point;
+    beside it, what the inertias of a body at its link would explain is no change of anything else.
     """
     out: list[tuple[FittedHypothesis, list[FittedHypothesis]]] = []
     given = np.zeros((d.values.size, 0))
     open_to = hypotheses(d)
     while open_to and len(out) < MOST_CHANGES:
         found = sorted((weigh(d, h, given) for h in open_to), key=lambda f: -f.evidence)
-        best = found[0]
-        if best.p_value * len(found) > alpha or best.evidence < BESIDE or best.size < LEAST:
+        close = [f for f in found if f.evidence > found[0].evidence - BESIDE]
+        tested = [close[0], *(f for f in close[1:] if own_numbers(d, f.hypothesis).size)]
+        best = next((f for f in tested if shows(f, alpha / len(found)) and alone(d, f.hypothesis) <= alpha), None)
+        if best is None:
             break
-        if alone(d, best.hypothesis) > alpha:
-            break
-        rivals = [f for f in found[1:] if f.evidence > best.evidence - BESIDE]
+        rivals = [f for f in close if f is not best]
         out.append((best, rivals))
         d = best.after
         given = np.column_stack([given, best.hypothesis.basis])

@@ -84,14 +84,18 @@ def in_another_order(rows: ArmRows) -> list[str]:
 
     A joint's own columns explain its own drive best, whatever the others are.  If the numbers that all joints share
     then leave much of a drive, the positions are in another order, too, and it is sought.  What is found has to be no
-    worse for any joint that it moves, and far better for all of them together: a large effect that one joint lacks is
-    no such order.  It is an example only if another order fits about as well, as where all joints move along one line.
+    worse for any joint that it moves, nor for any drive if each joint has numbers of its own, and far better for all of
+    them together: a large effect that one joint lacks is no such order.  The spring of a vertical axis had looked like
+    the weight of the next link, although that link's own columns explained its drive to rounding where it was.  It is an
+    example only if another order fits about as well, as where all joints move along one line.
     """
     lags, q, torque = rows.lags, rows.position, rows.drive
     names, triple = lags.arm_.joints, (rows.phi, rows.target, rows.keep)
     given = places = np.arange(len(names))
+    alone = _left_of_drives(*triple)
+    by_themselves = alone
     before = _left(*triple)
-    drives, left = _ordered(*triple)
+    drives, left = _ordered(*triple, alone)
     if (left > MUCH).any() or (drives != given).any():
         trial, whole = clone(lags).set_params(cutoff=lags.cutoff_), max(experiments(rows.groups, len(q)), key=_length)
         middle = whole.start + max((_length(whole) - SOME) // 2, 0)
@@ -101,12 +105,14 @@ def in_another_order(rows: ArmRows) -> list[str]:
         with warnings.catch_warnings(), suppress(ValueError):  # nothing may move in this part
             warnings.simplefilter("ignore", UserWarning)
             phi, target, keep = trial.joint_rows(q[part][:, other], torque[part])
-            for paid in (_ordered(phi, target, keep)[0], instants.drives_of(other)):
+            elsewhere = _left_of_drives(phi, target, keep)
+            for paid in (_ordered(phi, target, keep, elsewhere)[0], instants.drives_of(other)):
                 rest = _left(phi, target[:, paid], keep)
                 if np.log(MUCH + rest).sum() < np.log(MUCH + left).sum():
-                    places, drives, left = other, paid, rest
+                    places, drives, left, by_themselves = other, paid, rest, elsewhere
     moved = (places != given) | (drives != given)
     better = left[moved] <= before[moved]
+    better &= LESS * by_themselves[given, drives][moved] <= np.diag(alone)[drives][moved]
     if not moved.any() or not better.all() or left[moved].sum() > CLEARLY * before[moved].sum():
         return []
     orders = [("positions", places), ("drives", drives)] if (places != drives).any() else [("columns", places)]
@@ -279,9 +285,13 @@ def _left(phi: Array, target: Array, keep: NDArray[np.bool_]) -> Array:
     return _Shared(phi, keep).left(target)
 
 
-def _ordered(phi: Array, target: Array, keep: NDArray[np.bool_]) -> tuple[NDArray[np.int64], Array]:
-    """The drive that each joint's own columns explain best, and what all together leave in that order."""
-    order = np.asarray(linear_sum_assignment(_left_of_drives(phi, target, keep))[1])
+def _ordered(
+    phi: Array, target: Array, keep: NDArray[np.bool_], alone: Array
+) -> tuple[NDArray[np.int64], Array]:
+    """The drive that each joint's own columns explain best (``alone``: `_left_of_drives`), and what all together leave
+    in that order.
+    """
+    order = np.asarray(linear_sum_assignment(alone)[1])
     return order, _left(phi, target[:, order], keep)
 
 
