@@ -73,7 +73,7 @@ def test_of_two_that_fit_alike_the_one_that_none_can_stand_in_for_is_named():
     shared[1, 2] = shared[2, 1] = -0.9997 * shared[1, 1]
     d = replace(difference(np.zeros(5)), names=("inertia", "offset", "gravity", "gravity", "delay"))
     first = replace(d.first, parts=(Summand(shared, 30.0),))
-    second = replace(first, values=first.values + [0.0, 0.0, 0.1, 0.033, 0.0])
+    second = replace(first, values=first.values + np.array([0.0, 0.0, 0.1, 0.033, 0.0]))
     d = replace(d, first=first, second=second, sizes=np.array([1.0, 1.0, 1.0, 0.05, 1.0]))
     offset, gravity = hypotheses(d)[1:3]
     nothing = np.zeros((5, 0))

@@ -113,8 +113,9 @@ def best_of(views: Sequence[InverseView], rivals: list[list[ServoHypothesis]]) -
 
     Filters and the smoothed sign leave ten times the noise of a good encoder, and beside that a spring looked like
     gravity: each rival is judged without what its own records leave, and where none of them knows the friction, for the
-    axis rests, by little (`whsklearn.gap.plants.servo_own`).  A look does not tell a spring from gravity on a short path:
-    what it leaves has the colour of neither, and counts as a few samples.  The independent samples are the best one's.
+    axis rests, by little (`whsklearn.gap.plants.servo_own`).  A look does not tell a spring from gravity on a short
+    path: what it leaves has the colour of neither, and counts as a few samples.  The independent samples are the best
+    one's.
     """
     if len(rivals) == 1:
         return rivals[0]

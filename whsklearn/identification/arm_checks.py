@@ -86,8 +86,8 @@ def in_another_order(rows: ArmRows) -> list[str]:
     then leave much of a drive, the positions are in another order, too, and it is sought.  What is found has to be no
     worse for any joint that it moves, nor for any drive if each joint has numbers of its own, and far better for all of
     them together: a large effect that one joint lacks is no such order.  The spring of a vertical axis had looked like
-    the weight of the next link, although that link's own columns explained its drive to rounding where it was.  It is an
-    example only if another order fits about as well, as where all joints move along one line.
+    the weight of the next link, although that link's own columns explained its drive to rounding where it was.  What is
+    told is an example only if another order fits about as well, as where all joints move along one line.
     """
     lags, q, torque = rows.lags, rows.position, rows.drive
     names, triple = lags.arm_.joints, (rows.phi, rows.target, rows.keep)
@@ -285,9 +285,7 @@ def _left(phi: Array, target: Array, keep: NDArray[np.bool_]) -> Array:
     return _Shared(phi, keep).left(target)
 
 
-def _ordered(
-    phi: Array, target: Array, keep: NDArray[np.bool_], alone: Array
-) -> tuple[NDArray[np.int64], Array]:
+def _ordered(phi: Array, target: Array, keep: NDArray[np.bool_], alone: Array) -> tuple[NDArray[np.int64], Array]:
     """The drive that each joint's own columns explain best (``alone``: `_left_of_drives`), and what all together leave
     in that order.
     """
