@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.gap.plants.example_servo import INERTIA, RATE, SECONDS, TIME, opened, record_of
-from whsklearn.effects import Coulomb, GravityImbalance, Stribeck, Viscous
+from whsklearn.effects import Backlash, Coulomb, GravityImbalance, Stribeck, Viscous
 from whsklearn.gap.plants.servo_candidates import candidate
 from whsklearn.gap.plants.servo_model import ServoTerm
 from whsklearn.gap.plants.servo_own import needed, own_record
@@ -16,6 +16,7 @@ from whsklearn.gap.plants.servo_run import (
     LONGEST_RUN,
     OFF_PATH,
     WINDOWS,
+    evolved,
     held_out,
     horizon_of,
     predictable,
@@ -108,3 +109,16 @@ def test_a_fit_along_the_run_ends_at_the_minimum_from_far_away():
         observer.weigh(observer.rms(observer.gap(started)))
         fitted, _ = observer.fitted(started)
         assert fitted.terms[-1].q == pytest.approx((true.torque, true.velocity, true.exponent), rel=0.01)
+
+
+def test_a_search_leaves_the_ripple_in_which_a_fit_of_a_play_ends():
+    true = Backlash(0.03, load_share=0.4, frequency=60.0, damping_ratio=0.2)
+    _, observer, base = opened(record_of((true,), law=[Viscous(0.12), Coulomb(0.2)]), ("viscous", "coulomb"))
+    start = ServoTerm(candidate("backlash"), (0.05, 0.4, 40.0, 0.15, 0.0))
+    stuck = observer.fit(observer.fit(base).with_term(start))
+    before = np.random.get_state()[1].copy()
+    found = evolved(observer, stuck)
+    assert (np.random.get_state()[1] == before).all(), "NumPy's global generator is the user's"
+    left, fitted = (observer.rms(observer.gap(m)) for m in (found, stuck))
+    assert left < 0.1 * fitted
+    assert found.terms[-1].q[:4] == pytest.approx((0.03, 0.4, 60.0, 0.2), rel=0.02)

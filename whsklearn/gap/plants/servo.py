@@ -145,7 +145,8 @@ class ServoPlant(Plant):
         self.headline, self.horizons = self._horizons(model)
         if stop.holds(model):  # an observer does not see where a contact begins
             return model
-        tried = [model, *(self._from_load(model, "backlash") if model.has_play else [])]
+        sides = (True, False) if model.has_play else ()
+        tried = [model, *(m for side in sides for m in self._by_run(model, "backlash", on_load=side))]
         # a body that friction alone holds stays near any path; it asks for more drive than there is
         refitted = [self.observer.fit(m) for m in two_mass.splits_of_friction(model)]
         tried += [m for m in refitted if rms(self.inverse.left(m)) < self.scale]
@@ -155,7 +156,15 @@ class ServoPlant(Plant):
         kept = [m for m in tried if model.has_inertia(m)] or self.inverse.of_differences(model) or tried
         # The noise of the drive's reading makes a fit along the run too sluggish, and inverse dynamics counts the hold.
         kept = [dataclasses.replace(m, timing=m.timing - hold) for m in kept for hold in (0.0, HOLD)]
-        return min(kept, key=lambda m: servo_run.train_error(self.observer, m, self.headline))
+        return self._refined(min(kept, key=lambda m: servo_run.train_error(self.observer, m, self.headline)))
+
+    def _refined(self, model: ServoHypothesis) -> ServoHypothesis:
+        """The model, or what a search finds around it where it has a play and leaves more than noise."""
+        view = self.observer
+        if not model.has_play or quiet(view.rms(view.gap(model)), view.floor(model), self.tolerance * self.scale):
+            return model
+        other = servo_run.evolved(view, model)
+        return min((model, other), key=lambda m: servo_run.train_error(view, m, self.headline))
 
     def contributes(self, base: ServoHypothesis, model: ServoHypothesis) -> bool:
         """Whether the effects take `LEAST_SHARE` of the power of the torque that the free runs lack.
@@ -181,19 +190,19 @@ class ServoPlant(Plant):
         def error(m: ServoHypothesis) -> float:
             return servo_run.train_error(self.observer, m, horizon)
 
-        best, view = min((model, *self._from_load(model, "flexible_coupling")), key=error), self.observer
+        best, view = min((model, *self._by_run(model, "flexible_coupling")), key=error), self.observer
         if quiet(view.rms(view.gap(best)), view.floor(best), self.tolerance * self.scale):
             return model
-        return next((m for m in self._from_load(model, "backlash") if error(m) < HALF * error(best)), model)
+        return next((m for m in self._by_run(model, "backlash") if error(m) < HALF * error(best)), model)
 
-    def _from_load(self, model: ServoHypothesis, name: str) -> list[ServoHypothesis]:
-        """The model with the transmission ``name`` seen from the load, fitted along the run; empty if that drops it.
+    def _by_run(self, model: ServoHypothesis, name: str, *, on_load: bool = True) -> list[ServoHypothesis]:
+        """The model with the transmission ``name`` found along the run; empty if that drops it.
 
         Inverse dynamics takes the measured motion to be the motor's; its form for the load side is only first order.
         """
         i = next(i for i, t in enumerate(model.terms) if t.kind.code in TWO_MASS)
         rest = self.observer.fit(model.without(i))
-        fitted = servo_run.with_load(self.observer, rest, dataclasses.replace(candidate(name), on_load=True))
+        fitted = servo_run.with_load(self.observer, rest, dataclasses.replace(candidate(name), on_load=on_load))
         terms = fitted.terms
         return [fitted.with_terms((*terms[:i], terms[-1], *terms[i:-1]))] if len(terms) == len(model.terms) else []
 
