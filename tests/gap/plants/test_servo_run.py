@@ -116,9 +116,9 @@ def test_a_search_leaves_the_ripple_in_which_a_fit_of_a_play_ends():
     _, observer, base = opened(record_of((true,), law=[Viscous(0.12), Coulomb(0.2)]), ("viscous", "coulomb"))
     start = ServoTerm(candidate("backlash"), (0.05, 0.4, 40.0, 0.15, 0.0))
     stuck = observer.fit(observer.fit(base).with_term(start))
-    before = np.random.get_state()[1].copy()
+    users = np.random.get_state()[1].copy()  # noqa: NPY002 -- NumPy's global generator, which is the user's
     found = evolved(observer, stuck)
-    assert (np.random.get_state()[1] == before).all(), "NumPy's global generator is the user's"
+    assert (np.random.get_state()[1] == users).all()  # noqa: NPY002
     left, fitted = (observer.rms(observer.gap(m)) for m in (found, stuck))
     assert left < 0.1 * fitted
     assert found.terms[-1].q[:4] == pytest.approx((0.03, 0.4, 60.0, 0.2), rel=0.02)
