@@ -11,6 +11,7 @@ from whsklearn.effects import (
     CableSpring,
     Cogging,
     ContactStop,
+    Coulomb,
     DisturbanceTone,
     EndStop,
     GravityImbalance,
@@ -43,6 +44,14 @@ def test_an_effect_acts_and_is_written(effect, record, tmp_path):
     assert np.std(y - record.position) > 1e-4
     again = MuJoCoSimulator(simulator.write(tmp_path / "repaired.xml"), joint="axis", actuator="motor")
     np.testing.assert_allclose(again.simulate(record), y, atol=1e-6)
+
+
+@pytest.mark.parametrize(("stated", "same"), [('solreffriction="0.006 1"', True), ("", False)])
+def test_dry_friction_turns_as_softly_as_the_joint_says(stated, same, record):
+    """A log of the file itself had been bristles of 7 urad, with certainty: friction that was added turned hard."""
+    given = MuJoCoSimulator(XML.format(joint=stated), joint="axis").with_effect(Coulomb(0.2))
+    whole = MuJoCoSimulator(XML.format(joint=f'{stated} frictionloss="0.2"'), joint="axis")
+    assert np.allclose(given.simulate(record), whole.simulate(record), atol=1e-9) == same
 
 
 def test_what_mujoco_lacks_is_refused():

@@ -39,6 +39,7 @@ class Axis(NamedTuple):
     actuator: str
 
 
+SOFT = [0.02, 1.0]  # MuJoCo's own solreffriction
 HELD = (
     "viscous quadratic_drag coulomb cable_spring hardening_spring end_stop cogging gravity_imbalance "
     "presliding_hysteresis stribeck input_offset asymmetric_coulomb input_delay actuator_lag saturation"
@@ -93,7 +94,7 @@ def _limit(j: Any, e: ContactStop, inertia: float) -> None:
 
 
 def _joint(j: Any, m: Mjcf) -> None:
-    """Damping and dry friction."""
+    """Damping and dry friction, which turns as abruptly as the solver can unless the joint says how softly it does."""
     if m.damping:
         damping = np.array(j.damping, dtype=float)
         damping[0] += m.damping.get(1, 0.0)
@@ -101,7 +102,8 @@ def _joint(j: Any, m: Mjcf) -> None:
         j.damping = damping
     if "frictionloss" in m.joint:
         j.frictionloss = float(j.frictionloss) + m.joint["frictionloss"]
-        j.solref_friction = [2e-3, 1.0] + [0.0] * (len(j.solref_friction) - 2)
+        if list(j.solref_friction)[:2] == SOFT:
+            j.solref_friction = [2e-3, 1.0] + [0.0] * (len(j.solref_friction) - 2)
 
 
 def _actuator(spec: Any, axis: Axis, effects: tuple[Effect, ...]) -> None:

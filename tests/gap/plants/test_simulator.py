@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from tests.gap.plants.example_simulator import RECORD, Damper, Told
-from whsklearn.effects import CableSpring
+from whsklearn.effects import CableSpring, PreslidingHysteresis
 from whsklearn.gap import GapFinder
 from whsklearn.gap.plants.simulator import SimulatorPlant, pictures, signals
-from whsklearn.gap.plants.simulator_model import EffectTerm
+from whsklearn.gap.plants.simulator_model import EffectTerm, SimulatorModel
 from whsklearn.gap.standard_errors import errors_of, labelled_errors
 from whsklearn.gap.tangent import Look
 
@@ -61,3 +63,16 @@ def test_series_are_of_one_length_and_runs_those_of_the_models():
     assert np.std(shown["gap_after"]) < 0.5 * np.std(shown["gap_before"])
     assert len(shown["spectrum"]) == len(shown["order_spectrum"]) == 2
     np.testing.assert_array_equal(shown["held"], ~plant.train)
+
+
+def test_bristles_within_a_step_of_the_encoder_are_dry_friction():
+    step = 1e-3
+    log = dataclasses.replace(RECORD, position=step * np.round(RECORD.position / step))
+    plant = SimulatorPlant(Damper(), log, tolerance=0.004)
+
+    def said(distance):
+        bristles = EffectTerm.of(PreslidingHysteresis(0.1, distance))
+        return plant.objection(None, SimulatorModel(None, (bristles,)))
+
+    assert said(0.2 * step) == "it builds up within one step of the encoder"
+    assert said(5.0 * step) == ""

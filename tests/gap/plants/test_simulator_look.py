@@ -11,6 +11,7 @@ import pytest
 from tests.gap.plants.example_simulator import RECORD, TIME, Damper, Told
 from whsklearn.effects import CableSpring, Cogging, ContactStop, DisturbanceTone, EndStop, LuGre
 from whsklearn.gap import ServoRecord
+from whsklearn.gap.calibration import coloured, smoothed_power
 from whsklearn.gap.plants.simulator import SimulatorPlant
 from whsklearn.gap.plants.simulator_look import (
     Errors,
@@ -20,6 +21,7 @@ from whsklearn.gap.plants.simulator_look import (
     followed_motion,
     gone,
     noise_of,
+    own_errors,
     sized_by_drive,
     slopes,
 )
@@ -145,3 +147,17 @@ def test_a_hardening_spring_is_looked_for_about_other_centres_than_that_of_the_t
     centres = {e.centre for e in springs}
     assert len(centres) > 2
     assert np.ptp(list(centres)) > 0.5 * 0.5 * np.ptp(RECORD.position)
+
+
+def test_own_records_have_the_roundings_of_an_axis_that_rests():
+    """At rest the reading errs by one amount for as long, and so do the records that the model makes."""
+    t, step = np.arange(4000) / 200.0, 1e-3
+    path = 0.1 * np.sin(np.clip(t % 5.0, 0.0, 2.1) * 0.4 * np.pi)
+    position = step * np.round(path / step)
+    plant = SimpleNamespace(record=ServoRecord(t, np.ones_like(t), position), noise=step / 12**0.5)
+    null = own_errors(plant, SimpleNamespace(error=position - path), np.random.default_rng(0))
+    rest = (t % 5.0 > 3.0) & (t % 5.0 < 4.5)
+    spectrum_alone = coloured(smoothed_power(position - path), null.shape, np.random.default_rng(0))
+    assert np.std(null) == pytest.approx(np.std(spectrum_alone), rel=0.3)
+    ours, theirs = (np.abs(np.mean((x * (position - path))[:, rest])) for x in (null, spectrum_alone))
+    assert ours > 0.5 * np.mean((position - path)[rest] ** 2) > 5.0 * theirs

@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.effects import effect_names, get_effect
+from whsklearn.effects import Surroundings, effect_names, get_effect
 from whsklearn.effects.base import rms
 from whsklearn.gap.calibration import GATE, gain, n_effective, p_value
 from whsklearn.gap.data_check import DataProblem, check_servo
@@ -229,7 +229,17 @@ class SimulatorPlant(Plant):
         quantity = effect.quantities[effect.size]
         if quantity.low >= 0.0 and effect.magnitude <= 0.0 and not effect.phased:
             return f"its size would be {effect.magnitude:.3g}, but a physical one is positive"
-        return ""
+        return str(effect.implausible(self.surroundings))
+
+    @cached_property
+    def surroundings(self) -> Surroundings:
+        """The record, beside whose simulator inertia, friction and weight are not known."""
+        r, unknown = self.record, {"viscous": np.inf, "coulomb": np.inf}
+        velocity, command = self.motion.signals.velocity, r.reference if r.is_following_error else None
+        return Surroundings(
+            r.position, velocity, r.drive, sizes=unknown, carried=True, step=lattice(r.position), dt=r.dt,
+            turns=r.units[1] == "rad", command=command,
+        )  # fmt: skip
 
     # --- proof and report -----------------------------------------------------------------
     def simulate(self, model: SimulatorModel, horizon: float) -> Array:

@@ -29,6 +29,9 @@ from whsklearn.gap.plants.servo_candidates import UNSEEN
 from whsklearn.gap.plants.variant import EffectVariant
 from whsklearn.gap.record import Array, noise_level
 from whsklearn.gap.tangent import AT_ONCE, Family, Look, Tangent, strongest_lines
+from whsklearn.logs.check import lattice
+
+LEAST_WHITE = 0.3  # of the noise, beside the encoder's steps: as much as `servo_own.own_record` takes
 
 HIGHEST = 25.0  # Hz; above it, a second derivative contains only encoder noise
 DEPTHS = np.array([0.003, 0.01, 0.03, 0.08])  # by which a stop may yield, as a share of half the travel
@@ -213,12 +216,25 @@ class Errors:
     @classmethod
     def of(cls, plant: Any, model: Any, rng: np.random.Generator) -> Errors:
         """The errors of a fitted model."""
-        power = smoothed_power(model.error)
-        null = coloured(power, (N_NULL, model.error.size), rng)
+        null = own_errors(plant, model, rng)
         noise = plant.record.by_piece(lambda e: noise_of(e, plant.noise), model.error)
         position = plant.record.position - noise
         followed = followed_motion(dataclasses.replace(plant.record, position=position))
         return cls(model, model.error, np.array(null), followed)
+
+
+def own_errors(plant: Any, model: Any, rng: np.random.Generator) -> Array:
+    """Errors of records that the model makes, shape (`N_NULL`, n): the encoder's steps, and noise of the other colour.
+
+    An axis that rests has one error of rounding for as long, which follows its position.  In noise of the same spectrum
+    it is nowhere, and a simulator that lacked nothing any more was said to lack something without a name.
+    """
+    step, n = lattice(plant.record.position), model.error.size
+    made = plant.record.position - model.error
+    rows = made + LEAST_WHITE * plant.noise * rng.standard_normal((N_NULL, n))
+    rows = (step * np.round(rows / step) if step else rows) - made
+    power = smoothed_power(model.error) - np.mean([smoothed_power(row) for row in rows], axis=0)
+    return rows + coloured(np.maximum(power, 0.0), (N_NULL, n), rng)
 
 
 def noise_of(error: Array, noise: float) -> Array:

@@ -359,14 +359,16 @@ def begins(plant: Any, model: SimulatorModel, start: Any) -> list[tuple[Simulato
 
 
 def sizes(plant: Any, home: SimulatorModel, start: Any) -> list[Any]:
-    """The effect at the size given by the simulation's slope and, if it acts only for instants, by the drive too."""
+    """The effect at the sizes given by the simulation's slope and by the drive along the measured motion.
+
+    The slope is that of a run from numbers that the effect's lack has moved.  From there the fit of the spring of a
+    joint that sticks half of the time did not arrive, and 7 % of the motion had no name.
+    """
     if start.column_kind != "exact":
         return [start]
-    effects = [sized(plant, home, start)]
-    if isinstance(start, plant.further_shapes):
-        effects.append(sized_by_drive(plant.motion, start, plant.train))
+    effects = [sized(plant, home, start), sized_by_drive(plant.motion, start, plant.train)]
     positive = start.quantities[start.size].low >= 0.0 and not start.phased
-    return [start if positive and e.magnitude <= 0.0 else e for e in effects]
+    return list(dict.fromkeys(start if positive and e.magnitude <= 0.0 else e for e in effects))
 
 
 def sized(plant: Any, model: SimulatorModel, start: Any) -> Any:
