@@ -190,15 +190,17 @@ def _one(rows: list[dict[str, Any]]) -> list[str]:
 @click.option("--sizes", default="0.02,0.05,0.15")
 @click.option("--kinds", default="named,none,coloured,foreign,pair")
 @click.option("--systems", default="servo,wiener-hammerstein")
+@click.option("--only", default="", help="Of the named effects only these, joined by commas.")
 @click.option("--compare/--no-compare", default=False)
 @click.option("--out", default="blind.csv", type=click.Path(dir_okay=False))
 @click.option("--resume/--no-resume", default=False, help="Keep the rows that the file has and go on.")
 def main(
-    count: int, first_seed: int, sizes: str, kinds: str, systems: str, compare: bool, out: str, resume: bool
+    count: int, first_seed: int, sizes: str, kinds: str, systems: str, only: str, compare: bool, out: str, resume: bool
 ) -> None:
     cases = plan(
         count, first_seed, tuple(map(float, sizes.split(","))), tuple(kinds.split(",")), tuple(systems.split(","))
     )
+    cases = [c for c in cases if not (only and c[1] == "named") or c[2][0] in only.split(",")]
     rows: list[dict[str, Any]] = []
     if resume and Path(out).exists():
         with open(out, newline="", encoding="utf-8") as file:
