@@ -230,7 +230,8 @@ class SimulatorFit:
         def residual(z: Array) -> Array:
             nonlocal least, best
             try:
-                found = self._placed(model, term, z)
+                with np.errstate(over="raise", invalid="raise"):  # a run that diverges is no step
+                    found = self._placed(model, term, z)
             except (ValueError, FloatingPointError):
                 return np.full(int(self.train.sum()), np.inf)
             r = np.asarray(weigh(found.error))
