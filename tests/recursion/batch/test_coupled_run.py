@@ -48,9 +48,9 @@ def test_the_free_run_of_two_masses_has_exact_sensitivities(at_load, of_position
     rows = sensitivities(THETA, log)[1]
     for i in range(13):
         step = np.zeros(13)
-        step[i] = 1e-8
+        step[i] = 1e-7  # with smaller ones the difference is rounding, which grows at every stop
         ends = [axis_motion(THETA + s[:9], log.starting(log.states + s[9:])) for s in (step, -step)]
-        difference = (ends[0] - ends[1]) / 2e-8
+        difference = (ends[0] - ends[1]) / 2e-7
         wrong = np.abs(rows[i] - difference) > 1e-4 * np.abs(difference).max() + 1e-5
         assert np.mean(wrong) < 0.01, i  # a sample at which one of the runs comes to rest a step earlier
     np.testing.assert_array_equal(sensitivities(THETA, log, of_states=True)[1], rows[-4:])
@@ -68,11 +68,13 @@ def test_the_servo_s_simulation_of_the_same_axis_agrees(at_load):
 
 
 @SIDES
-def test_the_run_converges_with_the_square_of_its_step(at_load):
-    smooth = THETA * [1, 1, 0, 1, 1, 0, 1, 1, 1]
-    exact = axis_motion(smooth, coupled_log(at_load, steps=256))
-    errors = [np.abs(axis_motion(smooth, coupled_log(at_load, steps=n)) - exact).max() for n in (8, 16)]
-    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.1)
+@pytest.mark.parametrize(("dry", "off"), [(0.0, 0.1), (1.0, 0.3)])
+def test_the_run_converges_with_the_square_of_its_step(at_load, dry, off):
+    """With dry friction too, as a step in which a mass stops is divided there."""
+    theta = THETA * [1, 1, dry, 1, 1, dry, 1, 1, 1]
+    exact = axis_motion(theta, coupled_log(at_load, steps=512))
+    errors = [np.sqrt(np.mean((axis_motion(theta, coupled_log(at_load, steps=n)) - exact) ** 2)) for n in (8, 16)]
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=off)
 
 
 def test_the_twist_is_handed_from_piece_to_piece():
