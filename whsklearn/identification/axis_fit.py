@@ -318,7 +318,7 @@ def _ringing(log: View, rigid: Array) -> Callable[[float, float, float], tuple[f
         both = [cont2discrete((b, [1.0, 2.0 * ratio * turn, turn**2]), log.dt) for b in ([1.0], [1.0, 0.0])]
         ringing = [differenced(b.ravel(), a, drive[None, :])[0] for b, a, _ in both]  # and its rate
         r: Array = np.linalg.qr(np.vstack([*columns, *ringing, place])[:, seen].T).R
-        weights: Array = np.linalg.lstsq(r[:5, :5], r[:5, 5], rcond=None)[0]
+        weights = np.asarray(np.linalg.lstsq(r[:5, :5], r[:5, 5], rcond=None)[0], dtype=float)
         return float(r[5, 5] ** 2 / max(np.sum(r[3:, 5] ** 2), TINY)), weights
 
     return explained
