@@ -184,8 +184,10 @@ def test_a_strong_slow_effect_does_not_hide_in_null_records_of_its_own_colour():
 
 
 def test_two_joints_have_a_name_each():
-    found = GapFinder(ARM).fit(record({"yaw": [CableSpring(0.5)], "pitch": [Cogging(0.1, order=7.0)]}))
+    found = GapFinder(ARM).fit(record({"yaw": [CableSpring(0.5, 0.15)], "pitch": [Cogging(0.1, order=7.0)]}))
     assert set(names(found)) == {"cable_spring at yaw", "cogging at pitch"}
+    (spring,) = (e.effect for e in found.effects_ if e.name == "cable_spring")
+    assert spring.centre == pytest.approx(0.15, abs=2e-3)  # an offset in its place had been left in the base
     assert not any(e.aliases for e in found.effects_)
 
 

@@ -170,7 +170,26 @@ class ArmPlant(Plant):
                     rest = view.fit(model.without(i))
                     term = polished(view, self._tangent(rest, np.zeros((0, view.keep.size))), t)
                     model = view.fit(model.with_terms((*model.terms[:i], term, *model.terms[i + 1 :])))
-        return view.fit(model)
+        return self._centred(view.fit(model))
+
+    def _centred(self, model: ArmState) -> ArmState:
+        """The same with the offset of a joint in the rest position of a spring that was added there.
+
+        c (q - q_0) + o = c (q - (q_0 - o / c)): a fit of both leaves the spring at any rest position, with an offset that
+        nothing but the spring gives.
+        """
+        names, terms = list(self.lags.base_.names), list(model.terms)
+        if self.known is not None:
+            return model
+        for i, t in enumerate(model.terms):
+            offset = f"{t.joint}.input_offset"
+            if i < model.n_base or "input_offset" not in t.effect.covers or offset not in names or not t.q[0]:
+                continue
+            stiffness, centre = t.q
+            moved = centre - float(model.numbers[names.index(offset)]) / stiffness
+            if t.effect.quantities["centre"].low < moved < t.effect.quantities["centre"].high:
+                terms[i] = replace(t, q=(stiffness, moved))
+        return self.view.fit(model.with_terms(tuple(terms)))
 
     def _tangent(self, model: ArmState, null: Array) -> Tangent:
         """The residual of a fitted model; its numbers, the ages of drives within bookkeeping, and the speeds over which
