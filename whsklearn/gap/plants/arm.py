@@ -175,8 +175,8 @@ class ArmPlant(Plant):
     def _centred(self, model: ArmState) -> ArmState:
         """The same with the offset of a joint in the rest position of a spring that was added there.
 
-        c (q - q_0) + o = c (q - (q_0 - o / c)): a fit of both leaves the spring at any rest position, with an offset that
-        nothing but the spring gives.
+        c (q - q_0) + o = c (q - (q_0 - o / c)): a fit of both leaves the spring at any rest position, with an offset
+        that nothing but the spring gives.
         """
         names, terms = list(self.lags.base_.names), list(model.terms)
         if self.known is not None:

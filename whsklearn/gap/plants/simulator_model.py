@@ -217,6 +217,7 @@ class SimulatorFit:
         """The model with one more term; the simulator's own numbers are kept if possible, otherwise it is refitted."""
         return self._placed(model, term, self._vector(model, term))
 
+    @np.errstate(over="ignore", invalid="ignore")  # a size that is tried may make a simulator diverge
     def grow(self, model: SimulatorModel, begin: SimulatorModel, weigh: Any, *, again: bool = False) -> SimulatorModel:
         """Fit ``begin``, which is ``model`` with one more term, together with the simulator's numbers.
 
@@ -363,11 +364,14 @@ def sizes(plant: Any, home: SimulatorModel, start: Any) -> list[Any]:
     """The effect at the sizes given by the simulation's slope and by the drive along the measured motion.
 
     The slope is that of a run from numbers that the effect's lack has moved.  From there the fit of the spring of a
-    joint that sticks half of the time did not arrive, and 7 % of the motion had no name.
+    joint that sticks half of the time did not arrive, and 7 % of the motion had no name.  A simulator that refits
+    itself has no numbers that could be fitted beside the other size.
     """
     if start.column_kind != "exact":
         return [start]
-    effects = [sized(plant, home, start), sized_by_drive(plant.motion, start, plant.train)]
+    effects = [sized(plant, home, start)]
+    if hasattr(home.simulator, "with_numbers") or isinstance(start, plant.further_shapes):
+        effects.append(sized_by_drive(plant.motion, start, plant.train))
     positive = start.quantities[start.size].low >= 0.0 and not start.phased
     return list(dict.fromkeys(start if positive and e.magnitude <= 0.0 else e for e in effects))
 
