@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pytest
 
@@ -45,25 +43,6 @@ def test_a_run_that_diverges_has_a_finite_error():
     error = SimulatorFit(None, RECORD, TRAIN).error(Lost())
     assert np.all(np.isfinite(error))
     assert np.min(np.abs(error)) > 100.0 * np.ptp(RECORD.position)
-
-
-def test_a_size_that_is_tried_may_let_a_run_diverge():
-    """Beside friction that drives, a user's own numbers overflow: no warning, which is an error here, says so."""
-    plant, model = plant_of(0.3)
-    begin = SimulatorModel(Damper(1.0), (EffectTerm.of(CableSpring(1.0, 0.0)),), model.error)
-
-    class Runaway(Damper):
-        def simulate(self, record):
-            return np.full(len(record), np.float64(1e200) * np.float64(1e200))
-
-        def refit(self, record, keep):
-            return self
-
-        def with_effect(self, effect):
-            return self
-
-    runaway = dataclasses.replace(model, simulator=Runaway())
-    assert plant.fits.grow(runaway, begin, plant.weighed).terms == begin.terms
 
 
 def test_a_simulator_that_gives_another_length_is_told_so():

@@ -217,7 +217,6 @@ class SimulatorFit:
         """The model with one more term; the simulator's own numbers are kept if possible, otherwise it is refitted."""
         return self._placed(model, term, self._vector(model, term))
 
-    @np.errstate(over="ignore", invalid="ignore")  # a size that is tried may make a simulator diverge
     def grow(self, model: SimulatorModel, begin: SimulatorModel, weigh: Any, *, again: bool = False) -> SimulatorModel:
         """Fit ``begin``, which is ``model`` with one more term, together with the simulator's numbers.
 
