@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from whsklearn.datasets import default_arm
-from whsklearn.effects import CableSpring, Coulomb
-from whsklearn.gap.plants.arm_terms import AtJoint, JointInertia, JointTerm, Load, Weight, candidates, present
+from whsklearn.effects import Backlash, CableSpring, Coulomb
+from whsklearn.gap.plants.arm_terms import AtJoint, JointInertia, JointTerm, Load, Weight, candidates, parts_of, present
 
 pytestmark = pytest.mark.usefixtures("library_effects")
 
@@ -93,3 +93,11 @@ def test_what_is_there_is_the_law_and_the_terms():
     there = present({"yaw": ("viscous",)}, [JointTerm(kind, (0.3,))])
     assert there == {"yaw": {"viscous", "coulomb"}}
     assert kind.effect((0.3,)) == Coulomb(0.3)
+
+
+def test_the_load_behind_a_known_play_is_all_that_is_not_the_motor():
+    arm = dataclasses.replace(default_arm(), armature=(0.02, 0.01)).with_effects({"yaw": [Backlash(0.01)]})
+    bare, (play,) = parts_of(arm)
+    whole = arm.mass_matrix(np.zeros((1, 2)))[0, 0, 0]
+    assert play.effect.load_share == pytest.approx(1.0 - 0.02 / whole)
+    assert all(e.name != "backlash" for e in bare.effects[0])
