@@ -26,7 +26,7 @@ from whsklearn.gap.plants.arm_terms import AtJoint, JointInertia, JointTerm, Loa
 from whsklearn.gap.plants.servo_candidates import ColumnSignals
 from whsklearn.gap.plants.servo_own import N_RECORDS
 from whsklearn.gap.plants.servo_two_mass import fine_steps, pushed
-from whsklearn.gap.record import MAD, Array, Segmented
+from whsklearn.gap.record import MAD, Array, Segmented, white_noise
 from whsklearn.identification.drive_lead import OLDEST
 from whsklearn.identification.joint_least_squares import SAME, Known, held_out
 from whsklearn.identification.payload import MASS
@@ -481,8 +481,7 @@ class ArmView(ArmRows):
 
     def read(self, path: Array, rng: np.random.Generator) -> Array:
         """A path, shape (n, n_joints), as the encoders would have read it."""
-        quiet = np.sqrt(np.maximum(self.noise**2 - self.grid**2 / 12.0, (0.3 * self.noise) ** 2))
-        out = path + quiet * rng.standard_normal(path.shape)
+        out = path + white_noise(self.noise, self.grid) * rng.standard_normal(path.shape)
         grid = np.where(self.grid > 0.0, self.grid, 1.0)
         return np.where(self.grid > 0.0, np.round(out / grid) * grid, out)
 

@@ -20,7 +20,7 @@ from whsklearn.gap.calibration import N_DRAWS, independent, null_rows
 from whsklearn.gap.diagnosis import ALPHA
 from whsklearn.gap.plants.servo_candidates import ColumnSignals as Motion
 from whsklearn.gap.plants.servo_model import HOLD, ServoHypothesis
-from whsklearn.gap.record import Array
+from whsklearn.gap.record import Array, white_noise
 from whsklearn.gap.search import HALF
 from whsklearn.identification.drive_lead import LATEST, OLDEST, earlier
 from whsklearn.systems._servo_kernel import DELAY, DRIVE, MEASURED, N_SIGNALS, RESOLUTION, How, PassInputs, run
@@ -69,8 +69,7 @@ def own_record(
     record, dt = view.record, view.scene.dt
     old = abs(delay) + sum(float(t.q[0]) for t in model.terms if t.kind.delays)
     w = min(2 * np.pi * min(LOOP, 0.03 / dt), STEADY / max(old, dt))
-    quiet = view.quantum / np.sqrt(12)
-    sigma = np.sqrt(max(view.noise**2 - quiet**2, (0.3 * view.noise) ** 2))
+    sigma = float(white_noise(view.noise, view.quantum))
     plant = model.plant()
     # a drive that was logged late acts before it is written: the loop runs ahead of the log
     late = int(np.ceil(max(-delay, 0.0) / dt))

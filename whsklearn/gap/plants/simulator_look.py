@@ -27,11 +27,9 @@ from whsklearn.gap.calibration import N_NULL, coloured, n_effective, smoothed_po
 from whsklearn.gap.nameless import nameless
 from whsklearn.gap.plants.servo_candidates import UNSEEN
 from whsklearn.gap.plants.variant import EffectVariant
-from whsklearn.gap.record import Array, noise_level
+from whsklearn.gap.record import LEAST_WHITE, Array, noise_level
 from whsklearn.gap.tangent import AT_ONCE, Family, Look, Tangent, strongest_lines
 from whsklearn.logs.check import lattice
-
-LEAST_WHITE = 0.3  # of the noise, beside the encoder's steps: as much as `servo_own.own_record` takes
 
 HIGHEST = 25.0  # Hz; above it, a second derivative contains only encoder noise
 DEPTHS = np.array([0.003, 0.01, 0.03, 0.08])  # by which a stop may yield, as a share of half the travel
