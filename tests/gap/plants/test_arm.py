@@ -207,6 +207,14 @@ def test_a_load_is_named_against_the_numbers_without_it(empty):
     assert GapFinder(empty.model).fit(record(random_state=3)).verdict_ == "no_gap"
 
 
+def test_the_place_of_a_heavy_load_is_not_bent_by_ages_that_stand_for_it(empty):
+    """Without the load the ages of the drives go to their limits, and from there its place came out 20 errors off."""
+    place = (0.3, -0.15, 0.1)
+    found = GapFinder(empty.model).fit(record(robot=ARM.with_body("pitch", 3.0, place), random_state=3)).effects_[0]
+    for (label, value), true in zip(found.parameters.items(), (3.0, *place), strict=True):
+        assert abs(value - true) < 4.0 * found.errors[label]
+
+
 @pytest.mark.parametrize(
     ("known", "robot", "effects"),
     [

@@ -167,7 +167,8 @@ class ArmPlant(Plant):
             view.weigh(model)
             for i, t in enumerate(model.terms):
                 if t.shape and (self.known is None or i >= model.n_base):
-                    rest = view.fit(model.without(i))
+                    # the ages as the shape leaves them: without a load they stand for it, at their limits
+                    rest = replace(view.fit(model.without(i)), timing=model.timing)
                     term = polished(view, self._tangent(rest, np.zeros((0, view.keep.size))), t)
                     model = view.fit(model.with_terms((*model.terms[:i], term, *model.terms[i + 1 :])))
         return self._centred(view.fit(model))
