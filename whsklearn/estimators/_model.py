@@ -18,7 +18,8 @@ from whsklearn.effects import FrictionLaw
 from whsklearn.effects.base import Array, Bools, Integers
 from whsklearn.effects.codes import VISCOUS
 from whsklearn.effects.rows import law_values
-from whsklearn.recursion.memory.blocks import ahead, denominator_of_l2, first_block, numerator_of_l2
+from whsklearn.recursion.batch.best_linear import filter_rows
+from whsklearn.recursion.memory.blocks import LARGEST, ahead, first_block
 from whsklearn.recursion.memory.linearised import jumps
 from whsklearn.systems.stability import is_stable
 
@@ -188,7 +189,7 @@ def predictions(
     d = natural[s.slices()[4]]
     d = inside(d) if horizon != 1 else d
     if horizon == 0:
-        return denominator_of_l2(v, d, restart)
+        return _from_rest(np.ones(1), np.append(1.0, d), v, restart)
     return ahead(v, np.ascontiguousarray(d), y, restart, horizon)
 
 
@@ -205,8 +206,15 @@ def _before_l2(natural: Array, s: Structure, u: Array, restart: Bools, covarianc
     values = law_values(s.law.codes, s.law.shapes, x, dx, math.inf)
     for weight, value, jumping in zip(w, values, jumps(s.law.codes), strict=True):
         v += weight * (value * certainty if jumping else value)
-    out = numerator_of_l2(v, c, restart)
+    v = np.clip(v, -LARGEST, LARGEST)
+    out = _from_rest(np.concatenate([[0.0, 1.0], c]), np.ones(1), v, restart)
     return out, np.where(dx == 0.0, 0.0, 0.5 * (1.0 - certainty))  # at rest the sign does not matter
+
+
+def _from_rest(b: Array, a: Array, signal: Array, restart: Bools) -> Array:
+    """b(q)/a(q) of a signal, from rest at the start of each experiment."""
+    bounds = np.unique(np.concatenate([[0], np.flatnonzero(restart), [signal.size]]))
+    return filter_rows(b, a, signal[None], bounds)[0]
 
 
 def shifted(u: Array, y: Array, restart: Bools, advance: int) -> tuple[Array, Array, Bools, NDArray[np.intp]]:

@@ -1,7 +1,7 @@
 """The two linear blocks of a chain along a record.
 
 L1 in one shared kernel: x from (1), its increment, and how certain its sign is; the starts, the scale of kappa, the
-least-squares rows for a fixed L1 and the free run all begin with it.  L2 in two parts: its numerator, its denominator.
+least-squares rows for a fixed L1 and the free run all begin with it.  L2's denominator where outputs are known.
 """
 
 from __future__ import annotations
@@ -93,49 +93,9 @@ def _advance_gradient(past, g, na, b, u_past, x_past, spread):
     return variance
 
 
-# --- L2 of (2) along a record ---------------------------------------------------------------------------------------
-def numerator_of_l2(v: Array, c: Array, restart: Bools) -> Array:
-    """The sum of v(t) and c_m v(t-m-1), in which each experiment begins at rest."""
-    out = np.zeros(v.size)
-    _weigh(out, v, c, restart)
-    return out
-
-
-@njit(error_model="numpy", counted=False, short=True)
-def _weigh(out, v, c, restart):
-    since = 0
-    for t in range(v.size):
-        if restart[t]:
-            since = 0
-        out[t] = min(max(v[t - 1], -LARGEST), LARGEST) if since > 0 else 0.0
-        for k in range(min(c.size, since - 1)):
-            out[t] += c[k] * min(max(v[t - 2 - k], -LARGEST), LARGEST)
-        since += 1
-
-
-def denominator_of_l2(v: Array, d: Array, restart: Bools) -> Array:
-    """y(t) = v(t) - sum d_n y(t-n)."""
-    y = np.zeros(v.size)
-    _divide(y, v, d, restart)
-    return y
-
-
-@njit(error_model="numpy", counted=False, short=True)
-def _divide(y, v, d, restart):
-    since = 0
-    for t in range(v.size):
-        if restart[t]:
-            since = 0
-        s = v[t]
-        for k in range(min(d.size, since)):
-            s -= d[k] * y[t - 1 - k]
-        y[t] = s
-        since += 1
-
-
 @njit(cache=True, error_model="numpy")
 def ahead(v, d, y, restart, horizon):
-    """The same from the outputs up to t - horizon, which are known."""
+    """y(t) = v(t) - sum d_n y(t-n) from the outputs up to t - horizon, which are known."""
     out = np.zeros(v.size)
     run = np.zeros(v.size)
     begin = 0
