@@ -110,8 +110,8 @@ def _number(value: float) -> str:
 class FittedModel(BaseEstimator):
     """A fitted model: its structure, its parameters with standard errors, and a text summary of both.
 
-    A subclass learns in ``fit`` and leaves ``state_``, a dict of arrays, from which
-    `_natural`, `_theta` and `_covariance` read the estimate.
+    A subclass learns in ``fit`` and leaves ``state_``, a dict of arrays, from which `_theta` and `_covariance` read the
+    estimate in the paper's order, or `_natural` and `_natural_covariance` that of the natural parameters.
     """
 
     lags: Any
@@ -152,16 +152,17 @@ class FittedModel(BaseEstimator):
         return wh.Structure(lags.dims(self.n_features_in_), self.n_features_in_, as_law(lags.law), key, lags.advance())
 
     def _theta(self) -> Array:
-        raise NotImplementedError
+        return wh.paper_vector(self._natural(), self._structure())
 
     def _natural(self) -> Array:
         return wh.natural_vector(self._theta(), self._structure())
 
     def _covariance(self) -> Array:
-        raise NotImplementedError
+        """By the delta method, as the other one."""
+        jacobian = wh.paper_jacobian(self._natural(), self._structure())
+        return jacobian @ self._natural_covariance() @ jacobian.T
 
     def _natural_covariance(self) -> Array:
-        """Covariance of the natural parameters, by the delta method."""
         jacobian = np.linalg.pinv(wh.paper_jacobian(self._natural(), self._structure()))
         return jacobian @ self._covariance() @ jacobian.T
 

@@ -92,6 +92,7 @@ class RecursiveRegressor(AxisRegressor):
             If a parameter, a shape or a number is invalid; the estimator is then unchanged.
         """
         with self._alone(), self._unchanged_if_refused():
+            self._drop_stream()
             self._keep_lags()
             self._check_parameters()
             given = joined(X, y, groups, sample_weight)
@@ -400,32 +401,37 @@ class RecursiveRegressor(AxisRegressor):
                 if held is not None:
                     held.let_go(self.state_)
 
+    def _structure(self) -> wh.Structure:
+        return getattr(self._stream or self._asked, "structure", None) or super()._structure()
+
     def _theta(self) -> Array:
         with self._lock:
-            return self._reader().theta(self.state_)
+            reader = self._reader()
+            return super()._theta() if reader.is_natural else reader.theta(self.state_)
 
     def _running(self) -> tuple[Array, wh.Structure]:
         with self._lock:
             reader = self._reader()
-            if isinstance(reader, (FullStream, PublishedStream)):
-                return reader.running(self.state_), reader.structure
-            return super()._running()
-
-    def _covariance(self) -> Array:
-        with self._lock:
-            return self._reader().covariance(self.state_)
+            return (
+                (reader.running(self.state_), reader.structure)
+                if isinstance(reader, FullStream)
+                else super()._running()
+            )
 
     def _natural(self) -> Array:
         with self._lock:
             reader = self._reader()
-            return reader.natural(self.state_) if isinstance(reader, FullStream) else super()._natural()
+            return reader.theta(self.state_) if reader.is_natural else super()._natural()
+
+    def _covariance(self) -> Array:
+        with self._lock:
+            reader = self._reader()
+            return super()._covariance() if reader.is_natural else reader.covariance(self.state_)
 
     def _natural_covariance(self) -> Array:
         with self._lock:
             reader = self._reader()
-            if isinstance(reader, FullStream):
-                return reader.natural_covariance(self.state_)
-            return super()._natural_covariance()
+            return reader.covariance(self.state_) if reader.is_natural else super()._natural_covariance()
 
     def _check_state(self, state: dict[str, Any]) -> None:
         """A state fits if it has the arrays of a fresh one; only the number of models may differ."""

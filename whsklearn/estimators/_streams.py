@@ -15,7 +15,7 @@ import numba
 import numpy as np
 
 from whsklearn.effects.base import Array, Bools
-from whsklearn.estimators._model import Structure, natural_vector, paper_jacobian, paper_vector
+from whsklearn.estimators._model import Structure
 from whsklearn.estimators._undo import Undo
 from whsklearn.recursion.memory import multistart
 from whsklearn.recursion.memory.posterior import has_posterior, posterior
@@ -48,6 +48,7 @@ def noise_variance(loss: Array, n_parameters: int) -> float:
 class OneEstimate:
     """A way of learning that keeps one theta with its P and no samples."""
 
+    is_natural = False  # whether `theta` holds natural parameters, not products in the paper's order
     ceiling: float  # of P
 
     def settle(self, state: State) -> None:
@@ -207,13 +208,11 @@ class PublishedStream(OneEstimate):
             )  # fmt: skip
         state["seen"] += len(y)
 
-    def running(self, state: State) -> Array:
-        """The natural parameters of the running recursion."""
-        return natural_vector(state["theta"], self.structure)
-
 
 class FullStream:
     """The exact gradient, several starts and a memory."""
+
+    is_natural = True
 
     def __init__(self, structure: Structure, settings: multistart.Settings):
         self.structure, self.settings = structure, settings
@@ -271,22 +270,13 @@ class FullStream:
         """Natural parameters, in the running recursion, of the model that gives the answer."""
         return state["theta"][multistart.answer(state)].copy()
 
-    def natural(self, state: State) -> Array:
-        """The posterior mean, or the parameters of the model that gives the answer."""
+    def theta(self, state: State) -> Array:
+        """The natural parameters: the posterior mean, or those of the model that gives the answer."""
         return self.estimate(state).mean.copy()
 
-    def theta(self, state: State) -> Array:
-        """The same as products, in the paper's order."""
-        return paper_vector(self.natural(state), self.structure)
-
-    def natural_covariance(self, state: State) -> Array:
+    def covariance(self, state: State) -> Array:
         """Covariance of the posterior, or noise variance times P."""
         return self.estimate(state).covariance.copy()
-
-    def covariance(self, state: State) -> Array:
-        """By the delta method."""
-        j = paper_jacobian(self.natural(state), self.structure)
-        return j @ self.natural_covariance(state) @ j.T
 
 
 AnyStream = RowsStream | PublishedStream | FullStream

@@ -194,13 +194,6 @@ class ChainRegressor(AxisRegressor):
     def _noise_filter(self, natural: Array, structure: wh.Structure) -> Array:
         return np.empty(0) if self._fits_free_run else super()._noise_filter(natural, structure)
 
-    def _theta(self) -> Array:
-        return wh.paper_vector(self._natural(), self._structure())
-
-    def _covariance(self) -> Array:
-        jacobian = wh.paper_jacobian(self._natural(), self._structure())
-        return jacobian @ self._natural_covariance() @ jacobian.T
-
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()
         tags.regressor_tags.poor_score = True
