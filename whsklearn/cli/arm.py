@@ -6,7 +6,7 @@ import json
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
@@ -21,7 +21,7 @@ from whsklearn.cli.arm_log import (
     robot_of,
     to_si,
 )
-from whsklearn.cli.axis_stream import AT_FIRST, LONGEST_STEP, head_of
+from whsklearn.cli.axis_stream import AT_FIRST, Learnt, head_of, without_holes
 from whsklearn.cli.job import say_where, table, tracker_for, wrapped, writable_file, writable_folder
 from whsklearn.cli.options import given
 from whsklearn.cli.records import long_segments, note, rows_of, warnings_as_notes
@@ -141,36 +141,14 @@ def identify(options: dict[str, Any]) -> None:
     say_where(tracker)
 
 
-class ArmStream(NamedTuple):
-    """Inputs of ``stream`` for an arm: estimator, columns, factors to SI, joints, longest and usual time step.
-
-    >>> from tempfile import TemporaryDirectory
-    >>> from whsklearn import Arm
-    >>> from whsklearn.models import ArmModel, save_model
-    >>> table = ArmModel(Arm.from_dh([(0, 0, 0, 0)], inertial=[[0.0] * 9 + [0.05]]), {"joint1.Izz": 0.05}, dt=0.01)
-    >>> options = {"source": "-", "time_column": None, "joints": "joint1:q,tau", "gains": None, "forgetting": 1.0}
-    >>> with TemporaryDirectory() as folder:
-    ...     save_model(table, f"{folder}/model.json")
-    ...     arm_stream({"robot": f"{folder}/model.json", **options}).columns
-    ['q', 'tau']
-    """
-
-    model: Any
-    columns: list[str]
-    factors: tuple[float, ...]
-    joints: tuple[str, ...]
-    max_step: float
-    arm: Any
-    dt: float
-
-
-def arm_stream(options: Mapping[str, Any]) -> ArmStream:
+def arm_stream(options: Mapping[str, Any]) -> Learnt:
     """``stream SOURCE --robot model.json``: recursive least squares that starts from the model's numbers.
 
     Joints are weighted by the torques that the model predicts; numbers that the motion does not excite keep their
     values.
     """
     from whsklearn import RigidBodyLags, RLSRegressor
+    from whsklearn.compare import at_an_alarm_of
     from whsklearn.logs.units import seconds_of, unit_of
     from whsklearn.models import load_model
 
@@ -198,7 +176,9 @@ def arm_stream(options: Mapping[str, Any]) -> ArmStream:
     columns = [*([time] if time else []), *(q for q, _ in pairs), *(u for _, u in pairs)]
     clock = seconds_of(unit_of(time, "s")) if time else 1.0
     scale = (*([clock] if time else []), *(far for far, _ in factors), *(by for _, by in factors))
-    return ArmStream(model, columns, scale, arm.joints, LONGEST_STEP * dt / clock, arm, dt)
+    compare = at_an_alarm_of(arm, None if time else dt)
+    rows = without_holes(time, dt) | {"outputs": arm.joints, "factors": scale}
+    return Learnt(model, columns, options["alarm_interval"], compare, rows)
 
 
 def known(share: float) -> float | None:

@@ -1,27 +1,34 @@
-"""The stream of an axis: whether a source's columns are one, and the model, the rate and the alarm that it takes."""
+"""What ``stream`` learns: an axis, if a source's columns are one, with its rate and its alarm; else a chain."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
+from whsklearn.cli.options import build_model
 from whsklearn.logs.errors import ColumnError
 
 AT_FIRST = 200  # rows from which the rate of a stream's file is estimated
 LONGEST_STEP = 2.5  # samples: a longer one begins a new experiment, because no derivative can bridge it
 
 
-class AxisStream(NamedTuple):
-    """Inputs of ``stream`` for an axis: estimator, columns in the order of a row, alarm, longest and usual time step.
+class Learnt(NamedTuple):
+    """Inputs of ``stream`` for one kind of system.
 
-    ``max_step`` is in the unit of the time column, ``dt`` in s.
+    ``model``, ``columns`` and ``alarm`` are the estimator, the columns in the order of a row, and the alarm or its
+    interval; ``compare`` compares rows after an alarm, and ``rows`` holds `whsklearn.streaming.Options` of this kind.
+
+    >>> options = {"source": "-", "inputs": ["u"], "output": "y", "time_column": None, "rate": 100.0, "law": "reduced"}
+    >>> options |= {"estimator": "rls", "orders": (2, 2, 2, 2), "p": 1, "forgetting": 1.0, "seed": 0}
+    >>> chain_stream(options | {"alarm_interval": 1e6}).columns
+    ['u', 'y']
     """
 
     model: Any
     columns: list[str]
     alarm: Any
-    max_step: float
-    dt: float
+    compare: Any
+    rows: dict[str, Any]
 
 
 def head_of(source: str, time: str | None) -> tuple[list[str], float | None]:
@@ -61,16 +68,16 @@ def head_of(source: str, time: str | None) -> tuple[list[str], float | None]:
     return names, step if step > 0.0 else None
 
 
-def axis_stream(options: Mapping[str, Any], chosen: set[str], say: Any) -> AxisStream | None:
+def axis_stream(options: Mapping[str, Any], chosen: set[str], say: Any) -> Learnt | None:
     """``stream SOURCE``: recursive least squares of an axis if the columns are its drive and its position.
 
     ``chosen``: the options given on the command line; those of a chain ask for one. ``say``: called with the sentence
     that tells what is taken, and why it is not an axis where the columns alone would be one.
     """
     from whsklearn import InverseDynamicsLags, RLSRegressor
+    from whsklearn.compare import at_an_alarm
     from whsklearn.lags.axis_rows import effect_terms
     from whsklearn.logs.roles import says
-    from whsklearn.logs.units import seconds_of, unit_of
     from whsklearn.streaming.monitor import alarm_of_averages
 
     source, time, rate, inputs = (options[k] for k in ("source", "time_column", "rate", "inputs"))
@@ -105,5 +112,24 @@ def axis_stream(options: Mapping[str, Any], chosen: set[str], say: Any) -> AxisS
         f"A change is told from {first:.3g} s of motion on; where the axis stops or turns within "
         f"{2e3 * lags.spacing * dt:.3g} ms, none counts."
     )
+    columns = [*([time] if time else []), position, drive]
+    compare = at_an_alarm(columns, None if time else dt)
+    return Learnt(model, columns, alarm, compare, without_holes(time, dt) | {"position": int(bool(time))})
+
+
+def without_holes(time: str | None, dt: float) -> dict[str, Any]:
+    """How rows are taken of which derivatives are made: a bad one, or a step of some ``dt`` s, ends the experiment."""
+    from whsklearn.logs.units import seconds_of, unit_of
+
     clock = seconds_of(unit_of(time, "s")) if time else 1.0
-    return AxisStream(model, [*([time] if time else []), position, drive], alarm, LONGEST_STEP * dt / clock, dt)
+    return {"restart_after_hole": True, "max_step": LONGEST_STEP * dt / clock}
+
+
+def chain_stream(options: Mapping[str, Any]) -> Learnt:
+    """``stream SOURCE``: a chain from its inputs to its output."""
+    from whsklearn.compare import at_an_alarm
+
+    time, rate = options["time_column"], options["rate"]
+    columns = [*([time] if time else []), *options["inputs"], options["output"]]
+    compare = at_an_alarm(columns, 1.0 / rate if rate else None) if time or rate else None
+    return Learnt(build_model(options), columns, options["alarm_interval"], compare, {})

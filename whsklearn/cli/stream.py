@@ -25,7 +25,6 @@ from whsklearn.cli.options import (
     NEW_FILE,
     POSITIVE,
     FiniteRange,
-    build_model,
     joint_options,
     model_options,
     rate_option,
@@ -82,54 +81,34 @@ def main(**options: Any) -> None:
 
 def _prepared(options: dict[str, Any]) -> Callable[[], None]:
     """What runs the stream that the options ask for; imports, which take seconds, are done here."""
-    from whsklearn.cli.axis_stream import axis_stream
-    from whsklearn.compare import at_an_alarm, at_an_alarm_of
+    from whsklearn.cli.axis_stream import axis_stream, chain_stream
     from whsklearn.streaming import Files, Options, run_stream
 
-    source, robot, timed, rate = (options[k] for k in ("source", "robot", "time_column", "rate"))
+    source, robot, timed = (options[k] for k in ("source", "robot", "time_column"))
     say = functools.partial(click.echo, err=True)
     source_of = click.get_current_context().get_parameter_source
     chosen = {name for name in options if source_of(name) == ParameterSource.COMMANDLINE}
-    dt = 1.0 / rate if rate else None  # of rows without a time
-    kept = options["checkpoint"] or Path("stdin.whs" if source == "-" else f"{source}.whs")
-    max_step, hole = options["max_step"] or math.inf, options["hole"]
     axis = None
     if not robot:
         refuse_without_robot(options)
         axis = axis_stream(options, chosen, say)
-    if timed and rate and not axis:
+    if timed and options["rate"] and not axis:
         raise click.UsageError("--rate is for rows without a time; leave out --time or --rate.")
-    outputs: tuple[str, ...] = ("",)
-    alarm: Any = options["alarm_interval"]
-    factors: tuple[float, ...] = ()
     if robot:
         from whsklearn.cli.arm import arm_stream
 
-        of_chain = [name for name in OF_A_CHAIN if name in chosen]
-        if of_chain:
+        if of_chain := [name for name in OF_A_CHAIN if name in chosen]:
             raise click.UsageError(f"--robot is an arm's model, to which {of_chain[0]} does not apply; leave it out.")
-        arm = arm_stream(options)
-        model, columns, factors, outputs = arm.model, arm.columns, arm.factors, arm.joints
-        max_step, hole = min(max_step, arm.max_step), "restart"
-        compare: Any = at_an_alarm_of(arm.arm, None if timed else arm.dt)
-    elif axis:
-        model, columns, alarm = axis.model, axis.columns, axis.alarm
-        max_step, hole = min(max_step, axis.max_step), "restart"
-        compare = at_an_alarm(columns, None if timed else axis.dt)
-    else:
-        model = build_model(options)
-        columns = [*([timed] if timed else []), *options["inputs"], options["output"]]
-        compare = at_an_alarm(columns, dt) if timed or dt else None
-    rows = Options(
-        options["every"], options["predictions"], options["bad_rows"] == "refuse", hole == "restart", max_step,
-        options["smallest_change"], options["most_held"], bool(timed), outputs, factors,
-        int(bool(timed)) if axis else None,
-    )  # fmt: skip
+    learnt = arm_stream(options) if robot else axis or chain_stream(options)
+    max_step = min(options["max_step"] or math.inf, learnt.rows.get("max_step", math.inf))
+    asked = {k: options[k] for k in ("every", "predictions", "smallest_change", "most_held")}
+    asked |= {"refuse": options["bad_rows"] == "refuse", "restart_after_hole": options["hole"] == "restart"}
+    rows = Options(**asked | learnt.rows | {"max_step": max_step, "timed": bool(timed)})
     files = Files(
-        source, options["out"], kept, options["follow"], options["fresh"], options["checkpoint_every"],
-        options["disk_full"] == "stop",
+        source, options["out"], options["checkpoint"] or Path("stdin.whs" if source == "-" else f"{source}.whs"),
+        options["follow"], options["fresh"], options["checkpoint_every"], options["disk_full"] == "stop",
     )  # fmt: skip
     return functools.partial(
-        run_stream, model, columns, files, rows, alarm, compare=compare, root=root() if options["track"] else None,
-        say=say,
+        run_stream, learnt.model, learnt.columns, files, rows, learnt.alarm, compare=learnt.compare,
+        root=root() if options["track"] else None, say=say,
     )  # fmt: skip
