@@ -35,7 +35,7 @@ def main(**options: Any) -> None:
 
     from whsklearn.logs.errors import LogError
     from whsklearn.logs.files import atomic_write
-    from whsklearn.logs.units import UNKNOWN, UNSTATED
+    from whsklearn.logs.units import UNSTATED
     from whsklearn.metrics import nmse, rmse
     from whsklearn.models import load_model
 
@@ -53,14 +53,7 @@ def main(**options: Any) -> None:
             f"The model has a sample every {model.dt:.6g} s, the log every {1 / log.sample_rate:.6g} s; give a log at "
             "the model's rate."
         )
-    drive, unit = log.units["drive"], log.units["position"]
-    for column, role in (("input", "drive"), ("output", "position")):
-        if {log.units[role], model.units.get(column, UNKNOWN)} & UNSTATED:
-            known = {log.units[role], model.units.get(column, UNKNOWN)} - UNSTATED
-            note(
-                f"The unit of the {role} is not stated by {'the log' if known else 'log or model'}; it is taken for "
-                f"{known.pop() if known else 'that of the model, SI'}."
-            )
+    drive, unit = note_unstated(log, model)
     by, far = model.column_factor("input", drive), model.column_factor("output", unit)
     if options["skip"] >= (longest := int(np.bincount(log.groups).max())) - 1:
         raise WrongOption(f"--skip is {options['skip']}, and the longest segment has {longest} samples; skip fewer.")
@@ -91,6 +84,21 @@ def main(**options: Any) -> None:
         )
         click.echo(wrapped(bad + (grows if model.kind == "axis" and model.logged == "position" else "")))
     click.echo(f"Written: {out}{': ' if told else ''}{', '.join(told)}")
+
+
+def note_unstated(log: Any, model: Any) -> tuple[str, str]:
+    """The units of drive and position in a log; a note on each that the log or the model does not state."""
+    from whsklearn.logs.units import UNKNOWN, UNSTATED
+
+    for column, role in (("input", "drive"), ("output", "position")):
+        units = {log.units[role], model.units.get(column, UNKNOWN)}
+        if units & UNSTATED:
+            known = units - UNSTATED
+            note(
+                f"The unit of the {role} is not stated by {'the log' if known else 'log or model'}; it is taken for "
+                f"{known.pop() if known else 'that of the model, SI'}."
+            )
+    return log.units["drive"], log.units["position"]
 
 
 def state_of(model: Any, u: Any, measured: Any) -> dict[str, float]:
