@@ -95,7 +95,7 @@ class Saturation(_DriveEffect):
     """
 
     limit: float = number(
-        1.0, "Nm", 1e-3, 1e4, log=True, scale="peak", span=(0.01, 1.1), starts=(0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
+        1.0, "Nm", 1e-3, 1e4, log=True, scale="peak", span=(1e-4, 1.1), starts=(0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
     )
 
     name = "saturation"

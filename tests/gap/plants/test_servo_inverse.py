@@ -158,11 +158,23 @@ def mostly_limited():
     return ServoRecord(r.time, r.drive, r.position)
 
 
-def test_a_limit_that_is_nearly_always_reached_is_named(mostly_limited):
-    """The base model has several times the inertia, and a limit of zero would leave nothing to explain either."""
-    finder = GapFinder("servo").fit(mostly_limited)
+def test_a_limit_is_named_under_a_controller_that_winds_up():
+    """It asks for 4,000 times the limit; the base model has 160 times the inertia, and no limit leaves nothing."""
+    goals = np.repeat(np.random.default_rng(0).uniform(-0.8, 0.8, 24), 400)
+    winding_up = PIDController(kp=100.0, ki=200.0, kd=5.0)
+    law = [Viscous(0.05), Coulomb(0.1)]
+    axis = ServoAxis(inertia=0.04, law=law, effects=[Saturation(0.5)], controller=winding_up, sample_rate=RATE)
+    r = axis.simulate(goals, random_state=0)
+    assert np.abs(r.drive).max() > 1000.0
+    finder = GapFinder("servo").fit(ServoRecord(r.time, r.drive, r.position))
     assert (finder.verdict_, [e.name for e in finder.effects_]) == ("named", ["saturation"])
-    assert finder.effects_[0].effect.limit == pytest.approx(0.7, rel=0.01)
+    assert finder.effects_[0].effect.limit == pytest.approx(0.5, rel=0.01)
+
+
+def test_a_dead_zone_of_the_whole_drive_explains_nothing(plain):
+    view, model = start_of(plain, ("viscous",), 0.004)
+    dead = ServoTerm(candidate("dead_zone"), (1.01 * float(np.abs(plain.drive).max()),))
+    assert view.rms(view.gap(model.with_term(dead))) == pytest.approx(view.rms(view.gap(model)))
 
 
 def test_beside_a_limit_that_leaves_little_of_the_drive_nothing_is_named(mostly_limited):

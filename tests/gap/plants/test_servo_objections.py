@@ -46,9 +46,11 @@ def test_a_limit_is_none_if_what_it_leaves_is_not_explained(limit, mean, missing
     drive = unit * (mean + np.sin(2 * np.pi * 0.7 * T))
     limit *= abs(unit)
     left = beside_its_sign(limit, drive)[0]
-    gap = missing * left + 1e-9 * drive
+    grown = 4.0  # of all that reaches the axis, a gap is the same share as of the drive as logged
+    gap = grown * (missing * left + 1e-9 * drive)
     model = SimpleNamespace(terms=[SimpleNamespace(kind=SimpleNamespace(code=codes.SATURATION), q=(limit,))])
     view = SimpleNamespace(
-        record=SimpleNamespace(drive=drive), gap=lambda m: gap, rms=rms, blur=lambda x: x, at=slice(None)
-    )
+        record=SimpleNamespace(drive=drive), gap=lambda m: gap, rms=rms, blur=lambda x: x, at=slice(None),
+        target=lambda m: (drive, grown),
+    )  # fmt: skip
     assert bool(always_limited(view, model, 0)) == refused

@@ -231,9 +231,9 @@ class ServoPlant(Plant):
         return not new <= old < np.inf  # they are equal if the drive reaches its limit in held-out samples only
 
     def _weighs(self, model: ServoHypothesis) -> bool:
-        """Whether the inertia accounts for a considerable share of the drive; otherwise a free run shows nothing."""
+        """Whether inertia is a considerable share of the drive that reaches the axis; else a free run shows nothing."""
         acceleration = np.gradient(self.inverse.motion.velocity, self.inverse.scene.dt)
-        return model.inertia * rms(acceleration) > self.tolerance * self.scale
+        return model.inertia * rms(acceleration) > self.tolerance * self.scale / self.inverse.target(model)[1]
 
     def _horizons(self, model: ServoHypothesis) -> tuple[float, tuple[float, ...]]:
         """(headline, all) horizons at which this model can be simulated (`servo_run.predictable`)."""

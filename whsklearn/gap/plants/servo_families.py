@@ -85,7 +85,10 @@ class Scene:
         before, lost = (
             self.view.before_lag(self.model, self.view.blur(u))[self.at] for u in (self.drive, self.drive - changed)
         )
-        return lost[:, None, None], self.view.rms(before - lost) / max(self.view.rms(before), 1e-300)
+        share = self.view.rms(before - lost) / max(self.view.rms(before), 1e-300)
+        if self.view.artefact is not None:  # in proportion to the model's numbers, and with them to what reaches it
+            lost = lost - (1.0 - share) * self.view.artefact
+        return lost[:, None, None], share
 
 
 def looks(
@@ -108,6 +111,10 @@ def looks(
     own_columns = x[view.at][:, : view.sizes(model).size]  # without the age, which is the rate
     numbers = own_columns[:, free[: own_columns.shape[1]]]
     timed = Tangent(left, own.null, np.column_stack([numbers, rate]), own.n_effective, told)
+    # A limit changes what the model must explain, so it is not beside the residual, which holds the second order of
+    # the age: of a model with thirteen times the inertia that was as much as all that a controller's wind-up left.
+    drive, share = view.target(model)
+    whole = dataclasses.replace(timed, left=share * drive[view.at] - (0.0 if view.artefact is None else view.artefact))
     other_way = acceleration_tangent(view, model, np.random.default_rng(0))
     acceleration, beside_it = regression(view, model)
 
@@ -117,8 +124,12 @@ def looks(
         by_chance = 1.0 / other_way.n  # the mean of a squared correlation
         return mutual(acceleration, grown) > mutual(acceleration, beside_it) - by_chance
 
+    def directions(f: Family, of_place: bool) -> list[Tangent]:
+        """The regressions in which a family is looked for."""
+        return [whole if f.offset else timed, *([other_way] if of_place else [])]
+
     asked = [
-        (f, better(looks_at(f, timed, *([other_way] if of_place else [])), other_way.n, missing, there))
+        (f, better(looks_at(f, *directions(f, of_place)), other_way.n, missing, there))
         for f, of_place in families(scene, waves)
     ]
     out = [look for _, look in asked]
@@ -243,14 +254,15 @@ def couplings(scene: Scene, kind: Candidate) -> Blocks:
 
 def limits(scene: Scene, kind: Candidate) -> Blocks:
     """What a limit or a dead zone removes from the drive; enough must remain, as the axis moves, to fit it."""
-    view, u = scene.view, scene.drive
-    for width in np.geomspace(*kind.ranged(view.scene)[0], N_LIMITS):
+    view, u, numbers = scene.view, scene.drive, scene.model.vector().size
+    low, high = kind.ranged(view.scene)[0]
+    if kind.code == k.SATURATION:  # a peak may be a thousand times a limit, where a controller winds up
+        low = max(low, float(np.quantile(np.abs(u[:: view.every][view.at]), min(numbers / view.n_effective, 1.0))))
+    for width in np.geomspace(low, high, N_LIMITS):
         changed = reaching(ServoTerm(kind, (float(width),)), u, view.motion, view.scene.dt)
-        flat = (np.abs(np.diff(changed, append=np.inf)) <= 1e-9 * np.abs(np.diff(u, append=np.inf)))[:: view.every]
-        if view.n_effective * (1.0 - np.mean(flat[view.at])) < scene.model.vector().size + 1:
-            continue
-        columns, share = scene.transformed(changed)
-        yield [(float(width),)], columns, share
+        if view.varies(changed, numbers):
+            columns, share = scene.transformed(changed)
+            yield [(float(width),)], columns, share
 
 
 def ages(scene: Scene, kind: Candidate) -> Blocks:

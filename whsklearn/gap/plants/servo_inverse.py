@@ -296,7 +296,7 @@ class InverseView:
         Residuals are therefore compared as shares of the drive that reaches the axis.
         """
         u = self.reaching(model)
-        if u is self.record.drive:
+        if u is self.record.drive or not self.varies(u, model.vector().size):
             return self.drive.copy(), 1.0
         reaches = self.before_lag(model, self.blur(u))
         return reaches, self.rms(self.drive[self.at]) / max(self.rms(reaches[self.at]), 1e-300)
@@ -308,6 +308,14 @@ class InverseView:
             if t.kind.transforms:
                 u = reaching(t, u, self.motion, self.scene.dt)
         return u
+
+    def varies(self, u: Array, numbers: int) -> bool:
+        """Whether what reaches the axis, at full rate, changes at more independent judged samples than ``numbers``.
+
+        A dead zone of the whole drive leaves nothing, which any model explains.
+        """
+        flat = np.abs(np.diff(u, append=np.inf)) <= 1e-9 * np.abs(np.diff(self.record.drive, append=np.inf))
+        return bool(self.n_effective * (1.0 - np.mean(flat[:: self.every][self.at])) > numbers)
 
     def _sizes(
         self, x: Array, target: Array, positive: NDArray[np.bool_], away: Array | None
@@ -526,7 +534,8 @@ def always_limited(view: InverseView, model: ServoHypothesis, index: int) -> str
         if term.kind.code != codes.SATURATION or term.q[0] <= 0.0:
             continue
         rest, share = beside_its_sign(term.q[0], view.record.drive)
-        if i == index and view.rms(view.gap(model)) >= view.rms(view.blur(rest)[view.at]):
+        missing = view.rms(view.gap(model)) / view.target(model)[1]  # a gap is a share of the drive as logged
+        if i == index and missing >= view.rms(view.blur(rest)[view.at]):
             return "what it leaves of the drive beside its sign is less than what is missing"
         if i != index and share < LEAST_DETAIL:
             return (
