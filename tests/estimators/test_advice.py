@@ -75,7 +75,7 @@ def test_nothing_is_said_where_the_model_can_have_the_constant_or_the_input_stan
     [
         RMILSRegressor(WienerHammersteinLags(law="polynomial"), random_state=0),
         PEMRegressor(WienerHammersteinLags(), n_starts=1, random_state=0),
-        PEMRegressor(criterion="simulation"),
+        PEMRegressor(WienerHammersteinLags(1, 1, 1, 0, law="linear"), criterion="simulation"),
     ],
 )
 def test_a_free_run_that_leaves_more_than_it_explains_is_told(model):
