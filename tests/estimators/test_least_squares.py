@@ -19,7 +19,7 @@ from whsklearn.datasets import make_wiener_hammerstein
 from whsklearn.effects import Coulomb
 from whsklearn.effects.law import piecewise_linear_law, polynomial_law, smooth_law
 from whsklearn.metrics import nmse
-from whsklearn.recursion.memory.posterior import posterior
+from whsklearn.recursion.memory.multistart import posterior
 
 
 def test_it_is_batch_least_squares():

@@ -10,7 +10,17 @@ from tests.recursion.reruns import replay
 from whsklearn import WienerHammersteinSystem
 from whsklearn.datasets import make_wiener_hammerstein
 from whsklearn.recursion.memory.gauss_newton import Memory, new_work
-from whsklearn.recursion.memory.linearised import Pass, curvature, deviation, empty_rows, filtered, jumps, listed
+from whsklearn.recursion.memory.linearised import (
+    Pass,
+    curvature,
+    deviation,
+    empty_rows,
+    entries,
+    experiments,
+    filtered,
+    heights,
+    jumps,
+)
 from whsklearn.recursion.rows.predictor import record_errors, state_size
 
 EXAMPLE = WienerHammersteinSystem.example()
@@ -28,6 +38,13 @@ def record():
     u = np.concatenate([np.zeros((HISTORY, 1)), X])
     y = np.concatenate([np.zeros(HISTORY), y])
     return Memory(np.zeros(state_size(DIMS)), u, y, restart, N, HISTORY, 1, np.ones(N))
+
+
+def listed(rows, record, chosen, theta=TRUTH, first=0):
+    """The signs of the samples ``chosen``."""
+    experiment = experiments(record)
+    bent = curvature(filtered(rows.gradient, record.restart, LAW, theta), experiment, LAW, chosen)
+    return entries(rows, experiment, chosen, np.ones(N), first, (bent, heights(rows, chosen, LAW)), int(DIMS[2]))
 
 
 def linearised(record, theta):
@@ -69,7 +86,7 @@ def test_it_goes_on_from_a_state_as_if_it_had_read_what_came_before(record):
 
 def test_a_sign_enters_the_rows_after_it_but_for_those_of_another_experiment(record):
     rows = linearised(record, TRUTH)
-    signs = listed(rows, record, np.array([10, 138, 139, N - 1]), LAW, TRUTH, np.ones(N), first=1000)
+    signs = listed(rows, record, np.array([10, 138, 139, N - 1]), first=1000)
     # the last one enters rows of the next page, 1300 and 1301, which are not known yet
     assert signs.at.tolist() == [[1011, 1012], [1139, -1], [-1, -1], [-1302, -1303]]
     np.testing.assert_array_equal(signs.rows[0], rows.psi[11:13])
@@ -79,7 +96,7 @@ def test_a_sign_enters_the_rows_after_it_but_for_those_of_another_experiment(rec
 
 def test_the_last_sign_of_a_page_enters_the_first_rows_of_the_next_one(record):
     rows = linearised(record, TRUTH)
-    signs = listed(rows, record, np.array([10, N - 2, N - 1]), LAW, TRUTH, np.ones(N), first=0)
+    signs = listed(rows, record, np.array([10, N - 2, N - 1]))
     psi, restart = np.random.default_rng(0).standard_normal((4, TRUTH.size + 1)), np.zeros(4, dtype=bool)
     met = signs.met(psi, restart, N)
     assert met.at.tolist() == [[11, 12], [N - 1, N], [N, N + 1]]
@@ -95,7 +112,7 @@ def test_the_last_sign_of_a_page_enters_the_first_rows_of_the_next_one(record):
 def test_signs_move_with_the_parameters_to_second_order(record, theta):
     chosen = np.arange(N)
     here = linearised(record, theta)
-    signs = listed(here, record, chosen, LAW, theta, np.ones(N), first=0)
+    signs = listed(here, record, chosen, theta)
     errors = []
     for size in (4e-3, 2e-3):
         delta = np.zeros(theta.size)

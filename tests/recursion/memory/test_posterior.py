@@ -14,7 +14,6 @@ from whsklearn.datasets import make_wiener_hammerstein
 from whsklearn.effects.law import reduced_law
 from whsklearn.metrics import nmse
 from whsklearn.recursion.memory import multistart
-from whsklearn.recursion.memory import posterior as memory_posterior
 from whsklearn.recursion.memory.linearised import CAPACITY, Signs
 from whsklearn.recursion.memory.posterior import flattened, has_posterior, initial_past, moved, stored, unpacked
 from whsklearn.recursion.memory.settings import Settings
@@ -122,7 +121,7 @@ def test_a_mean_that_moves_is_followed():
 
 @pytest.mark.parametrize(
     ("step", "rounds"),
-    [(0.0, memory_posterior.ROUNDS), (0.4, memory_posterior.MOST_ROUNDS), (2.0, memory_posterior.MOST_ROUGH + 1)],
+    [(0.0, multistart.ROUNDS), (0.4, multistart.MOST_ROUNDS), (2.0, multistart.MOST_ROUGH + 1)],
     ids=["a mean that stays", "one that creeps", "one that wanders"],
 )
 def test_a_mean_that_creeps_is_followed_longer_than_one_that_wanders(monkeypatch, step, rounds):
@@ -134,8 +133,8 @@ def test_a_mean_that_creeps_is_followed_longer_than_one_that_wanders(monkeypatch
         sd = np.sqrt(np.diag(start.covariance))
         return start._replace(mean=problem.theta + step * sd * (-1) ** len(asked))
 
-    monkeypatch.setattr(memory_posterior, "sample", sample)
-    memory_posterior.posterior(model.state_, model._stream.settings, multistart.answer(model.state_))
+    monkeypatch.setattr(multistart, "sample", sample)
+    multistart.posterior(model.state_, model._stream.settings, multistart.answer(model.state_))
     assert len(asked) == rounds
     assert not asked[-1]
     assert asked == sorted(asked, reverse=True)
@@ -147,8 +146,8 @@ def test_a_mean_at_which_the_record_does_not_fit_is_not_told(monkeypatch):
     def sample(problem, start, rng, *, rough):
         return start._replace(mean=problem.theta + 30.0 * np.sqrt(np.diag(start.covariance)))
 
-    monkeypatch.setattr(memory_posterior, "sample", sample)
-    assert memory_posterior.posterior(model.state_, model._stream.settings, multistart.answer(model.state_)) is None
+    monkeypatch.setattr(multistart, "sample", sample)
+    assert multistart.posterior(model.state_, model._stream.settings, multistart.answer(model.state_)) is None
 
 
 def squared_errors(r, theta, X, y):

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.recursion.memory.test_linearised import DIMS, LAW, TRUTH, N, linearised, record
-from whsklearn.recursion.memory.linearised import listed
-from whsklearn.recursion.memory.posterior import NEAR
+from tests.recursion.memory.test_linearised import DIMS, TRUTH, N, linearised, listed, record
+from whsklearn.recursion.memory.multistart import NEAR
 from whsklearn.recursion.memory.sign_posterior import (
     by_reach,
     frozen,
@@ -78,12 +77,12 @@ n = TRUTH.size
 def problem(record):
     rows = linearised(record, TRUTH)
     chosen = np.arange(N - 2)
-    signs = listed(rows, record, chosen, LAW, TRUTH, np.ones(N), first=0)
+    signs = listed(rows, record, chosen)
     return posed(rows.psi.T @ rows.psi, TRUTH, DIMS, N, signs)
 
 
 def curvature(record):
-    return listed(linearised(record, TRUTH), record, np.arange(N), LAW, TRUTH, np.ones(N), first=0).curvature
+    return listed(linearised(record, TRUTH), record, np.arange(N)).curvature
 
 
 def scratch(p):

@@ -178,18 +178,6 @@ class Pass:
         self.rows.gradient[first : self.done] = x[:, 1:] - before[:, 1:]
 
 
-def listed(
-    rows: Rows, record: Memory, chosen: NDArray[np.intp], law: Law, theta: Array, weights: Array, first: int
-) -> Signs:
-    """Entries for the samples ``chosen`` of ``rows`` at ``theta``, whose [psi, e] are already weighted.
-
-    ``first`` is the number of samples of the stream before the record.
-    """
-    experiment = experiments(record)
-    bent = curvature(filtered(rows.gradient, record.restart, law, theta), experiment, law, chosen)
-    return entries(rows, experiment, chosen, weights, first, (bent, heights(rows, chosen, law)), int(law[0][2]))
-
-
 def experiments(record: Memory) -> Integers:
     """The number of the experiment of each sample, shape (n,)."""
     return np.cumsum(record.restart[: record.fill], dtype=np.int64)
@@ -250,7 +238,11 @@ def entries(
     rows: Rows, experiment: Integers, chosen: NDArray[np.intp], weights: Array, first: int,
     at_sign: tuple[Array, Array], n_c: int,
 ) -> Signs:  # fmt: skip
-    """`listed`, from the ``experiment`` of each sample, and the curvature and the `heights` at each sign."""
+    """Entries for the samples ``chosen`` of ``rows``, whose [psi, e] are already weighted.
+
+    ``experiment`` is that of each sample, ``at_sign`` the curvature and the `heights` at each sign, and ``first`` the
+    number of samples of the stream before the record.
+    """
     dx, (bent, height) = rows.motion[chosen, 1], at_sign
     after = chosen[:, None] + 1 + np.arange(n_c)
     there = after < experiment.size

@@ -1,10 +1,10 @@
-"""Posterior of a stream: the samples in memory, and a summary of the earlier pages.
+"""What the posterior of a stream consists of: the samples in memory, and a summary of the earlier pages.
 
 When a page is turned, M is kept, linearised at the parameters of that time, together with the signs that
 are still in doubt.  Both can be moved to another theta_0, because e is linear while no sign flips and dx is
 expanded to second order: M -> T' M T with T = [I; -delta'], dx += g' delta + delta' H delta / 2, g += H delta.
 The posterior of a stream of any length therefore costs no more than that of its memory.  It is computed on
-request, not at every sample.
+request (`whsklearn.recursion.memory.multistart.posterior`), not at every sample.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.effects.base import Array, Integers
-from whsklearn.recursion.memory.gauss_newton import Memory, Work, new_work
+from whsklearn.recursion.memory.gauss_newton import Memory, Work
 from whsklearn.recursion.memory.linearised import (
     CAPACITY,
     IN_DOUBT,
@@ -24,31 +24,13 @@ from whsklearn.recursion.memory.linearised import (
     Signs,
     deviation,
     empty_rows,
-    listed,
 )
-from whsklearn.recursion.memory.refit import count_of, left_of_prior, memory_of, weights_of
+from whsklearn.recursion.memory.refit import memory_of
 from whsklearn.recursion.memory.settings import Settings, State
-from whsklearn.recursion.memory.sign_posterior import Gaussian, frozen, posed, sample
+from whsklearn.recursion.memory.sign_posterior import Gaussian
 from whsklearn.recursion.rows.predictor import state_size
 
 Indices = NDArray[np.intp]
-
-ROUNDS = 3  # linearisations of the memory at least; the second is at the mean of the first
-# Most linearisations made while the mean still moves.  A record with 500 signs in doubt needed five; with fewer, its
-# mean fitted worse than the start (benchmarks/accuracy.py --section systems, seed 35: ten times the error).
-MOST_ROUNDS = 16
-# The mean counts as moving if it changes by more than this many standard deviations in a round; sampling alone changes
-# it by a tenth.  Along a pole that a zero nearly cancels it moves slowly: with 0.5 here, seed 21 of these systems ended
-# ten standard deviations off.
-MOVED = 0.25
-# The first rounds only find where to linearise, and a few sweeps are enough for that; with 500 signs in doubt they
-# were the most expensive ones.  Once a step is below this many standard deviations, rounds use all sweeps.
-NEAR = 0.5
-# After this many rounds a mean that still takes longer steps is accepted, after one more round with all sweeps.  Of
-# 250 random systems (benchmarks/accuracy.py --section systems, seeds 0 to 249) 248 finished within six rounds in all;
-# if the record does not determine the parameters, the mean never settles.
-MOST_ROUGH = 8
-WORSE = 1.02  # ratio of squared errors at the mean to those at theta_0 above which the linearisation is not valid
 
 
 def has_posterior(r: Settings) -> bool:
@@ -164,19 +146,6 @@ class Linearisation:
         psi *= np.sqrt(self.weights[self._segment, None])
         self.matrix += psi.T @ psi
 
-    def joined(self, about: Gaussian | None = None) -> tuple[Array, Signs, float]:
-        """M, the signs in doubt and the number of samples, for the past and the memory together.
-
-        Whether a sign is in doubt is judged by the covariance ``about``, or else by that with the signs frozen.
-        """
-        left, n = left_of_prior(self.state, self.stop), count_of(self.state, self.stop)
-        matrix, count = self.with_past(left, n)
-        old = self.met(self.moved_here(self.past_signs(left)))
-        about = about or frozen(matrix, self.theta, count)
-        kept, chosen = self.in_doubt(old, self.doubt(about), about)
-        new = listed(self.rows, self.record, chosen, self.settings.law, self.theta, self.weights, self.first)
-        return matrix, old.take(kept).joined(new), count
-
     def with_past(self, left: float, count: float) -> tuple[Array, float]:
         """M and the number of samples for past and memory together.
 
@@ -232,52 +201,3 @@ class Linearisation:
         """The summary of a page for later ones, without its signs (`stored`), as the state stores it."""
         past = {"past_matrix": matrix, "past_theta": self.theta.copy(), "past_count": np.array([count])}
         return past | {"past_origin": self._pass.end.copy()}
-
-
-def posterior(state: State, r: Settings, s: int) -> Gaussian | None:
-    """Mean and covariance of the parameters of model ``s`` from all samples, or None if there is no posterior.
-
-    Where a page had more signs in doubt than are kept, the rest counts as settled, and the summary is blind to those
-    that turn; where samples are forgotten, it may be of other parameters than those of now.  The mean then has to fit
-    the memory as well as ``theta``: with noise at the output, 12 % more was left, and after a long rest the error of
-    the mean was 0.9, that of ``theta`` 0.1 (benchmarks/endurance.py).
-    The state is not changed, and the same state always gives the same numbers.
-    """
-    theta, best = state["theta"][s], np.inf
-    is_doubtful = np.count_nonzero(state["signs"][:, 2]) == CAPACITY
-    is_doubtful |= bool(np.any(state["memory_kept"][: state["fill"]] < 1.0))
-    answer: Gaussian | None = None
-    found: Gaussian | None = None
-    near = still = False
-    rng = np.random.default_rng([r.seed, 1, state["seen"]])
-    for k in range(MOST_ROUNDS + 1):
-        if not np.isfinite(theta).all():
-            break
-        memory = Linearisation(state, r, s, theta.copy(), weights_of(state, state["fill"]))
-        memory.begin(new_work(r.dims, r.n_inputs))
-        while not memory.is_read:
-            memory.read_segment()
-            memory.add_segment()
-        matrix, signs, count = memory.joined(found)
-        if not np.isfinite(matrix).all():
-            break
-        best = min(best, matrix[-1, -1])
-        in_memory = memory.matrix[-1, -1]
-        if found is None:
-            at_theta = in_memory
-        elif matrix[-1, -1] < WORSE * best and (not is_doubtful or in_memory < WORSE * at_theta):
-            answer = found  # the mean, found with signs and slopes at another point, fits the record here as well
-            if k >= ROUNDS and still:
-                break
-        if k == MOST_ROUNDS or (k > MOST_ROUGH and not near):
-            break
-        # with no sign in doubt, least squares here gives the posterior
-        start = (signs.dx.size and found) or frozen(matrix, theta, count)
-        rough = not near and k < MOST_ROUGH
-        found = start and sample(posed(matrix, theta, r.dims, count, signs), start, rng, rough=rough)
-        if found is None:
-            break
-        step = float(np.max(np.abs(found.mean - theta) / np.sqrt(np.diag(found.covariance))))
-        near, still = step < NEAR, step < MOVED and not rough
-        theta = found.mean
-    return answer

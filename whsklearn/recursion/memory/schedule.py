@@ -37,11 +37,11 @@ from whsklearn.recursion.memory.gauss_newton import (
     refine_part,
     work_on,
 )
-from whsklearn.recursion.memory.linearised import curvature, entries, experiments, filtered, heights
+from whsklearn.recursion.memory.linearised import Signs, curvature, entries, experiments, filtered, heights
 from whsklearn.recursion.memory.posterior import Linearisation, flattened, has_posterior, stored
 from whsklearn.recursion.memory.predictor_block import new_segment
 from whsklearn.recursion.memory.settings import Settings, State
-from whsklearn.recursion.memory.sign_posterior import frozen
+from whsklearn.recursion.memory.sign_posterior import Gaussian, frozen
 from whsklearn.recursion.memory.starts import (
     N_SIZES,
     exchanged,
@@ -409,6 +409,47 @@ def in_one(steps: Generator[None, None, Answer]) -> Answer:
             return end.value
 
 
+def joined(
+    page: Linearisation, left: float, count: float, about: Gaussian | None = None
+) -> Generator[None, None, tuple[Array, Signs, float]]:
+    """M, the signs in doubt and the number of samples, for the past and the samples of ``page`` together.
+
+    ``left`` is the weight of the past after forgetting, ``count`` the number of samples of the page.  Whether a sign is
+    in doubt is judged by the covariance ``about``, or else by that with the signs frozen.
+    """
+    law = page.settings.law
+    matrix, count = page.with_past(left, count)
+    yield
+    old = page.past_signs(left)
+    yield
+    old = page.moved_here(old)
+    yield
+    old = page.met(old)
+    yield
+    about = about or frozen(matrix, page.theta, count)
+    yield
+    doubt = np.empty(page.stop)
+    for begin in range(0, page.stop, PIECE):
+        part = slice(begin, begin + PIECE)
+        doubt[part] = page.doubt(about, part)
+        yield
+    kept, chosen = page.in_doubt(old, doubt, about)
+    yield
+    old = old.take(kept)
+    yield
+    experiment = experiments(page.record)
+    yield
+    f = filtered(page.rows.gradient, page.record.restart, law, page.theta)
+    yield
+    bent = curvature(f, experiment, law, chosen)
+    yield
+    height = heights(page.rows, chosen, law)
+    yield
+    new = entries(page.rows, experiment, chosen, page.weights, page.first, (bent, height), int(law[0][2]))
+    yield
+    return matrix, old.joined(new), count
+
+
 class BackgroundRefit:
     """The re-run in progress of the first ``size`` samples in memory; with ``end`` of them the new models take over.
 
@@ -563,38 +604,8 @@ class BackgroundRefit:
             self._past = yield from self._left_behind(page, search)
 
     def _left_behind(self, page: Linearisation, search: MultistartSearch) -> Generator[None, None, State]:
-        """The summary of a page for later ones; as `Linearisation.joined`, a piece a row."""
-        law = self.settings.law
-        matrix, count = page.with_past(search.kept, search.count)
-        yield
-        old = page.past_signs(search.kept)
-        yield
-        old = page.moved_here(old)
-        yield
-        old = page.met(old)
-        yield
-        about = frozen(matrix, page.theta, count)
-        yield
-        doubt = np.empty(page.stop)
-        for begin in range(0, page.stop, PIECE):
-            part = slice(begin, begin + PIECE)
-            doubt[part] = page.doubt(about, part)
-            yield
-        kept, chosen = page.in_doubt(old, doubt, about)
-        yield
-        old = old.take(kept)
-        yield
-        experiment = experiments(page.record)
-        yield
-        f = filtered(page.rows.gradient, page.record.restart, law, page.theta)
-        yield
-        bent = curvature(f, experiment, law, chosen)
-        yield
-        height = heights(page.rows, chosen, law)
-        yield
-        new = entries(page.rows, experiment, chosen, page.weights, page.first, (bent, height), int(law[0][2]))
-        yield
-        signs = old.joined(new)
+        """The summary of a page for later ones, a piece a row."""
+        matrix, signs, count = yield from joined(page, search.kept, search.count)
         yield
         rows = flattened(signs)
         yield
