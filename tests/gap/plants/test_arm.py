@@ -27,7 +27,7 @@ from whsklearn.effects import (
     Viscous,
 )
 from whsklearn.gap import GapFinder
-from whsklearn.gap.plants.arm import ArmPlant, ArmRecord, arm_plant
+from whsklearn.gap.plants.arm import ArmPlant, ArmRecord, arm_plant, record_of
 from whsklearn.gap.plants.arm_families import families
 from whsklearn.gap.plants.arm_terms import JointTerm, Load, candidates, present
 from whsklearn.gap.standard_errors import p_of_zero
@@ -543,6 +543,15 @@ def test_a_log_that_is_none_is_refused_in_a_sentence(change, told):
     r = record(duration=2.0)
     with pytest.raises(ValueError, match=told):
         GapFinder(ARM).fit(change(r.time, r.position, r.drive))
+
+
+def test_the_frame_of_an_arm_log_is_one():
+    frame = make_arm_log(duration=2.0)
+    taken, given = record_of(frame, ARM), record(duration=2.0)
+    np.testing.assert_array_equal(taken.position, given.position)
+    np.testing.assert_array_equal(taken.drive, given.drive)
+    with pytest.raises(ValueError, match="without yaw_torque_nm; rename"):
+        record_of(frame.drop(columns="yaw_torque_nm"), ARM)
 
 
 def test_beside_known_numbers_a_fitted_effect_explains_what_its_look_did(empty):

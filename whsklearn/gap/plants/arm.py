@@ -822,6 +822,8 @@ def record_of(log: Any, arm: Arm) -> ArmRecord:
     starts = None
     if isinstance(log, ArmRecord):
         log, starts = (log.time, log.position, log.drive), log.starts
+    if hasattr(log, "columns"):
+        log = _of_frame(log, arm)
     if not isinstance(log, tuple) or len(log) != 3:
         raise ValueError(f"The log of an arm is a {type(log).__name__}, {wanted}; give fit((time, positions, drives)).")
     time, position, drive = signals = [np.asarray(x, dtype=float) for x in log]
@@ -834,6 +836,21 @@ def record_of(log: Any, arm: Arm) -> ArmRecord:
     if starts is None:
         starts = tuple((np.flatnonzero(holes_in(steps)) + 1).tolist())
     return ArmRecord(time, position, drive, starts)
+
+
+def _of_frame(frame: Any, arm: Arm) -> tuple[Any, Any, Any]:
+    """Time, positions and drives of a frame with the columns of `whsklearn.datasets.make_arm_log`."""
+    units = [("m", "n") if slides else ("rad", "nm") for slides in arm.slides]
+    places, drives = (
+        [f"{name}_{what}_{unit[i]}" for name, unit in zip(arm.joints, units, strict=True)]
+        for i, what in enumerate(("position", "torque"))
+    )
+    if missing := [c for c in ("time_s", *places, *drives) if c not in frame.columns]:
+        raise ValueError(
+            f"The log of an arm is a DataFrame without {', '.join(missing)}; rename its columns, or give "
+            "fit((time, positions, drives)) in SI."
+        )
+    return frame["time_s"].to_numpy(), frame[places].to_numpy(), frame[drives].to_numpy()
 
 
 def arm_plant(model: Any, log: Any, *, law: str | None, tolerance: float) -> ArmPlant:
