@@ -15,8 +15,9 @@ from whsklearn.cli.axis_stream import head_of
         ("time_s", ["0,000", "0,002", "0,004", "0,006"]),
         ("stamp", [f"2026-01-01T00:00:00.00{k}Z" for k in (0, 2, 4, 6)]),
         ("time_s", ["0", "0.002", "0.004", "0.5", "0.502"]),
+        ("t_ms", ["0", "2", "2", "4", "4", "6"]),
     ],
-    ids=["seconds", "milliseconds", "decimal comma", "dates", "a pause"],
+    ids=["seconds", "milliseconds", "decimal comma", "dates", "a pause", "rows that share a stamp"],
 )
 def test_the_usual_step_is_that_of_the_time_in_any_form(tmp_path, time, stamps):
     log = tmp_path / "log.csv"
@@ -24,6 +25,14 @@ def test_the_usual_step_is_that_of_the_time_in_any_form(tmp_path, time, stamps):
     names, step = head_of(str(log), time)
     assert names == [time, "q"]
     assert step == pytest.approx(0.002)
+
+
+@pytest.mark.parametrize("rate", [400.0, 667.0, 800.0])
+def test_stamps_in_whole_milliseconds_tell_the_rate_of_the_rows(tmp_path, rate):
+    """The median of 2, 3, 2, 3 ms is 3 ms; an inertia had come out by the square of that too large."""
+    log = tmp_path / "log.csv"
+    log.write_text("t_ms,q\n" + "".join(f"{round(1e3 * k / rate)},1\n" for k in range(1000)))
+    assert head_of(str(log), "t_ms")[1] == pytest.approx(1.0 / rate, rel=0.005)
 
 
 @pytest.mark.parametrize("rows", ["", "t,q\n", "t,q\n0,1\n1,1\n", "t,q\n5,1\n5,1\n5,1\n"])

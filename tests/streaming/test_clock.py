@@ -57,3 +57,11 @@ def test_a_pause_is_no_fault_and_rows_out_of_order_are_put_right():
     found = verdicts([*map(float, range(10)), *map(float, range(500, 510))])
     assert [kind for kind, _ in found] == ["row"] * 20
     assert lines_of(verdicts([0.0, 1.0, 2.0, 3.0, 4.0, 6.0, 5.0, 7.0, 8.0]), "row") == [0, 1, 2, 3, 4, 6, 5, 7, 8]
+
+
+@pytest.mark.parametrize("step", [1.25, 1.5, 2.5])
+def test_rows_stamped_in_whole_ticks_do_not_pause(step):
+    clock = Clock()
+    told = [v for k in range(200) for v in clock.take(k, [float(round(step * k)), float(k)])]
+    assert [v.line for v in told] == list(range(200))
+    assert [v.line for v in told if v.reason][1:] == []  # the first long step may be one

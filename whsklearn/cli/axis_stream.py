@@ -44,6 +44,7 @@ def head_of(source: str, time: str | None) -> tuple[list[str], float | None]:
     import numpy as np
     import pandas as pd
 
+    from whsklearn.logs.timebase import usual_step
     from whsklearn.logs.units import seconds_of, unit_of
 
     if source == "-":
@@ -62,9 +63,10 @@ def head_of(source: str, time: str | None) -> tuple[list[str], float | None]:
     stamps = pd.to_numeric(text.str.replace(",", "."), errors="coerce").dropna()
     if len(stamps) < 3:
         dates = pd.to_datetime(text, errors="coerce", format="ISO8601", utc=True).dropna()
-        step = float(dates.diff().dt.total_seconds().median()) if len(dates) > 2 else 0.0
+        time_s = (dates - dates.iloc[0]).dt.total_seconds().to_numpy() if len(dates) > 2 else np.zeros(1)
     else:
-        step = float(np.median(np.diff(stamps))) * seconds_of(unit_of(time, "s"))
+        time_s = stamps.to_numpy() * seconds_of(unit_of(time, "s"))
+    step = usual_step(time_s[np.r_[True, np.diff(time_s) > 0.0]])  # a stream takes one row of those that share a stamp
     return names, step if step > 0.0 else None
 
 

@@ -389,6 +389,23 @@ SMOOTHER = 0.8
 _FEWEST = 100  # rows, of which the roughness is estimated to a tenth
 
 
+def usual_step(time: Array) -> float:
+    """The time between two rows; stamps may be rounded, to whole ms say, and rows may be lost among them.
+
+    The median of 2, 3, 2, 3 ms is neither a step of these rows nor their mean. Zero if fewer than three stamps tell it.
+
+    >>> float(round(usual_step(np.round(np.arange(200) / 800, 3)), 6)), usual_step(np.array([0.0, 0.5, 1.0, 3.0, 3.5]))
+    (0.00125, 0.5)
+    """
+    if time.size < 3:
+        return 0.0
+    line, step = _line(time), np.diff(time)
+    if line is not None:
+        return float((line[-1] - line[0]) / (line.size - 1))
+    near = step[(step > 0.0) & (step < GAP * np.median(step))]
+    return float(near.mean()) if near.size else 0.0
+
+
 class Even(NamedTuple):
     """Signals on an even grid, segment by segment."""
 
