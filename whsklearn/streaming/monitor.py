@@ -25,6 +25,7 @@ from whsklearn.logs.errors import LogError
 from whsklearn.plot import flat_parameters
 from whsklearn.streaming.clock import Clock, Verdict
 from whsklearn.streaming.freeze import Freeze
+from whsklearn.streaming.jumps import Jumps
 from whsklearn.streaming.rows import BadRow, OtherHeader
 from whsklearn.streaming.sides import Compare, Sides
 
@@ -103,7 +104,7 @@ TAKEN_OVER = 480  # rows after which the first models of a memory take over
 SURE = 5.0  # standard deviations of a ratio of two variances by which an NMSE must exceed one
 DRIFT_LEVEL = 0.01  # probability that a drift is ever reported although there is none
 NEW_EXPERIMENT, NEIGHBOURS = "a new experiment begins", "the rows on both sides are taken as neighbours"
-TOLD = 10  # bad rows in a row, and pauses, with a record of their own: enough to see what is wrong with them
+TOLD = 10  # bad rows in a row, pauses, and jumps, with a record of their own: enough to see what is wrong with them
 
 
 @dataclass(frozen=True)
@@ -191,6 +192,7 @@ class Carried:
     repeated: int = 0
     repeated_run: int = 0
     held: int = 0
+    jumps: int = 0
     times: list[float] = field(default_factory=list)
     last: list[float] = field(default_factory=list)
     counted: int = 0  # innovations since the last estimate
@@ -255,7 +257,7 @@ class StreamMonitor:
         self.carried = Carried(poor=[False] * n)
         self._count_anew()
         self.clock = Clock()
-        self.freeze = Freeze()
+        self.jumps, self.freeze = Jumps(), Freeze()
         self._rows: list[list[float]] = []
         self._experiments: list[int] = []
         self._numbers: list[int] = []
@@ -359,15 +361,32 @@ class StreamMonitor:
             if row[0] - self.carried.time > self.options.max_step and self.carried.time > -np.inf:
                 self.carried.experiment += 1
             self.carried.time = row[0]
-        c, freeze = self.carried, self.freeze
+        c = self.carried
         c.last, c.repeated_run = row, 0
         if self.options.position is None:
             self._queue([[number, row]])
             return
+        if self.jumps.experiment != c.experiment:
+            self._queue([*self.freeze.end(), *self.jumps.end()], self.jumps.experiment)
+            self.freeze.experiment = c.experiment
+        for one in self.jumps.take([number, row], self.options.position):
+            if one.told:
+                self._learn_taken()
+                c.jumps += 1
+                c.experiment += one.anew
+                if c.jumps <= TOLD:
+                    then = NEW_EXPERIMENT if one.anew else "it is replaced by what lies between its neighbours"
+                    self._warn("jump", one.row[0], f"{one.told}; {then}")
+            self._unfrozen(one.row)
+        self.jumps.experiment = c.experiment
+
+    def _unfrozen(self, row: list[Any]) -> None:
+        """Queue a row, with its number, unless it repeats the position of a moving axis."""
+        c, freeze = self.carried, self.freeze
         if freeze.experiment != c.experiment:
             self._queue(freeze.end(), freeze.experiment)
             freeze.experiment = c.experiment
-        rows, lost, anew = freeze.take([number, row], row[self.options.position])
+        rows, lost, anew = freeze.take(row, row[1][self.options.position])
         self._queue(rows)
         if anew:
             freeze.experiment = c.experiment = c.experiment + 1
@@ -543,6 +562,7 @@ class StreamMonitor:
             "innovations": self.innovations.get_state() if fitted else {},
             "clock": self.clock.get_state(),
             "freeze": asdict(self.freeze),
+            "jumps": asdict(self.jumps),
             "sides": {} if self.sides is None else self.sides.get_state(),
         }
 
@@ -554,6 +574,7 @@ class StreamMonitor:
         self.carried = Carried(**state["carried"])
         self.clock.set_state(state.get("clock", {}))
         self.freeze = Freeze(**state.get("freeze", {}))
+        self.jumps = Jumps(**state.get("jumps", {"experiment": self.carried.experiment}))
         if self.sides is not None and state.get("sides"):
             self.sides.set_state(state["sides"])
         if self.carried.rows:

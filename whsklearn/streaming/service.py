@@ -240,8 +240,11 @@ def _run(stream: StreamMonitor, files: Files, place: dict[str, Any], keeper: Kee
         if lines.left:
             keeper.say("The last line has no end and was not read; complete it, or wait for its end with --follow.")
     c, ahead = stream.carried, len(stream.clock.ahead) + len(stream.clock.back)
-    waiting = ahead + len(stream.freeze.waiting)
-    for n, what in ((ahead, "after a leap of the clock"), (waiting - ahead, "that repeat the position")):
+    repeated, leapt = len(stream.freeze.waiting), len(stream.jumps.waiting)
+    waiting = (
+        (ahead, "after a leap of the clock"), (repeated, "that repeat the position"), (leapt, "after a jump of it"),
+    )  # fmt: skip
+    for n, what in waiting:
         if n:
             keeper.say(f"{n} rows {what} are still waiting for the rows after them.")
     for said in stream.worse_than_mean():
@@ -258,7 +261,7 @@ def _run(stream: StreamMonitor, files: Files, place: dict[str, Any], keeper: Kee
         raise LogError(f"None of the {c.bad} lines of {files.source} is a row; see above what is wrong with them.")
     if lines.left and not lines.offset and not stopper.by:
         raise LogError(f"{files.source} has no complete line; a stream reads lines that end with LF or CR LF.")
-    if not (c.rows or c.bad or waiting or stopper.by):
+    if not (c.rows or c.bad or any(n for n, _ in waiting) or stopper.by):
         raise LogError(f"{files.source} holds no rows.")
     return bool(stopper.by)
 
