@@ -118,8 +118,8 @@ class GapFinder(BaseEstimator):
             What `whsklearn.logs.load_log` returns, with its units; a frame with the columns named in ``columns``
             (``time``, ``drive``, ``position``, ``reference``; or ``input``, ``output``); or u of shape (n,) or (n, 1)
             together with ``y``.  For an arm: time (n,), positions and drives (n, n_joints), in SI and in the order of
-            its joints, or the frame of `whsklearn.datasets.make_arm_log`.  For an axis, a list gives one diagnosis: the records share their parameters, but each has its
-            own offset and timing.
+            its joints, or the frame of `whsklearn.datasets.make_arm_log`.  For an axis, a list gives one diagnosis:
+            the records share their parameters, but each has its own offset and timing.
         y : array-like of shape (n,), optional
             Output, if ``log`` is the input of a Wiener-Hammerstein system.
 

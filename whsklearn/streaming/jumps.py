@@ -8,6 +8,7 @@ on. The rows after a suspicious one show what it was, as they do for a time stam
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 from math import inf
 from typing import Any, NamedTuple
 
@@ -86,7 +87,7 @@ class Jumps:
         """The rows that waited, once those after the first show what its step was."""
         first, far = self.waiting[0], self._far
         q = [*self.path, *(row[1][at] for row in self.waiting)]
-        before, step, back, *after = (b - a for a, b in zip(q, q[1:], strict=False))
+        before, step, back, *after = (b - a for a, b in pairwise(q))
         out = []
         if all(abs(s - before) <= (far if before else 0.0) for s in (back, *after)):  # from rest, to rest elsewhere
             told = f"the position jumps by {step - before:.4g} and goes on as before, as no axis moves"
