@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from whsklearn.recursion.memory.gauss_newton import new_work
 from whsklearn.recursion.memory.linearised import CAPACITY
 from whsklearn.recursion.memory.posterior import Linearisation, initial_past
-from whsklearn.recursion.memory.refit import LIVE, count_of, left_of_prior, weights_of
+from whsklearn.recursion.memory.refit import LIVE, left_of, left_of_prior, number_of
 from whsklearn.recursion.memory.schedule import BackgroundRefit, in_one, joined, refit_now, schedule, under_way
 from whsklearn.recursion.memory.settings import Settings, State
 from whsklearn.recursion.memory.sign_posterior import Gaussian, frozen, posed, sample
@@ -251,9 +251,10 @@ def posterior(state: State, r: Settings, s: int) -> Gaussian | None:
     the mean was 0.9, that of ``theta`` 0.1 (benchmarks/endurance.py).
     The state is not changed, and the same state always gives the same numbers.
     """
-    theta, best = state["theta"][s], np.inf
+    theta, best, fill = state["theta"][s], np.inf, state["fill"]
+    left, own = left_of(state, fill), state["memory_weight"][:fill]
     is_doubtful = np.count_nonzero(state["signs"][:, 2]) == CAPACITY
-    is_doubtful |= bool(np.any(state["memory_kept"][: state["fill"]] < 1.0))
+    is_doubtful |= bool(np.any(state["memory_kept"][:fill] < 1.0))
     answer: Gaussian | None = None
     found: Gaussian | None = None
     near = still = False
@@ -261,13 +262,12 @@ def posterior(state: State, r: Settings, s: int) -> Gaussian | None:
     for k in range(MOST_ROUNDS + 1):
         if not np.isfinite(theta).all():
             break
-        memory = Linearisation(state, r, s, theta.copy(), weights_of(state, state["fill"]))
+        memory = Linearisation(state, r, s, theta.copy(), left * own)
         memory.begin(new_work(r.dims, r.n_inputs))
         while not memory.is_read:
             memory.read_segment()
             memory.add_segment()
-        left, count = left_of_prior(state, memory.stop), count_of(state, memory.stop)
-        matrix, signs, count = in_one(joined(memory, left, count, found))
+        matrix, signs, count = in_one(joined(memory, left_of_prior(state, fill), number_of(left, own), found))
         if not np.isfinite(matrix).all():
             break
         best = min(best, matrix[-1, -1])

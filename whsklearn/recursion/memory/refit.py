@@ -83,11 +83,6 @@ def memory_of(state: State, r: Settings, size: int, weights: Array, origin: Arra
     return Memory(origin, state["memory_u"], state["memory_y"], state["memory_restart"], size, r.history, tail, weights)
 
 
-def weights_of(state: State, fill: int) -> Array:
-    """Weights of the first ``fill`` samples of the memory: the weight after forgetting, times the user's weight."""
-    return left_of(state, fill) * state["memory_weight"][:fill]
-
-
 def left_of(state: State, fill: int) -> Array:
     """Weight after forgetting of each of the first ``fill`` samples of the memory; zero for samples at standstill.
 
@@ -107,13 +102,8 @@ def _multiply_back(left):
         left[t] *= left[t + 1]
 
 
-def count_of(state: State, fill: int) -> float:
-    """Number of samples, whatever their weight; those with weight zero and those at standstill do not count."""
-    return number_of(left_of(state, fill), state["memory_weight"][:fill])
-
-
 def number_of(left: Array, weight: Array) -> float:
-    """The sum of the weights after forgetting of the samples whose own weight is not zero."""
+    """Number of samples, after forgetting and whatever their own ``weight``, unless that is zero."""
     return float(left[weight > 0.0].sum())
 
 
