@@ -15,7 +15,7 @@ import json
 import pathlib
 import time
 import warnings
-from typing import Any
+from typing import Any, NamedTuple
 
 import click
 import numpy as np
@@ -208,10 +208,167 @@ def spread(rows: list[dict[str, Any]], title: str) -> list[str]:
     return lines
 
 
+class Asked(NamedTuple):
+    """What is asked of a section; ``runs`` is None for its own default."""
+
+    runs: int | None
+    jobs: int
+    record: dict[str, Any]
+    first_seed: int
+    perturbation: float
+
+    def seeds(self, default: int) -> range:
+        """As many as asked, from the first."""
+        return range(self.first_seed, self.first_seed + (self.runs or default))
+
+
+def example(asked: Asked) -> list[str]:
+    """Example 5.1, and the recursions as a share of PEM."""
+    tasks = [(s, 1000, True) for s in range(asked.runs or 100)]
+    rows = run_all(one_example, tasks, "Example 5.1", asked.jobs, asked.record, "example")
+    lines = spread(rows, f"Example 5.1, N = 1,000, 7.462 dB, {len(rows)} seeds: free-run NMSE")
+    lines += ["\n| as a share of PEM's | median | mean | 95th percentile |", "|---|---|---|---|"]
+    for name in ("RMILS", "RMILS, partial_fit only"):
+        ours, pem = np.array([[r[name], r["PEM"]] for r in rows]).T
+        shares = [f(ours) / f(pem) for f in (np.median, np.mean, lambda v: np.quantile(v, 0.95))]
+        lines.append(f"| {name} | " + " | ".join(f"{s:.2f}" for s in shares) + " |")
+    return lines
+
+
+def long(asked: Asked) -> list[str]:
+    """Ten times as many samples."""
+    tasks = [(s, 10_000, False) for s in range(asked.runs or 30)]
+    rows = run_all(one_example, tasks, "N = 10,000", asked.jobs, asked.record, "long")
+    return spread(rows, f"The same, N = 10,000, {len(rows)} seeds")
+
+
+def systems(asked: Asked) -> list[str]:
+    """Random systems, and how often an estimator is near PEM."""
+    tasks = [(s,) for s in asked.seeds(50)]
+    rows = run_all(one_system, tasks, "random systems", asked.jobs, asked.record, f"systems from {asked.first_seed}")
+    lines = spread(rows, f"{len(rows)} random stable systems, N = 1,000, 20 dB") + shares_of_pem(rows)
+    for name in ("RMILS", "RMILS, memory=0", "RMILS, published"):
+        good = sum(r[name] <= 2 * r["PEM"] for r in rows)
+        _, low, high = wilson(good, len(rows))
+        lines.append(f"\n{name} within 2 times PEM: {good} of {len(rows)} (95 % interval {low:.2f} to {high:.2f}).")
+    return lines
+
+
+def output(asked: Asked) -> list[str]:
+    """Noise at the output, whose error a long memory would not have."""
+    lines = []
+    for snr_db in (20.0, 10.0):
+        tasks, key = [(s, snr_db) for s in asked.seeds(12)], f"{snr_db} dB from {asked.first_seed}"
+        rows = run_all(one_at_output, tasks, f"output {snr_db} dB", asked.jobs, asked.record, key)
+        lines += spread(rows, f"{len(rows)} chains, N = 20,000, {snr_db:.0f} dB at the output")
+        ours, remembered = np.array([list(r.values()) for r in rows]).T
+        ratios = ours / remembered
+        lines.append(f"\nNMSE over that of the long memory: {np.exp(np.log(ratios).mean()):.2f} in the geometric ")
+        lines[-1] += f"mean, {ratios.max():.1f} at most."
+    return lines
+
+
+def minima(asked: Asked) -> list[str]:
+    """How often a stream is in a wrong minimum."""
+    tasks = [(s, asked.perturbation) for s in asked.seeds(500)]
+    key = f"minima, from {asked.first_seed}, {asked.perturbation}"
+    variance = np.array(run_all(one_minimum, tasks, "minima", asked.jobs, asked.record, key))
+    wrong = int(np.sum(variance > 1.45 * np.median(variance)))
+    _, low, high = wilson(wrong, variance.size)
+    told = f"\npartial_fit of 1,000 rows in a wrong minimum: {wrong} of {variance.size} seeds "
+    return [told + f"(95 % interval {100 * low:.1f} to {100 * high:.1f} %)."]
+
+
+def shares_of_pem(rows: list[dict[str, Any]]) -> list[str]:
+    """A table of NMSE over PEM's: what `predict` gives, both outputs, and the better of them with the truth in hand."""
+    lines = ["\n| over PEM | geometric mean | 95 % interval | median | ratio of means |", "|---|---|---|---|---|"]
+    better = [min(r[f"RMILS, {output}"] for output in OUTPUTS) for r in rows]
+    told = {"RMILS": [r["RMILS"] for r in rows]} | {f"its {o} alone": [r[f"RMILS, {o}"] for r in rows] for o in OUTPUTS}
+    pem = np.array([r["PEM"] for r in rows])
+    for name, values in (told | {"the better of the two, of each system": better}).items():
+        logs = np.log(np.array(values) / pem)
+        draws = np.random.default_rng(0).choice(logs, (2000, logs.size)).mean(axis=1)
+        low, high = np.exp(np.quantile(draws, [0.025, 0.975]))
+        lines.append(
+            f"| {name} | {np.exp(logs.mean()):.2f} | {low:.2f} to {high:.2f} | {np.exp(np.median(logs)):.2f} "
+            f"| {np.mean(values) / pem.mean():.2f} |"
+        )
+    return lines
+
+
+def innovation_lengths(asked: Asked) -> list[str]:
+    """What p does, with and without the memory."""
+    lines, runs = [], asked.runs or 100
+    for memory in (4096, 0):
+        what = "with the default memory" if memory else "pure recursion, memory=0"
+        lines += [f"\n### Innovation length p, {what}: median NMSE and 95 % interval, {runs} seeds\n"]
+        lines += ["| p | " + " | ".join(f"N = {n}" for n in LENGTHS) + " |", "|---|" + "---|" * len(LENGTHS)]
+        for p in INNOVATION_LENGTHS:
+            cells = []
+            for n in LENGTHS:
+                key = f"p={p}, N={n}, memory={memory}"
+                v = run_all(
+                    one_length, [(s, p, n, memory) for s in range(runs)], f"p={p} N={n}", asked.jobs, asked.record, key
+                )
+                m, low, high = median_interval(v)
+                cells.append(f"{m:.4f} ({low:.4f} to {high:.4f})")
+            lines.append(f"| {p} | " + " | ".join(cells) + " |")
+    return lines
+
+
+def coverage(asked: Asked) -> list[str]:
+    """Coverage of 95 % intervals, a row an estimator."""
+    runs = asked.runs or 200
+    rows = run_all(one_coverage, [(s,) for s in range(runs)], "coverage", asked.jobs, asked.record, "coverage")
+    lines = [f"\n### Coverage of 95 % intervals in %, {runs} seeds\n"]
+    for name, entries in (
+        ("RLS", "g a1, g a2, g b1 + g, g b2, beta1, beta2, c2, d1, d2"),
+        ("PEM", "g a1, g a2, g b1 + g, g b2, beta1, beta2, c2, d1, d2"),
+        ("PEM, natural", "a2, b1, b2, c2, d1, d2, viscous, coulomb, stribeck"),
+    ):
+        hits = np.array([r[name] for r in rows])
+        shares = ", ".join(f"{100 * s:.1f}" for s in hits.mean(axis=0))
+        lines.append(f"- {name}: {100 * hits.mean():.1f} in all; {entries}: {shares}")
+    return lines
+
+
+def posterior_coverage(asked: Asked) -> list[str]:
+    """Coverage of the one-pass estimator's 95 % intervals, a row a length and noise level."""
+    lines = ["\n### Coverage of the 95 % intervals of RMILS in %, one pass over Example 5.1\n"]
+    lines += [
+        "| N | dB | runs | a2, b1, b2, c2, d1, d2, viscous, coulomb, stribeck | a, b | all nine (95 % interval) |"
+    ]
+    lines[-1] += " NMSE expected, simulation: median |\n|---|---|---|---|---|---|---|"
+    for n_samples, default in ((1000, 200), (20_000, 60)):
+        for snr_db in (SNR_DB, 20.0, 40.0):
+            count = asked.runs or default
+            tasks = [(s, n_samples, snr_db) for s in range(count)]
+            key = f"posterior, N={n_samples}, {snr_db} dB"
+            rows = run_all(one_posterior, tasks, f"N={n_samples}, {snr_db} dB", asked.jobs, asked.record, key)
+            hits = np.abs([r["z"] for r in rows]) < 1.96
+            # parameters of one run err together: the interval is over runs, not over their nine
+            share = hits.mean(axis=1)
+            half = 1.96 * share.std(ddof=1) / np.sqrt(count)
+            each = ", ".join(f"{100 * h:.0f}" for h in hits.mean(axis=0))
+            expected, simulated = (np.median([r[k] for r in rows]) for k in ("expected", "simulation"))
+            lines.append(
+                f"| {n_samples} | {snr_db:.1f} | {count} | {each} | {100 * hits[:, :3].mean():.1f} "
+                f"| {100 * share.mean():.1f} ({100 * (share.mean() - half):.1f} to {100 * (share.mean() + half):.1f}) "
+                f"| {expected:.2g}, {simulated:.2g} |"
+            )
+    return lines
+
+
+SECTIONS = {
+    "example": example, "long": long, "systems": systems, "output": output, "p": innovation_lengths,
+    "coverage": coverage, "posterior": posterior_coverage, "minima": minima,
+}  # fmt: skip
+
+
 @click.command(help=__doc__.split("\n\n")[0])
 @click.option(
     "--section",
-    type=click.Choice(["all", "example", "minima", "long", "systems", "p", "coverage", "posterior", "output"]),
+    type=click.Choice(["all", *SECTIONS]),
     default="all",
 )
 @click.option(
@@ -237,138 +394,15 @@ def main(
     lines, record = ["# Accuracy"], {}
     if out is not None and (out / "accuracy.json").exists():
         record = json.loads((out / "accuracy.json").read_text())
-    everything = "example", "minima", "long", "systems", "p", "coverage", "posterior", "output"
-    chosen = everything if section == "all" else (section,)
-    if "example" in chosen:
-        rows = run_all(
-            one_example, [(s, 1000, True) for s in range(runs or 100)], "Example 5.1", jobs, record, "example"
-        )
-        lines += spread(rows, f"Example 5.1, N = 1,000, 7.462 dB, {len(rows)} seeds: free-run NMSE")
-        lines += ["\n| as a share of PEM's | median | mean | 95th percentile |", "|---|---|---|---|"]
-        for name in ("RMILS", "RMILS, partial_fit only"):
-            ours, pem = np.array([[r[name], r["PEM"]] for r in rows]).T
-            shares = [f(ours) / f(pem) for f in (np.median, np.mean, lambda v: np.quantile(v, 0.95))]
-            lines.append(f"| {name} | " + " | ".join(f"{s:.2f}" for s in shares) + " |")
-    if "long" in chosen:
-        rows = run_all(one_example, [(s, 10_000, False) for s in range(runs or 30)], "N = 10,000", jobs, record, "long")
-        lines += spread(rows, f"The same, N = 10,000, {len(rows)} seeds")
-    if "systems" in chosen:
-        tasks = [(s,) for s in range(first_seed, first_seed + (runs or 50))]
-        rows = run_all(one_system, tasks, "random systems", jobs, record, f"systems from {first_seed}")
-        lines += spread(rows, f"{len(rows)} random stable systems, N = 1,000, 20 dB")
-        lines += shares_of_pem(rows)
-        for name in ("RMILS", "RMILS, memory=0", "RMILS, published"):
-            good = sum(r[name] <= 2 * r["PEM"] for r in rows)
-            _, low, high = wilson(good, len(rows))
-            lines.append(f"\n{name} within 2 times PEM: {good} of {len(rows)} (95 % interval {low:.2f} to {high:.2f}).")
-    if "output" in chosen:
-        for snr_db in (20.0, 10.0):
-            tasks = [(s, snr_db) for s in range(first_seed, first_seed + (runs or 12))]
-            rows = run_all(one_at_output, tasks, f"output {snr_db} dB", jobs, record, f"{snr_db} dB from {first_seed}")
-            lines += spread(rows, f"{len(rows)} chains, N = 20,000, {snr_db:.0f} dB at the output")
-            ours, long = np.array([list(r.values()) for r in rows]).T
-            ratios = ours / long
-            lines.append(f"\nNMSE over that of the long memory: {np.exp(np.log(ratios).mean()):.2f} in the geometric ")
-            lines[-1] += f"mean, {ratios.max():.1f} at most."
-    if "p" in chosen:
-        lines += innovation_lengths(runs or 100, jobs, record)
-    if "coverage" in chosen:
-        lines += coverage(runs or 200, jobs, record)
-    if "posterior" in chosen:
-        lines += posterior_coverage(runs, jobs, record)
-    if "minima" in chosen:
-        tasks = [(s, perturbation) for s in range(first_seed, first_seed + (runs or 500))]
-        key = f"minima, from {first_seed}, {perturbation}"
-        variance = np.array(run_all(one_minimum, tasks, "minima", jobs, record, key))
-        wrong = int(np.sum(variance > 1.45 * np.median(variance)))
-        _, low, high = wilson(wrong, variance.size)
-        lines.append(
-            f"\npartial_fit of 1,000 rows in a wrong minimum: {wrong} of {variance.size} seeds "
-            f"(95 % interval {100 * low:.1f} to {100 * high:.1f} %)."
-        )
+    asked = Asked(runs, jobs, record, first_seed, perturbation)
+    for name in SECTIONS if section == "all" else (section,):
+        lines += SECTIONS[name](asked)
     lines.append(f"\n{time.time() - begun:.0f} s.")
     print("\n".join(lines))
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
         (out / "accuracy.md").write_text("\n".join(lines) + "\n")
         (out / "accuracy.json").write_text(json.dumps(record))
-
-
-def shares_of_pem(rows: list[dict[str, Any]]) -> list[str]:
-    """A table of NMSE over PEM's: what `predict` gives, both outputs, and the better of them with the truth in hand."""
-    lines = ["\n| over PEM | geometric mean | 95 % interval | median | ratio of means |", "|---|---|---|---|---|"]
-    better = [min(r[f"RMILS, {output}"] for output in OUTPUTS) for r in rows]
-    told = {"RMILS": [r["RMILS"] for r in rows]} | {f"its {o} alone": [r[f"RMILS, {o}"] for r in rows] for o in OUTPUTS}
-    pem = np.array([r["PEM"] for r in rows])
-    for name, values in (told | {"the better of the two, of each system": better}).items():
-        logs = np.log(np.array(values) / pem)
-        draws = np.random.default_rng(0).choice(logs, (2000, logs.size)).mean(axis=1)
-        low, high = np.exp(np.quantile(draws, [0.025, 0.975]))
-        lines.append(
-            f"| {name} | {np.exp(logs.mean()):.2f} | {low:.2f} to {high:.2f} | {np.exp(np.median(logs)):.2f} "
-            f"| {np.mean(values) / pem.mean():.2f} |"
-        )
-    return lines
-
-
-def innovation_lengths(runs: int, jobs: int, record: dict[str, Any]) -> list[str]:
-    """What p does, with and without the memory."""
-    lines = []
-    for memory in (4096, 0):
-        what = "with the default memory" if memory else "pure recursion, memory=0"
-        lines += [f"\n### Innovation length p, {what}: median NMSE and 95 % interval, {runs} seeds\n"]
-        lines += ["| p | " + " | ".join(f"N = {n}" for n in LENGTHS) + " |", "|---|" + "---|" * len(LENGTHS)]
-        for p in INNOVATION_LENGTHS:
-            cells = []
-            for n in LENGTHS:
-                key = f"p={p}, N={n}, memory={memory}"
-                v = run_all(one_length, [(s, p, n, memory) for s in range(runs)], f"p={p} N={n}", jobs, record, key)
-                m, low, high = median_interval(v)
-                cells.append(f"{m:.4f} ({low:.4f} to {high:.4f})")
-            lines.append(f"| {p} | " + " | ".join(cells) + " |")
-    return lines
-
-
-def coverage(runs: int, jobs: int, record: dict[str, Any]) -> list[str]:
-    """Coverage of 95 % intervals, a row an estimator."""
-    rows = run_all(one_coverage, [(s,) for s in range(runs)], "coverage", jobs, record, "coverage")
-    lines = [f"\n### Coverage of 95 % intervals in %, {runs} seeds\n"]
-    for name, entries in (
-        ("RLS", "g a1, g a2, g b1 + g, g b2, beta1, beta2, c2, d1, d2"),
-        ("PEM", "g a1, g a2, g b1 + g, g b2, beta1, beta2, c2, d1, d2"),
-        ("PEM, natural", "a2, b1, b2, c2, d1, d2, viscous, coulomb, stribeck"),
-    ):
-        hits = np.array([r[name] for r in rows])
-        shares = ", ".join(f"{100 * s:.1f}" for s in hits.mean(axis=0))
-        lines.append(f"- {name}: {100 * hits.mean():.1f} in all; {entries}: {shares}")
-    return lines
-
-
-def posterior_coverage(runs: int | None, jobs: int, record: dict[str, Any]) -> list[str]:
-    """Coverage of the one-pass estimator's 95 % intervals, a row a length and noise level."""
-    lines = ["\n### Coverage of the 95 % intervals of RMILS in %, one pass over Example 5.1\n"]
-    lines += [
-        "| N | dB | runs | a2, b1, b2, c2, d1, d2, viscous, coulomb, stribeck | a, b | all nine (95 % interval) |"
-    ]
-    lines[-1] += " NMSE expected, simulation: median |\n|---|---|---|---|---|---|---|"
-    for n_samples, default in ((1000, 200), (20_000, 60)):
-        for snr_db in (SNR_DB, 20.0, 40.0):
-            count = runs or default
-            tasks = [(s, n_samples, snr_db) for s in range(count)]
-            key = f"posterior, N={n_samples}, {snr_db} dB"
-            rows = run_all(one_posterior, tasks, f"N={n_samples}, {snr_db} dB", jobs, record, key)
-            hits = np.abs([r["z"] for r in rows]) < 1.96
-            # parameters of one run err together: the interval is over runs, not over their nine
-            share = hits.mean(axis=1)
-            half = 1.96 * share.std(ddof=1) / np.sqrt(count)
-            each = ", ".join(f"{100 * h:.0f}" for h in hits.mean(axis=0))
-            expected, simulated = (np.median([r[k] for r in rows]) for k in ("expected", "simulation"))
-            lines.append(
-                f"| {n_samples} | {snr_db:.1f} | {count} | {each} | {100 * hits[:, :3].mean():.1f} "
-                f"| {100 * share.mean():.1f} ({100 * (share.mean() - half):.1f} to {100 * (share.mean() + half):.1f}) "
-                f"| {expected:.2g}, {simulated:.2g} |"
-            )
-    return lines
 
 
 if __name__ == "__main__":
