@@ -17,6 +17,7 @@ from whsklearn.identification import arm_checks
 from whsklearn.identification.arm_checks import in_another_order, in_another_scale, suspicions
 from whsklearn.lags import RigidBodyLags
 from whsklearn.lags.arm_rows import records_of
+from whsklearn.systems.arm import Arm
 
 DT = 0.002
 ARM = default_arm()
@@ -217,6 +218,29 @@ def test_a_stop_at_a_joint_is_no_wrong_gain_of_the_next():
 
 def test_an_effect_that_the_model_lacks_is_no_wrong_gain():
     assert told(*make_arm_log(effects={"pitch": [Cogging(0.1, order=7.0)]}, return_arrays=True)) == []
+
+
+CRANE = """<mujoco><worldbody><body><joint name="swing" axis="0 0 1" damping="1.5" frictionloss="2"/>
+<geom type="cylinder" size=".08 .12" mass="6"/><body pos=".05 0 .12">
+<joint name="luff" axis="0 1 0" damping="1.1" frictionloss="1.4"/><geom type="capsule" fromto="0 0 0 .45 0 0" size=".035"
+mass="3.2"/><body pos=".45 0 0"><joint name="crowd" axis="0 1 0" damping=".5" frictionloss=".6"/>
+<geom type="capsule" fromto="0 0 0 .3 0 -.05" size=".025" mass="1.3"/></body></body></body></worldbody></mujoco>"""
+
+
+def test_masses_that_explain_a_drive_refute_another_gain_of_it(tmp_path):
+    """Half of what a spring at an elbow needs is explained by a shoulder of a third of the drive."""
+    (tmp_path / "crane.xml").write_text(CRANE)
+    robot, t = Arm.from_file(tmp_path / "crane.xml"), np.arange(6000) / RATE
+    rng, waves = np.random.default_rng(3), [(0.7, 0.13), (0.45, 0.31), (0.28, 0.57), (0.16, 0.94), (0.08, 1.6)]
+    path = [
+        sum(s * a * np.sin(2 * np.pi * f * (1 + 0.1 * j) * t + rng.uniform(0, 6.28)) for a, f in waves)
+        for j, s in enumerate((0.8, 0.45, 0.6))
+    ]
+    settings = {"reference": np.column_stack(path) + [0.0, -0.5, 0.8], "random_state": 3, "return_arrays": True}
+    q, u = make_arm_log(robot, {"crowd": [CableSpring(8.0, 0.6)]}, **settings)
+    assert in_another_scale(records_of(RigidBodyLags(robot, RATE), q, u)) == []
+    u[:, 1] *= 0.3  # and one that is wrong is told beside it
+    assert "luff" in in_another_scale(records_of(RigidBodyLags(robot, RATE), q, u))[0]
 
 
 def test_friction_that_drives_tells_a_wrong_sign_where_nothing_else_does():

@@ -307,10 +307,21 @@ def _left_of_drives(phi: Array, target: Array, keep: NDArray[np.bool_]) -> Array
 
 
 class Scale(NamedTuple):
-    """A drive as a multiple of what it should be, and the standard error."""
+    """A drive as a multiple of what it should be, and the standard error.
+
+    By the masses given, ``left`` is the variance that the factor leaves of the drive, and ``power`` what a difference
+    of one from it adds.
+    """
 
     factor: float
     error: float
+    left: float = 0.0
+    power: float = 0.0
+
+    def rather_one(self, factor: float) -> bool:
+        """Whether the drive, by the masses given, is clearly what it should be and not this multiple of it."""
+        one, other = (self.left + self.power * (f - self.factor) ** 2 for f in (1.0, factor))
+        return one < CLEARLY * other
 
     @property
     def sure(self) -> bool:
@@ -378,15 +389,18 @@ def by_masses(rows: ArmRows) -> dict[int, Scale]:
             theta, covariance = with_blocks(one, rows.weights[[j]])
             rest = one.target - phi[:, :, -1]  # with a factor of one
             given = _left(phi[:, :, :-1], rest, one.keep)[0] * np.var(rest[kept])
-            better = left * np.var(one.target[kept]) <= CLEARLY * given
-            out[int(j)] = Scale(float(theta[-1]), float(np.sqrt(covariance[-1, -1])) if better else np.inf)
+            power = _left(phi[:, :, :-1], asked[:, [j]], one.keep)[0] * np.var(asked[kept, j])
+            least = left * np.var(one.target[kept])
+            error = float(np.sqrt(covariance[-1, -1])) if least <= CLEARLY * given else np.inf
+            out[int(j)] = Scale(float(theta[-1]), error, float(least), float(power))
     return out
 
 
 def by_coupling(rows: ArmRows, file: dict[int, Scale]) -> dict[int, dict[int, Scale]]:
     """Joints whose drive, divided by a factor, lets all drives be explained far better; with those that do as well.
 
-    That with the largest effect comes first, and the next is sought beside it.  Of several that are as good, it is the
+    None that the masses given refute: a spring at an elbow, which the arm lacks, is half explained by a shoulder of half
+    the drive.  That with the largest effect comes first, and the next is sought beside it.  Of several that are as good, it is the
     one whose factor is that of the masses given, if there are any; then the others are not told.
     """
     n = rows.lags.arm_.n_joints
@@ -401,7 +415,11 @@ def by_coupling(rows: ArmRows, file: dict[int, Scale]) -> dict[int, dict[int, Sc
         good = [
             j for j in good if cost[j] <= min(cost.values()) + DOUBT and 1 < FURTHEST * abs(tried[j][j]) < FURTHEST**2
         ]
-        scales = {j: s for j in good if (s := _of(rows, tried[j], j)).sure}
+        scales = {
+            j: s
+            for j in good
+            if (s := _of(rows, tried[j], j)).sure and not (j in file and file[j].rather_one(s.factor))
+        }
         if not scales:
             break
         first, known = min(scales, key=lambda j: cost[j]), [j for j in scales if j in file]
