@@ -222,8 +222,8 @@ def test_an_effect_that_the_model_lacks_is_no_wrong_gain():
 
 CRANE = """<mujoco><worldbody><body><joint name="swing" axis="0 0 1" damping="1.5" frictionloss="2"/>
 <geom type="cylinder" size=".08 .12" mass="6"/><body pos=".05 0 .12">
-<joint name="luff" axis="0 1 0" damping="1.1" frictionloss="1.4"/><geom type="capsule" fromto="0 0 0 .45 0 0" size=".035"
-mass="3.2"/><body pos=".45 0 0"><joint name="crowd" axis="0 1 0" damping=".5" frictionloss=".6"/>
+<joint name="luff" axis="0 1 0" damping="1.1" frictionloss="1.4"/><geom type="capsule" fromto="0 0 0 .45 0 0"
+size=".035" mass="3.2"/><body pos=".45 0 0"><joint name="crowd" axis="0 1 0" damping=".5" frictionloss=".6"/>
 <geom type="capsule" fromto="0 0 0 .3 0 -.05" size=".025" mass="1.3"/></body></body></body></worldbody></mujoco>"""
 
 
@@ -236,7 +236,11 @@ def test_masses_that_explain_a_drive_refute_another_gain_of_it(tmp_path):
         sum(s * a * np.sin(2 * np.pi * f * (1 + 0.1 * j) * t + rng.uniform(0, 6.28)) for a, f in waves)
         for j, s in enumerate((0.8, 0.45, 0.6))
     ]
-    settings = {"reference": np.column_stack(path) + [0.0, -0.5, 0.8], "random_state": 3, "return_arrays": True}
+    settings = {
+        "reference": np.column_stack(path) + np.array([0.0, -0.5, 0.8]),
+        "random_state": 3,
+        "return_arrays": True,
+    }
     q, u = make_arm_log(robot, {"crowd": [CableSpring(8.0, 0.6)]}, **settings)
     assert in_another_scale(records_of(RigidBodyLags(robot, RATE), q, u)) == []
     u[:, 1] *= 0.3  # and one that is wrong is told beside it
