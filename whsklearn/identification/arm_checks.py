@@ -399,9 +399,9 @@ def by_masses(rows: ArmRows) -> dict[int, Scale]:
 def by_coupling(rows: ArmRows, file: dict[int, Scale]) -> dict[int, dict[int, Scale]]:
     """Joints whose drive, divided by a factor, lets all drives be explained far better; with those that do as well.
 
-    None that the masses given refute: a spring at an elbow, which the arm lacks, is half explained by a shoulder of half
-    the drive.  That with the largest effect comes first, and the next is sought beside it.  Of several that are as good, it is the
-    one whose factor is that of the masses given, if there are any; then the others are not told.
+    None that the masses given refute: a spring at an elbow, which the arm lacks, is half explained by a shoulder of
+    half the drive.  That with the largest effect comes first, and the next is sought beside it.  Of several that are as
+    good, it is the one whose factor is that of the masses given, if there are any; then the others are not told.
     """
     n = rows.lags.arm_.n_joints
     left, factors = _Shared(rows.phi, rows.keep).of_divided(rows.target), np.ones(n)
