@@ -55,20 +55,10 @@ def test_every_package_has_its_place_among_the_layers():
 
 
 # --- functions -------------------------------------------------------------------------------------------------
-def functions(tree: ast.Module) -> Iterator[tuple[ast.FunctionDef | ast.AsyncFunctionDef, str]]:
+@functools.cache
+def functions(tree: ast.Module) -> list[tuple[ast.FunctionDef | ast.AsyncFunctionDef, str]]:
     """(function, its decorators) of a module; what holds the options of a command or types does not count."""
-    for node in ast.walk(tree):
-        if isinstance(node, FUNCTIONS):
-            decorators = " ".join(map(ast.unparse, node.decorator_list))
-            if "click.option" not in decorators and "overload" not in decorators:
-                yield node, decorators
-
-
-def arguments(node: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
-    """How many arguments a call may give."""
-    names = [a.arg for a in (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)]
-    names += [a.arg for a in (node.args.vararg, node.args.kwarg) if a]
-    return len(names) - (names[:1] in (["self"], ["cls"]))
+    return [(node, " ".join(map(ast.unparse, node.decorator_list))) for node in house.functions(tree)]
 
 
 def lines(node: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
@@ -78,7 +68,7 @@ def lines(node: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
 
 
 def test_few_functions_take_more_than_six_arguments():
-    every = [(str(m), f.name, arguments(f)) for m, tree in modules().items() for f, _ in functions(tree)]
+    every = [(str(m), f.name, house.arguments(f)) for m, tree in modules().items() for f, _ in functions(tree)]
     many = [f for f in every if f[2] > 6]
     assert len(many) < 0.03 * len(every), sorted(many, key=lambda f: -f[2])
 
@@ -86,7 +76,7 @@ def test_few_functions_take_more_than_six_arguments():
 def test_no_compiled_function_takes_more_than_twelve_arguments():
     compiled = ("njit", "part", "_equation", "_inlined")
     every = [
-        (str(m), f.name, arguments(f))
+        (str(m), f.name, house.arguments(f))
         for m, tree in modules().items()
         for f, decorators in functions(tree)
         if any(word in decorators for word in compiled)
@@ -143,6 +133,13 @@ class Renamed(ast.NodeTransformer):
         return ast.Name(node.attr, ast.Load()) if function else self.generic_name(node)
 
 
+def operations(node: ast.AST) -> tuple[str, ...]:
+    """The kinds of operations of an expression; what is within an index or an attribute is a letter."""
+    inside = () if isinstance(node, ast.Subscript | ast.Attribute) else ast.iter_child_nodes(node)
+    own = (type(node).__name__,) if isinstance(node, OPERATIONS) else ()
+    return sum(map(operations, inside), own)
+
+
 def formula(node: ast.expr) -> str:
     """An expression without its letters; empty if it is too short to be told from others."""
     if sum(isinstance(n, OPERATIONS) for n in ast.walk(node)) < TELLING:
@@ -151,26 +148,25 @@ def formula(node: ast.expr) -> str:
 
 
 @functools.cache
-def equations() -> dict[str, tuple[Path, int]]:
-    """Formula -> where it stands, of what the effects' equations return."""
-    found = {}
+def equations() -> dict[tuple[str, ...], dict[str, tuple[Path, int]]]:
+    """Operations -> formula -> where it stands, of what the effects' equations return."""
+    found: dict[tuple[str, ...], dict[str, tuple[Path, int]]] = {}
     for path, tree in trees().items():
-        for f, decorators in functions(tree):
-            if path.parts[0] == "effects" and "_equation" in decorators:
-                for node in ast.walk(f):
-                    if isinstance(node, ast.Return | ast.Assign) and node.value is not None and formula(node.value):
-                        found[formula(node.value)] = path, node.value.lineno
+        for f, decorators in functions(tree) if path.parts[0] == "effects" else ():
+            for node in ast.walk(f) if "_equation" in decorators else ():
+                if isinstance(node, ast.Return | ast.Assign) and node.value is not None and formula(node.value):
+                    found.setdefault(operations(node.value), {})[formula(node.value)] = path, node.value.lineno
     return found
 
 
 def test_each_equation_of_an_effect_stands_once():
-    assert len(equations()) > 20
+    assert sum(map(len, equations().values())) > 20
     again = []
     for path, tree in trees().items():
         for node in ast.walk(tree):
             sliced = any(isinstance(n, ast.Slice) for n in getattr(node, "elts", ()))
-            if isinstance(node, OPERATIONS | ast.Tuple) and not sliced:
-                place = equations().get(formula(node))
+            if isinstance(node, OPERATIONS | ast.Tuple) and not sliced and (alike := equations().get(operations(node))):
+                place = alike.get(formula(node))
                 if place not in (None, (path, node.lineno)) and path.as_posix() not in ELSEWHERE:
                     again.append((str(path), node.lineno, ast.unparse(node)))
     assert again == []
