@@ -160,7 +160,7 @@ def test_experiments_are_filtered_on_their_own():
 def test_an_arm_of_many_joints():
     arm = drawn_arm(12, 3, slides=0.0, branch=0.0, gravity=(0, 0, -9.81))
     arm = arm.with_effects({joint: (Viscous(0.5), Coulomb(0.5)) for joint in arm.joints})
-    found = identify_arm(*smooth_log(arm, seconds=8.0), dt=1.0 / RATE, robot=arm)
+    found = identify_arm(*smooth_log(arm, seconds=6.0), dt=1.0 / RATE, robot=arm)
     assert list(found.missing) == list(arm.joints)
     assert max(found.missing.values()) < 1e-3
 
