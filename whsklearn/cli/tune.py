@@ -21,6 +21,7 @@ from whsklearn.cli.records import note, record_of
 if TYPE_CHECKING:
     from whsklearn.cli.comparison import ComparedRecord
 
+ANSWERS = 10.0  # s within which a scheduler has to answer
 MEAN = 1.0  # the NMSE of a model that only knows the mean of the output
 
 
@@ -269,7 +270,7 @@ def workers(backend: str, scheduler: str | None) -> Iterator[None]:
             local = LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None)
             scheduler = stack.enter_context(local).scheduler_address
         try:
-            client = stack.enter_context(Client(scheduler, timeout=10))
+            client = stack.enter_context(Client(scheduler, timeout=ANSWERS))
         except (OSError, TimeoutError) as error:
             raise OSError(
                 f"The Dask scheduler at {scheduler} does not answer; start it, or omit --scheduler."
