@@ -296,7 +296,9 @@ class InverseView:
         Residuals are therefore compared as shares of the drive that reaches the axis.
         """
         u = self.reaching(model)
-        if u is self.record.drive or not self.varies(u, model.vector().size):
+        # a dead zone of nearly all of the drive leaves what anything explains; behind a limit the axis still moves
+        idle = any(t.kind.code == codes.DEAD_ZONE for t in model.terms)
+        if u is self.record.drive or (idle and not self.varies(u, model.vector().size)):
             return self.drive.copy(), 1.0
         reaches = self.before_lag(model, self.blur(u))
         return reaches, self.rms(self.drive[self.at]) / max(self.rms(reaches[self.at]), 1e-300)
@@ -310,10 +312,7 @@ class InverseView:
         return u
 
     def varies(self, u: Array, numbers: int) -> bool:
-        """Whether what reaches the axis, at full rate, changes at more independent judged samples than ``numbers``.
-
-        A dead zone of the whole drive leaves nothing, which any model explains.
-        """
+        """Whether what reaches the axis, at full rate, changes at more independent judged samples than ``numbers``."""
         flat = np.abs(np.diff(u, append=np.inf)) <= 1e-9 * np.abs(np.diff(self.record.drive, append=np.inf))
         return bool(self.n_effective * (1.0 - np.mean(flat[:: self.every][self.at])) > numbers)
 
@@ -424,9 +423,10 @@ class InverseView:
 
         An age with the best free run differs by the hold from that of inverse dynamics.
         """
-        predicted = self.columns(model, self.torque(model))[0] @ self.sizes(model)
+        target, share = self.target(model)
+        predicted = share * self.columns(model, self.torque(model))[0] @ self.sizes(model)
         rate = ols.slope(predicted, self.step)[self.at]
-        left = (self.target(model)[0] - predicted)[self.at] - (0.0 if self.artefact is None else self.artefact)
+        left = (share * target - predicted)[self.at] - (0.0 if self.artefact is None else self.artefact)
         left -= self._plausible_age(model, float(rate @ left) / (float(rate @ rate) + 1e-300)) * rate
         return weighted(left, self.told(model))
 
@@ -451,7 +451,8 @@ class InverseView:
         def residual(x: Array) -> Array:
             return factor * (self.left(model.with_vector(x), torque) - artefact)
 
-        artefact = 0.0 if self.artefact is None else self.artefact
+        # as a gap, it is a share of the drive as logged, and what is left here one of the drive behind any limit
+        artefact = 0.0 if self.artefact is None else self.artefact / self.target(model)[1]
         torque = self.torque(model)
         columns = self.columns(model, torque)[0]
         x, (low, high) = model.vector(), model.bounds()
