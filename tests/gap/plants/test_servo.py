@@ -111,10 +111,14 @@ class Named:
 
 
 @pytest.mark.parametrize(
-    ("horizon", "asked", "chosen"), [(0.07, 0.1, "found"), (0.5, 0.1, "refitted"), (0.5, 1.5, "found")]
+    ("horizon", "asked", "logged", "chosen"),
+    [(0.07, 0.1, 1.0, "found"), (0.5, 0.1, 1.0, "refitted"), (0.5, 1.5, 1.0, "found"), (0.5, 0.1, 20.0, "found")],
 )
-def test_numbers_for_simulation_are_compared_at_the_horizon_that_is_proved(monkeypatch, horizon, asked, chosen):
-    """A model that asks for more drive than was logged stays near the path by its friction alone."""
+def test_numbers_for_simulation_are_compared_at_the_horizon_that_is_proved(monkeypatch, horizon, asked, logged, chosen):
+    """A model that asks for more drive than reaches it stays near the path by its friction alone.
+
+    ``logged``: the drive as logged, in multiples of the one that reaches the axis.
+    """
     errors = {("found", 0.07): 1.0, ("found", 0.5): 9.0, ("refitted", 0.07): 5.0, ("refitted", 0.5): 4.0}
     monkeypatch.setattr(servo_run, "train_error", lambda view, m, horizon: errors[m.name, horizon])
     plant = object.__new__(ServoPlant)
@@ -122,7 +126,8 @@ def test_numbers_for_simulation_are_compared_at_the_horizon_that_is_proved(monke
     monkeypatch.setattr(servo_stop, "holds", lambda m: False)
     found, refitted = Named("found"), Named("refitted")
     plant.observer, plant.corrected = SimpleNamespace(fit=lambda m: refitted), found
-    plant.inverse, plant.scale = SimpleNamespace(left=lambda m: np.full(3, asked)), 1.0
+    plant.inverse = SimpleNamespace(left=lambda m: np.full(3, asked), target=lambda m: (None, logged))
+    plant.scale = 1.0
     assert plant.to_simulate(found).name == chosen
     assert plant.headline == horizon
 
@@ -222,6 +227,25 @@ def test_an_inertia_that_is_lost_is_that_of_the_first_differences():
     (found,) = plant.inverse.of_differences(dataclasses.replace(model, inertia=1e-3 * INERTIA))
     assert model.inertia < 0.8 * INERTIA
     assert found.inertia == pytest.approx(INERTIA, rel=0.1)
+
+
+@pytest.mark.parametrize("share", [0.5, 0.2])
+def test_differences_behind_a_limit_tell_the_numbers_of_the_axis(share):
+    """A gap is a share of the drive as logged, the numbers of a model are not."""
+    frame = record(seconds=12.0)
+    plant, _, model = plant_with(frame=frame)
+    limit = ServoTerm(candidate("saturation"), (share * float(np.abs(frame["torque_nm"]).max()),))
+    limited = plant.inverse.fit(model.with_term(limit))
+    (found,) = plant.inverse.of_differences(limited)
+    assert found.inertia == pytest.approx(limited.inertia, rel=0.5)
+    for one, other in zip(found.terms, limited.terms, strict=True):
+        assert one.q[0] == pytest.approx(other.q[0], rel=0.5)
+
+
+def test_a_fit_along_the_run_keeps_the_range_of_the_models_inertia():
+    plant, base, _ = plant_with(frame=record(seconds=12.0))
+    about = dataclasses.replace(base, scene=dataclasses.replace(base.scene, inertia=30.0 * base.scene.inertia))
+    assert plant.observer.fit(about).scene.inertia == about.scene.inertia
 
 
 def test_differences_without_a_positive_inertia_leave_the_models_as_fitted():
@@ -364,7 +388,8 @@ def test_a_fit_along_the_run_starts_with_the_friction_of_a_load_on_its_motor_too
     monkeypatch.setattr(servo_run, "train_error", lambda view, m, horizon: m.terms[-1].q[-1])
     monkeypatch.setattr(ServoPlant, "_horizons", lambda self, m: (0.5, (0.1, 0.5, 2.0)))
     plant.observer, plant.corrected = SimpleNamespace(fit=lambda m: starts.append(m) or m), found
-    plant.inverse, plant.scale = SimpleNamespace(left=lambda m: np.zeros(3)), 1.0
+    plant.inverse = SimpleNamespace(left=lambda m: np.zeros(3), target=lambda m: (None, 1.0))
+    plant.scale = 1.0
     assert plant.to_simulate(found).terms[-1].q[-1] == 0.0
     assert [m.terms[1].q[0] for m in starts] == [0.0, 0.145]
 

@@ -146,11 +146,11 @@ class ServoPlant(Plant):
         self.headline, self.horizons = self._horizons(model)
         sides = (True, False) if model.has_play else ()
         tried = [model, *(m for side in sides for m in self._by_run(model, "backlash", on_load=side))]
-        # a body that friction alone holds stays near any path; it asks for more drive than there is
-        refitted = [self.observer.fit(m) for m in two_mass.splits_of_friction(model)]
-        tried += [m for m in refitted if rms(self.inverse.left(m)) < self.scale]
+        others = [self.observer.fit(m) for m in two_mass.splits_of_friction(model)]
         if [t.name for t in self.corrected.terms] == [t.name for t in model.terms]:
-            tried.append(self.corrected)
+            others.append(self.corrected)
+        # a body that friction alone holds stays near any path; it asks for more drive than reaches it
+        tried += [m for m in others if rms(self.inverse.left(m)) < self.scale / self.inverse.target(m)[1]]
         # a fit that ends with no inertia, or with far too much, has failed
         kept = [m for m in tried if model.has_inertia(m)] or self.inverse.of_differences(model) or tried
         # The noise of the drive's reading makes a fit along the run too sluggish, and inverse dynamics counts the hold.

@@ -363,12 +363,12 @@ class InverseView:
         whose drive is the following error).
         """
         x, positive = self.columns(model, self.torque(model) if self._driven(model) else None)
-        target, share = self.target(model)
+        target, _ = self.target(model)
         inertia = float(ols.of_differences(x[self.at], target[self.at])[0])
         if not inertia > 0.0:
             return []
         rest = np.column_stack([np.zeros(target.size), x[:, 1:]])
-        sizes, _ = self._sizes(rest, share * (target - inertia * x[:, 0]), positive, stop.away(self, model))
+        sizes, _ = self._sizes(rest, target - inertia * x[:, 0], positive, stop.away(self, model))
         solved = self.with_sizes(model, np.append(sizes, 0.0))
         return [dataclasses.replace(solved, inertia=inertia, timing=model.timing)]
 

@@ -147,7 +147,8 @@ class ObserverView:
 
     def fit(self, model: ServoHypothesis) -> ServoHypothesis:
         """The model refitted to the training part, weighted by the size of its own gap."""
-        return _settle(self, dataclasses.replace(model, scene=self.scene, step=self.step))[0]
+        scene = dataclasses.replace(self.scene, inertia=model.scene.inertia)  # which the range of its own is around
+        return _settle(self, dataclasses.replace(model, scene=scene, step=self.step))[0]
 
     # --- fitting ---------------------------------------------------------------------------
     def fitted(
