@@ -174,6 +174,13 @@ def test_a_limit_is_named_under_a_controller_that_winds_up():
     assert error < 0.01, "as large as what is left of the drive behind the limit, not of all that was asked for"
 
 
+def test_what_a_limited_model_leaves_is_a_share_of_the_drive_as_logged_with_its_own_numbers_too(plain):
+    view, model = start_of(plain, ("viscous", "coulomb"), 0.004)
+    limit = ServoTerm(candidate("saturation"), (0.3 * float(np.abs(plain.drive).max()),))
+    limited = view.fit(model.with_term(limit))
+    assert view.rms(view.as_learned(limited)) == pytest.approx(view.rms(view.gap(limited)), rel=0.05)
+
+
 def test_a_dead_zone_of_the_whole_drive_explains_nothing(plain):
     view, model = start_of(plain, ("viscous",), 0.004)
     dead = ServoTerm(candidate("dead_zone"), (1.01 * float(np.abs(plain.drive).max()),))

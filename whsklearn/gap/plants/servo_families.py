@@ -116,22 +116,10 @@ def looks(
     drive, share = view.target(model)
     whole = dataclasses.replace(timed, left=share * drive[view.at] - (0.0 if view.artefact is None else view.artefact))
     other_way = acceleration_tangent(view, model, np.random.default_rng(0))
-    acceleration, beside_it = regression(view, model)
-
-    def there(look: Look) -> bool:
-        """Whether a force of the place leaves acceleration and drive as much to share, or more, but for chance."""
-        grown = np.column_stack([beside_it, scene.columns(look.start)[:, 0, :]])
-        by_chance = 1.0 / other_way.n  # the mean of a squared correlation
-        return mutual(acceleration, grown) > mutual(acceleration, beside_it) - by_chance
-
-    def directions(f: Family, of_place: bool) -> list[Tangent]:
-        """The regressions in which a family is looked for."""
-        return [whole if f.offset else timed, *([other_way] if of_place else [])]
-
-    asked = [
-        (f, better(looks_at(f, *directions(f, of_place)), other_way.n, missing, there))
-        for f, of_place in families(scene, waves)
-    ]
+    there, asked = placed(scene, other_way.n), []
+    for f, of_place in families(scene, waves):
+        ways = [whole if f.offset else timed, *([other_way] if of_place else [])]
+        asked.append((f, better(looks_at(f, *ways), other_way.n, missing, there)))
     out = [look for _, look in asked]
     unnamed = [*nameless(view.scene, scene.angle, scene.speed, (x @ sizes)[view.at])]
     if view.record.units[1] == "rad":
@@ -164,6 +152,22 @@ def looks(
         return look if other is None else dataclasses.replace(look, p_value=chance(look, other.null, len(found), least))
 
     return [beside_itself(k) for k in found]
+
+
+def placed(scene: Scene, n: float) -> Callable[[Look], bool]:
+    """Whether a force of the place leaves acceleration and drive as much to share, or more, but for chance.
+
+    ``n``: independent samples of the acceleration.
+    """
+    acceleration, columns = regression(scene.view, scene.model)
+    by_chance = 1.0 / n  # the mean of a squared correlation
+    least = mutual(acceleration, columns) - by_chance
+
+    def there(look: Look) -> bool:
+        grown = np.column_stack([columns, scene.columns(look.start)[:, 0, :]])
+        return mutual(acceleration, grown) > least
+
+    return there
 
 
 def struck(view: Any, model: ServoHypothesis, own: Own, missing: float) -> Iterator[Look]:
