@@ -9,6 +9,7 @@ import pytest
 
 from whsklearn.datasets import make_servo_log
 from whsklearn.effects import (
+    ActuatorLag,
     Backlash,
     Cogging,
     Coulomb,
@@ -57,7 +58,23 @@ def test_every_effect_that_a_torque_can_show_is_asked_for_or_needs_another_first
     asked = {k.name for k in looks}
     never = {c.name for c in catalogue()} - asked
     # a delay is asked for where the drive is old, bristles and their like beside the friction that they modify
-    assert never <= {"viscous", "coulomb", "input_delay", "actuator_lag"}
+    assert never <= {"viscous", "coulomb", "input_delay"}
+
+
+@pytest.mark.parametrize(("late", "shown"), [(ActuatorLag(0.0025), True), (InputDelay(0.003), False), (None, False)])
+def test_a_lag_is_seen_beyond_any_age_of_the_drive(late, shown):
+    """A lag of one sample behind a hold was within the age that a fit may take for bookkeeping, and was not asked for."""
+    rng = np.random.default_rng(0)
+    t = np.arange(2400) / 400.0
+    axis = ServoAxis(inertia=0.05, law=[Viscous(0.12), Coulomb(0.3)], effects=[late] if late else [], sample_rate=400.0)
+    r = axis.simulate_drive(np.repeat(rng.normal(0.0, 1.0, 40), 60), noise=1e-5 * rng.standard_normal(t.size))
+    view, base = start_of(ServoRecord(r.time, r.drive, r.position), ("viscous", "coulomb"), 0.004)
+    view.own, _ = servo_own.own(view, base, np.random.default_rng(0))
+    looks = servo_families.looks(view, view.fit(base), view.own, 0.0)
+    (lag,) = (k for k in looks if k.name == "actuator_lag")
+    assert (lag.p_value < 1e-9) == shown
+    if not shown:
+        assert lag.gain < 1.0
 
 
 def test_next_to_nothing_is_told_where_the_sign_of_the_velocity_is_not_known():

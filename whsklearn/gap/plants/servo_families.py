@@ -125,10 +125,13 @@ def looks(
     if view.record.units[1] == "rad":
         unnamed.append(varying_inertia(view.motion, lambda x: view.blur(x)[view.at], signal="position"))
     out += [timed.look(f) for f in unnamed if f.signal == "position" or not waves]
-    if not waves and view.age(model) > LATEST * view.scene.dt:  # then the age is not a nuisance but a candidate
-        plain = Tangent(left, own.null, numbers, own.n_effective, told)
-        late = (kind for kind in inverse_kinds(model) if kind.delays)
-        out += [plain.look(family(scene, kind)) for kind in late]
+    latest, age = LATEST * view.scene.dt, view.age(model)
+    for kind in inverse_kinds(model) if not waves else ():
+        if kind.code == k.ACTUATOR_LAG:  # what it does beyond an age, which may be as large as need be
+            more = 0.5 * (max(age, latest) ** 2 - latest**2) * ols.slope(ols.slope(x @ sizes, view.step), view.step)
+            out.append(dataclasses.replace(timed, left=left - more[view.at]).look(family(scene, kind)))
+        elif kind.delays and age > latest:  # no nuisance any more, but a candidate
+            out.append(Tangent(left, own.null, numbers, own.n_effective, told).look(family(scene, kind)))
     out += [] if waves else struck(view, model, own, missing)
     found = with_p_values([undiluted(look, told) for look in out if look is not None], least)
     family_of = {id(look.start): f for f, look in asked if look is not None}
@@ -270,12 +273,13 @@ def limits(scene: Scene, kind: Candidate) -> Blocks:
 
 
 def ages(scene: Scene, kind: Candidate) -> Blocks:
-    """The drive delayed by every age beyond bookkeeping."""
+    """The drive delayed by every age beyond bookkeeping; or behind every lag, less the delay of its age."""
     dt, u = scene.view.scene.dt, scene.drive
-    book, _ = scene.transformed(later(k.INPUT_DELAY, u, LATEST * dt, dt))
-    for age in np.geomspace(LATEST * dt, max(OLDEST, 10 * LATEST * dt), N_LIMITS):
-        columns, share = scene.transformed(later(kind.code, u, age, dt))
-        yield [(float(age),)], columns - book, share
+    lags = kind.code == k.ACTUATOR_LAG
+    for age in np.geomspace((0.5 if lags else LATEST) * dt, max(OLDEST, 10 * LATEST * dt), N_LIMITS):
+        known = later(k.INPUT_DELAY, u, age if lags else LATEST * dt, dt)
+        late, book = (scene.transformed(x)[0] for x in (later(kind.code, u, age, dt), known))
+        yield [(float(age),)], late - book, 1.0
 
 
 def orders(scene: Scene, kind: Candidate) -> Blocks:
