@@ -92,6 +92,7 @@ def test_every_long_segment_of_a_log_counts(log, tmp_path):
         (["--torque-constant", "nan"], 2, "The torque constant is 'nan'; expected Nm per ampere"),
         (["--tolerance", "-1"], 2, "not in the range x>=0"),
         (["--orders", "2,2,2,2"], 2, "--orders and --direct are of a chain; add --model wiener-hammerstein"),
+        (["--joint", "elbow"], 2, "--joint and --actuator are of a --simulator; the joints of a --robot are --joints"),
         (["--law", "sticky"], 2, "'sticky'"),
         (["--law", "cogging"], 2, "cannot be part of the base law"),
     ],

@@ -91,6 +91,8 @@ def main(**options: Any) -> None:
         raise click.UsageError(
             "--orders and --direct are of a chain; add --model wiener-hammerstein, or leave them out."
         )
+    if (options["joint"] or options["actuator"]) and not options["simulator"]:
+        raise click.UsageError("--joint and --actuator are of a --simulator; the joints of a --robot are --joints.")
     if options["robot"]:
         from whsklearn.cli.arm import gap_log
 
