@@ -63,7 +63,7 @@ def test_every_effect_that_a_torque_can_show_is_asked_for_or_needs_another_first
 
 @pytest.mark.parametrize(("late", "shown"), [(ActuatorLag(0.0025), True), (InputDelay(0.003), False), (None, False)])
 def test_a_lag_is_seen_beyond_any_age_of_the_drive(late, shown):
-    """A lag of one sample behind a hold was within the age that a fit may take for bookkeeping, and was not asked for."""
+    """A lag of one sample behind a hold was not asked for: an age that a fit may take for bookkeeping replaced it."""
     rng = np.random.default_rng(0)
     t = np.arange(2400) / 400.0
     axis = ServoAxis(inertia=0.05, law=[Viscous(0.12), Coulomb(0.3)], effects=[late] if late else [], sample_rate=400.0)
