@@ -371,12 +371,12 @@ class Plant(Protocol):
         """Whether effects improve the runs in a way that the closure hides: never."""
         return False
 
-    def told_by_run(self, model: Any) -> tuple[Any, tuple[str, ...]]:
+    def told_by_run(self, model: Any, rivals: list[str]) -> tuple[Any, list[str]]:
         """The model with another effect in the place of one that is the same to first order, if a simulation says so.
 
-        Also the names of those between which it does not decide: by default nothing is asked.
+        Also the rivals of that effect, ``rivals`` before, of which a simulation decides some: by default none.
         """
-        return model, ()
+        return model, rivals
 
     def along_the_run(self, model: Any) -> Any:
         """The model at another minimum that fits along its own run have found; by default itself."""

@@ -195,8 +195,8 @@ class Search:
                     more.append(self._named(more[-1].model, taken.look, grown))
             model = self.plant.settled(more[-1].model)
             if taken.name in names or self.plant.rms(self.plant.errors(model)) < left:
-                model, undecided = self.plant.told_by_run(model)
-                more[-1] = replace(more[-1], rivals=list(dict.fromkeys([*more[-1].rivals, *undecided])))
+                model, rivals = self.plant.told_by_run(model, more[-1].rivals)
+                more[-1] = replace(more[-1], rivals=rivals)
                 found.model, found.taken = self.plant.along_the_run(model), found.taken + more
                 renamed(found)
                 step.taken = found.taken[-1]

@@ -362,10 +362,13 @@ def test_a_delay_and_a_lag_are_rivals_unless_a_run_halves_the_power_of_the_error
     plant = ServoPlant(ServoRecord.from_frame(record()), ("viscous", "coulomb"), None, 0.004)
     late = plant.settled(plant.base(np.random.default_rng(0))).with_term(ServoTerm(candidate("input_delay"), (0.008,)))
     monkeypatch.setattr(type(plant.observer), "fit", lambda view, model: model)
-    errors = {"input_delay": 1.0, "actuator_lag": error}
+    errors = {"input_delay": 1.0, "actuator_lag": error, "cogging": 1.0}
     monkeypatch.setattr(servo_run, "train_error", lambda view, model, horizon: errors[model.terms[-1].name])
-    told, rivals = plant.told_by_run(late)
-    assert (told.terms[-1].name, rivals) == (name, open_)
+    for before in ([], ["input_delay", "actuator_lag"]):
+        told, rivals = plant.told_by_run(late, [*before, "backlash"])
+        assert (told.terms[-1].name, rivals) == (name, ["backlash", *open_])
+    _, rivals = plant.told_by_run(late.with_term(ServoTerm(candidate("cogging"), (0.1, 0.1, 3.0))), ["stribeck"])
+    assert rivals == ["stribeck"]  # of the cogging
 
 
 def test_a_model_has_no_more_numbers_than_the_record_has_independent_samples():

@@ -382,13 +382,13 @@ class ServoPlant(Plant):
         view.own = kept
         return model
 
-    def told_by_run(self, model: ServoHypothesis) -> tuple[ServoHypothesis, tuple[str, ...]]:
+    def told_by_run(self, model: ServoHypothesis, rivals: list[str]) -> tuple[ServoHypothesis, list[str]]:
         """A lag in the place of a delay, or the reverse, if it leaves less in a free run.
 
-        If neither leaves half the power of the other's error, the other is a rival.  Inverse dynamics compares them by
-        the drive before the lag, where the noise of the encoder is larger by the lag over the width of the filter, and
-        so are errors about when the axis stuck: a delay of 10 ms left less than the lag of 12 ms that made the record,
-        whose run has a twentieth of its error.
+        The other is a rival if, and only if, neither leaves half the power of the other's error.  Inverse dynamics
+        compares them by the drive before the lag, where the noise of the encoder is larger by the lag over the width of
+        the filter, and so are errors about when the axis stuck: a delay of 10 ms left less than the lag of 12 ms that
+        made the record, whose run has a twentieth of its error.
         """
         for i, t in enumerate(model.terms):
             for name in t.effect.aliases if t.kind.delays else ():
@@ -397,13 +397,17 @@ class ServoPlant(Plant):
                 horizon, _ = self._horizons(model)
                 one, two = (self.observer.fit(m) for m in (model, swapped))
                 power = [servo_run.train_error(self.observer, m, horizon) ** 2 for m in (one, two)]
-                decided = min(power) < HALF * max(power)
-                if power[1] >= power[0]:
-                    return model, () if decided else (name,)
+                decided, better = min(power) < HALF * max(power), power[1] < power[0]
+                rest = rivals
+                if i == len(model.terms) - 1:  # otherwise they are another effect's
+                    rest = [r for r in rivals if r not in (name, t.name)]
+                    rest += [] if decided else [t.name if better else name]
+                if not better:
+                    return model, rest
                 view = self.inverse
                 view.own = servo_own.own(view, two, np.random.default_rng(0))[0]
-                return looking_settled(view, view.fit(two)), () if decided else (t.name,)
-        return model, ()
+                return looking_settled(view, view.fit(two)), rest
+        return model, rivals
 
     def sharpened(self, model: ServoHypothesis) -> bool:
         """Whether a higher cut-off still shows a wave worth naming, though not in single samples; it is used then."""
