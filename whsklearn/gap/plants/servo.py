@@ -402,11 +402,7 @@ class ServoPlant(Plant):
                 if i == len(model.terms) - 1:  # otherwise they are another effect's
                     rest = [r for r in rivals if r not in (name, t.name)]
                     rest += [] if decided else [t.name if better else name]
-                if not better:
-                    return model, rest
-                view = self.inverse
-                view.own = servo_own.own(view, two, np.random.default_rng(0))[0]
-                return looking_settled(view, view.fit(two)), rest
+                return (self.settled(two) if better else model), rest
         return model, rivals
 
     def sharpened(self, model: ServoHypothesis) -> bool:
