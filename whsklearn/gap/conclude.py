@@ -231,11 +231,14 @@ def _standing_rivals(plant: Any, found: Found, i: int, alpha: float) -> list[str
     """
     done = plant.silent(found.model)
     index, terms, kept = found.model.n_base + i, found.model.terms, (plant.headline, plant.horizons)
-    fitted = {f.name: f for s in found.steps for f in s.fitted if not f.reason}
+    terms_of = {f.name: f.model.terms[-1] for s in found.steps for f in s.fitted if not f.reason}
+    looks = {k.name: k for k in found.remainder} | {k.name: k for s in found.steps for k in s.looks}
     out = []
     for name in found.taken[i].rivals:
-        if name in fitted:
-            swapped = found.model.with_terms((*terms[:index], fitted[name].model.terms[-1], *terms[index + 1 :]))
+        if name not in terms_of and name in looks:  # the run, or what a look explains to first order, made it a rival
+            terms_of[name] = plant.refine(found.model.without(index), looks[name]).terms[-1]
+        if name in terms_of:
+            swapped = found.model.with_terms((*terms[:index], terms_of[name], *terms[index + 1 :]))
             rival = plant.to_simulate(swapped)
             plant.headline, plant.horizons = kept
             y, held = plant.measured(found.base, found.model, rival)
