@@ -79,7 +79,9 @@ def axis_stream(options: Mapping[str, Any], chosen: set[str], say: Any) -> Learn
     from whsklearn import InverseDynamicsLags, RLSRegressor
     from whsklearn.compare import at_an_alarm
     from whsklearn.lags.axis_rows import effect_terms
+    from whsklearn.logs.mend import turns_of
     from whsklearn.logs.roles import says
+    from whsklearn.logs.units import unit_of
     from whsklearn.streaming.monitor import alarm_of_averages
 
     source, time, rate, inputs = (options[k] for k in ("source", "time_column", "rate", "inputs"))
@@ -116,7 +118,8 @@ def axis_stream(options: Mapping[str, Any], chosen: set[str], say: Any) -> Learn
     )
     columns = [*([time] if time else []), position, drive]
     compare = at_an_alarm(columns, None if time else dt)
-    return Learnt(model, columns, alarm, compare, without_holes(time, dt) | {"position": int(bool(time))})
+    rows = without_holes(time, dt) | {"position": int(bool(time)), "turns": tuple(turns_of(unit_of(position)))}
+    return Learnt(model, columns, alarm, compare, rows)
 
 
 def without_holes(time: str | None, dt: float) -> dict[str, Any]:

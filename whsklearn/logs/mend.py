@@ -97,6 +97,21 @@ def counted(values: Array) -> bool:
     return there.size > 0 and bool(np.ptp(there) > FEW_COUNTS and np.all(there == np.round(there)))
 
 
+def turns_of(unit: str) -> list[float]:
+    """The turns at which an angle of this unit may be wrapped, in that unit.
+
+    >>> turns_of("deg"), turns_of("m"), turns_of("counts")[0]
+    ([360.0], [], 256.0)
+    """
+    known = turn_of(unit)
+    turns = [known] if known else []
+    if unit.startswith("counts") or unit == "as logged":  # whatever the counts of a turn, a register overflows
+        turns += [2.0**k for k in range(8, 33)]
+    if unit == "as logged":
+        turns += [2 * math.pi, 360.0]
+    return turns
+
+
 def turn_in(values: Array, unit: str) -> float | None:
     """The turn at which an angle is wrapped, in its own unit; None if it is not wrapped.
 
@@ -108,13 +123,7 @@ def turn_in(values: Array, unit: str) -> float | None:
     """
     low, span = float(values.min()), float(np.ptp(values))
     leaps = np.abs(np.diff(values))
-    known = turn_of(unit)
-    turns = [known] if known else []
-    if unit.startswith("counts") or unit == "as logged":  # whatever the counts of a turn, a register overflows
-        turns += [2.0**k for k in range(8, 33)]
-    if unit == "as logged":
-        turns += [2 * math.pi, 360.0]
-    for turn in turns:
+    for turn in turns_of(unit):
         tick = 1e-6 * turn if turn < 256 else 1.0
         inside = span <= turn + tick and (abs(low + turn / 2) < 0.51 * turn - 0.01 * turn or low > -tick)
         wraps = leaps > 0.5 * turn

@@ -28,6 +28,7 @@ from whsklearn.streaming.freeze import Freeze
 from whsklearn.streaming.jumps import Jumps
 from whsklearn.streaming.rows import BadRow, OtherHeader
 from whsklearn.streaming.sides import Compare, Sides
+from whsklearn.streaming.turns import Turns
 
 BLOCK = 100  # rows
 CONTEXT = 300  # rows before a block, over which the effect of the predictor's start at rest dies out
@@ -136,6 +137,8 @@ class Options:
         rad; empty for no conversion.
     position : int, optional
         Index in a row of the position of an axis. Rows that repeat it while the axis moves are left out.
+    turns : tuple of float, default=()
+        Turns at which that position may be wrapped, in its unit.
 
     References
     ----------
@@ -160,6 +163,7 @@ class Options:
     outputs: tuple[str, ...] = ("",)
     factors: tuple[float, ...] = ()
     position: int | None = None
+    turns: tuple[float, ...] = ()
 
 
 class Refused(LogError):
@@ -257,7 +261,7 @@ class StreamMonitor:
         self.carried = Carried(poor=[False] * n)
         self._count_anew()
         self.clock = Clock()
-        self.jumps, self.freeze = Jumps(), Freeze()
+        self.turns, self.jumps, self.freeze = Turns(), Jumps(), Freeze()
         self._rows: list[list[float]] = []
         self._experiments: list[int] = []
         self._numbers: list[int] = []
@@ -369,7 +373,7 @@ class StreamMonitor:
         if self.jumps.experiment != c.experiment:
             self._queue([*self.freeze.end(), *self.jumps.end()], self.jumps.experiment)
             self.freeze.experiment = c.experiment
-        for one in self.jumps.take([number, row], self.options.position):
+        for one in self.jumps.take([number, self._unwrapped(row, number)], self.options.position):
             if one.told:
                 self._learn_taken()
                 c.jumps += 1
@@ -379,6 +383,17 @@ class StreamMonitor:
                     self._warn("jump", one.row[0], f"{one.told}; {then}")
             self._unfrozen(one.row)
         self.jumps.experiment = c.experiment
+
+    def _unwrapped(self, row: list[float], number: int) -> list[float]:
+        """A row whose position goes on from turn to turn."""
+        at = self.options.position
+        assert at is not None
+        q, anew = self.turns.take(row[at], self.options.turns)
+        if anew:
+            self._learn_taken()
+            said = f"the position leaps from one end of a turn of {self.turns.turn:.6g} to the other: it is wrapped"
+            self._warn("wrap", number, f"{said}, and is continued from turn to turn")
+        return row if q == row[at] else [*row[:at], q, *row[at + 1 :]]
 
     def _unfrozen(self, row: list[Any]) -> None:
         """Queue a row, with its number, unless it repeats the position of a moving axis."""
@@ -561,6 +576,7 @@ class StreamMonitor:
             "alarms": [a.get_state() if a.started else {} for a in self.alarms],
             "innovations": self.innovations.get_state() if fitted else {},
             "clock": self.clock.get_state(),
+            "turns": asdict(self.turns),
             "freeze": asdict(self.freeze),
             "jumps": asdict(self.jumps),
             "sides": {} if self.sides is None else self.sides.get_state(),
@@ -573,6 +589,7 @@ class StreamMonitor:
         """
         self.carried = Carried(**state["carried"])
         self.clock.set_state(state.get("clock", {}))
+        self.turns = Turns(**state.get("turns", {}))
         self.freeze = Freeze(**state.get("freeze", {}))
         self.jumps = Jumps(**state.get("jumps", {"experiment": self.carried.experiment}))
         if self.sides is not None and state.get("sides"):
