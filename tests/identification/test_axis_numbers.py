@@ -12,7 +12,7 @@ from whsklearn.recursion.batch.axis_free_run import AxisForm
 Q = np.linspace(-2.0, 2.0, 41)
 
 
-@pytest.mark.parametrize("weights", [[0.7], [0.7, -0.2, 0.4], [-0.3, 0.1, -0.5]])
+@pytest.mark.parametrize("weights", [[0.7], [0.7, -0.2, 0.4], [-0.3, 0.1, -0.5], [0.7, 0.0, 0.0]])
 def test_a_cubic_of_the_position_is_a_spring_and_a_hardening_one(weights):
     form = AxisForm(np.zeros(0), False, len(weights))
     constant, effects = position_effects(np.array(weights), form)

@@ -89,7 +89,7 @@ def position_effects(weights: Array, form: AxisForm) -> tuple[float, list[Effect
     line, square, cube = np.r_[weights, np.zeros(3 - weights.size)].tolist()
     if weights.size < 2:
         return 0.0, [CableSpring(line)] * weights.size
-    centre = -square / (3.0 * cube)
+    centre = -square / (3.0 * cube) if cube else 0.0  # a start on a linear spring has neither
     return cube * centre**3, [CableSpring(line - 3.0 * cube * centre**2), HardeningSpring(cube, centre)]
 
 
