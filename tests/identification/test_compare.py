@@ -10,7 +10,16 @@ from tests.recursion.axis_log import TRUTH, axis_log, slow_drive
 from whsklearn.effects import FrictionLaw, Hinge, Power
 from whsklearn.identification import Compared, identify
 from whsklearn.identification.axis_fit import fit_rigid_axis
-from whsklearn.identification.compare import _at_floor, _better, _indices, _no_chain, _of_weight, _score, recommend
+from whsklearn.identification.compare import (
+    _at_floor,
+    _better,
+    _indices,
+    _no_chain,
+    _of_position,
+    _of_weight,
+    _score,
+    recommend,
+)
 from whsklearn.identification.view import view
 from whsklearn.models import AxisModel, ChainModel, LinearModel
 from whsklearn.recursion.batch.axis_free_run import axis_motion
@@ -268,6 +277,49 @@ def test_a_chain_is_judged_from_the_motion_that_a_held_out_part_begins_in():
     found = identify(u, model.simulate(u), logged="output")
     rectified = next(c for c in found.models if c.name == "output error, order 2, without its sign")
     assert rectified.test["nmse"] < 1e-6, rectified
+
+
+def test_a_run_beyond_what_can_be_squared_is_lost_without_a_warning():
+    """Warnings are errors here; the command would print NumPy's own."""
+    u = np.ones(700)
+    log = view(u + 0.1 * np.sin(np.arange(700.0)), np.sin(0.05 * np.arange(700)), 1.0, "output")
+    lost = Compared("ARX, order 1", "arx", {}, "prediction", LinearModel([0.0, 1.0], [1.0, -2.0]))
+    _score(lost, log)
+    assert lost.score == np.inf
+    assert max(x.max() for x in lost.squares.values()) == np.inf
+
+
+def test_a_coarse_encoder_whose_noise_is_not_seen_is_at_the_floor_too(axis_record):
+    """Its steps are rarer than samples, so most third differences are zero."""
+    u, _, position = axis_record
+    step = np.ptp(position) / 100.0
+    whole = view(u, step * np.round(position / step), 0.005, "position")
+    fitting, held_out = whole.part(0, 2800), whole.part(2800, 4000)
+    axis = Compared("axis, viscous and Coulomb", "axis", {}, "simulation", fit_rigid_axis(fitting))
+    _score(axis, held_out)
+    axis.test = _indices(axis.model, held_out, 60)
+    assert axis.score > 1.3
+    assert _at_floor(axis, fitting)
+
+
+@pytest.mark.parametrize(("least", "skipped"), [(0.2, True), (0.3, False)])
+def test_no_load_is_sought_behind_a_spring_where_a_weight_leaves_far_less(least, skipped):
+    """The model with a load has no weight; that a load leaves less than the axis with a weight is no reason either."""
+    rigid, weight, load = (Compared(name, "axis", s, "") for name, s in (
+        ("axis, viscous and Coulomb", {}), ("axis with gravity", {"effects": ["gravity_imbalance"]}),
+        ("axis with a load behind a spring", {"effects": ["flexible_coupling"]}),
+    ))  # fmt: skip
+    rigid.score, weight.score, load.score = 1.0, least, 0.1
+    assert _of_position([rigid, weight, load]) == skipped
+
+
+def test_only_a_weight_that_cannot_be_told_from_other_forces_is_called_as_good():
+    spring = Compared("axis on a spring", "axis", {"effects": ["cable_spring"]}, "", score=1.0, by_drive=0.1)
+    weight = Compared("axis with gravity", "axis", {"effects": ["gravity_imbalance"]}, "", failure="Its inertia is 0.")
+    trivial = Compared("constant velocity", "trivial", {}, "-", score=10.0)
+    assert "about as well" not in recommend([spring, weight], trivial)[1]
+    weight.untold = True
+    assert "gravity predicts about as well" in recommend([spring, weight], trivial)[1]
 
 
 @pytest.mark.parametrize("missing", [0.0, 0.2])

@@ -79,6 +79,10 @@ LEAST_TESTED = 60  # samples, somewhat more than twice the lags of the test
 BLOCKS = 20  # blocks of the scores of inverse dynamics: each must be longer than the correlation of the missing torque
 
 
+class UntoldError(ValueError):
+    """A weight that a record does not tell from other forces over the position."""
+
+
 def fit_rigid_axis(log: View) -> AxisModel:
     """Inertia, viscous and Coulomb friction, offset, in SI."""
     return _fit(log, AxisForm())
@@ -105,7 +109,7 @@ def fit_hanging_axis(log: View) -> AxisModel:
     if share < LEAST_FORCE:
         raise ValueError(f"Gravity would be {100 * share:.2g} % of the drive, so the axis without it is equivalent.")
     if abs(numbers["input_offset"]) > np.abs(log.u).max():
-        raise ValueError(
+        raise UntoldError(
             f"Gravity would cancel an offset of the drive of {numbers['input_offset']:.2g}, more than it ever was: "
             "over this range a weight cannot be told from other forces that follow the position."
         )
@@ -218,7 +222,7 @@ def _determined(model: AxisModel) -> AxisModel:
     if not 2.0 * unsure < inertia:  # its interval holds zero
         raise ValueError(f"Its inertia would be {inertia:.2g} with a standard error of {unsure:.2g}.")
     if errors.get("gravity_imbalance__phase", 0.0) > 1.0:  # rad
-        raise ValueError("On which side the weight is cannot be told, so the axis without it is equivalent.")
+        raise UntoldError("On which side the weight is cannot be told, so the axis without it is equivalent.")
     alone = "hardening_spring" not in numbers
     if alone and not 2.0 * errors.get("cable_spring", 0.0) <= abs(numbers.get("cable_spring", 0.0)):
         raise ValueError("Whether the spring pulls or pushes cannot be told, so the axis without it is equivalent.")

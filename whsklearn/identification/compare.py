@@ -16,6 +16,8 @@ from threadpoolctl import threadpool_limits
 from whsklearn._numba import compiling_seconds
 from whsklearn.effects.base import Array
 from whsklearn.identification.axis_fit import (
+    LEAST_TESTED,
+    UntoldError,
     fit_free_law_axis,
     fit_hanging_axis,
     fit_placed_axis,
@@ -28,11 +30,12 @@ from whsklearn.identification.chain_fit import fit_chain, fit_folded, fit_rectif
 from whsklearn.identification.drive_lead import moved, skew
 from whsklearn.identification.linear_fit import fit_arx, fit_output_error
 from whsklearn.identification.logs_together import OwnDrive, together
-from whsklearn.identification.view import RATES, View, held_out_from, smooth, view
+from whsklearn.identification.view import RATES, View, held_out_from, smooth, view, window_of
 from whsklearn.identification.windows import (
     horizons,
     lead,
     mean_error,
+    powers,
     residual,
     rms_of,
     whole_errors,
@@ -49,10 +52,13 @@ GRAVITY, FORCE = "axis with gravity", "axis, free force over position"
 SPRING, HARDENING = "axis on a spring", "axis on a hardening spring"
 TWO_MASSES, CHAIN = "axis with a load behind a spring", "Wiener-Hammerstein"
 AT_LOAD = "axis with a load behind a spring, measured at the load"
-LAST = (TWO_MASSES, AT_LOAD, CHAIN)  # what takes most of the time
+COUPLED = (TWO_MASSES, AT_LOAD)
+LAST = (*COUPLED, CHAIN)  # what takes most of the time
 # Share of the best linear model's error below which an axis makes a chain needless. Of axes it leaves 0.15 at most, of
 # chains 0.97 at least, and of those axes a chain left seven times as much and more (`benchmarks.which_structure`).
+# So does a force over the position with a load behind a spring, beside which there is none.
 FAR_BELOW = 0.25
+LINEAR = ("arx", "output_error")
 CHAIN_FROM = 300  # samples; with fewer, the thirty parameters of a chain cannot be estimated
 # Of the travel in a window: a steady rotation that constant velocity predicts this well follows its drive, whatever the
 # structures add
@@ -93,6 +99,8 @@ class Compared:
         ``score`` as a share of that of the same model with its drive held at the mean.
     squares : dict of int to ndarray
         Mean squared error of each window by its length in samples.
+    untold : bool
+        Whether it was refused because the record does not tell its force from others over the position.
 
     References
     ----------
@@ -121,6 +129,7 @@ class Compared:
     failure: str = ""
     by_drive: float = 0.0
     squares: dict[int, Array] = field(default_factory=dict, repr=False, compare=False)
+    untold: bool = False
 
     @property
     def size(self) -> int:
@@ -330,10 +339,14 @@ def _each_tried(
     """Fit every structure in turn but those that the ones before make needless; the simplest first."""
     tried: list[Compared] = []
     for compared, fit in structures:
-        if compared.name in LAST and _at_floor(min(tried, key=lambda c: c.score), held_out):
+        if compared.name in LAST and _at_floor(min(tried, key=lambda c: c.score), fitting):
             compared.failure = "skipped, because a simpler structure is at the noise floor"
         elif compared.name == CHAIN and _no_chain(tried):
             compared.failure = "skipped, because an axis leaves far less than the best linear model"
+        elif compared.name in COUPLED and _of_position(tried):
+            compared.failure = (
+                "skipped, because an axis with a force over the position leaves far less than one without"
+            )
         elif compared.name in (FORCE, HARDENING) and _of_weight(tried, sure=compared.name == HARDENING):
             compared.failure = "skipped, because gravity is the best so far"  # over little travel a cubic imitates it
         else:
@@ -358,21 +371,31 @@ def _of_weight(tried: list[Compared], *, sure: bool) -> bool:
 
 def _no_chain(tried: list[Compared]) -> bool:
     """Whether an axis leaves so much less than linear models that a chain, which holds one, cannot make up for it."""
-    axis, linear = (
-        min((c.score for c in tried if c.kind in kinds and np.isfinite(c.score)), default=np.inf)
-        for kinds in (("axis",), ("arx", "output_error"))
-    )
-    return bool(axis < FAR_BELOW * linear)
+    return _least(tried, lambda c: c.kind == "axis") < FAR_BELOW * _least(tried, lambda c: c.kind in LINEAR)
+
+
+def _of_position(tried: list[Compared]) -> bool:
+    """Whether a force over position leaves so much less that a load behind a spring, beside which there is none, cannot
+    make up for it.
+    """
+    free = _least(tried, lambda c: c.kind == "axis" and "effects" not in c.structure)
+    return _least(tried, lambda c: c.name in (GRAVITY, SPRING, FORCE)) < FAR_BELOW * free
+
+
+def _least(tried: list[Compared], of: Callable[[Compared], bool]) -> float:
+    """The least score of some of the structures; infinite if there are none."""
+    return min((c.score for c in tried if of(c)), default=np.inf)
 
 
 def _at_floor(best: Compared, log: View) -> bool:
     """Whether noise explains what the best structure leaves, so that none of those that take long can be better.
 
-    Where the noise is not known, as a velocity is not slow against it, what an axis leaves must be white.
+    What an axis leaves may be white instead: third differences do not show the noise of a velocity, nor all of that of
+    a coarse encoder.  A rigid axis with a load that rings left residuals with p < 1e-30 (`benchmarks.two_masses`).
     """
-    if log.floor or log.logged == "position" or best.kind != "axis" or _lost(best.test):
+    if best.score < AT_FLOOR or best.kind != "axis" or _lost(best.test):
         return best.score < AT_FLOOR
-    return white(residual(best.model, log), log)
+    return log.u.size > LEAST_TESTED * window_of(log.u.size, log.dt) and white(residual(best.model, log), log)
 
 
 def _logs(
@@ -526,7 +549,7 @@ def _alike(chosen: Compared, tried: list[Compared]) -> str:
         for c in tried
         if (c_own := forces.intersection(c.structure.get("effects", ())))
         and c_own != own
-        and (c.score <= AS_GOOD * chosen.score or (c.name == GRAVITY and c.failure))
+        and (c.score <= AS_GOOD * chosen.score or c.untold)
     ]
     if not own or not others:
         return ""
@@ -576,7 +599,7 @@ def _fitted(compared: Compared, fit: Callable[[View], Any], log: View, units: di
             sizes = {k: len(getattr(model, k)) - 1 for k in ("b1", "f1", "b2", "f2")}
             compared.structure = {"zeros_and_poles": sizes, "law": "cubic_spline", "knots": len(model.law)}
     except (ValueError, np.linalg.LinAlgError) as error:
-        compared.failure = str(error).splitlines()[0]
+        compared.failure, compared.untold = str(error).splitlines()[0], isinstance(error, UntoldError)
     compared.seconds = time.process_time() - compiling_seconds() - begin
     return compared
 
@@ -614,7 +637,7 @@ def _score(compared: Compared, log: View) -> None:
     lengths = horizons(longest - before, log.dt)
     errors = {h: window_errors(compared.model, log, h, before) for h in lengths}
     compared.windows = {h: rms_of(e) for h, e in errors.items()}
-    compared.squares = {h: np.mean(e**2, axis=1) for h, e in errors.items()}
+    compared.squares = {h: powers(e) for h, e in errors.items()}
     scale = float(np.fmax(log.floor, 1e-6 * np.std(log.y)))
 
     def score(record: View, windows: list[float]) -> float:

@@ -100,18 +100,18 @@ def _theta_errors(
 
     states = fit_state(theta, pieces(lead_at, slope))
     if position:
-        left = _powers(first - run(lead_at, states))
+        left = powers(first - run(lead_at, states))
         lost = ~(left <= LOST**2 * np.median(left)) | (len(left) < FEW)
         if lost.any():
             at, seen = lead_at[lost], first[lost]
             speed = _first_speeds(seen, log.dt, lambda v: axis_motion(theta, pieces(at, v)).reshape(at.shape))
             again = fit_state(theta, pieces(at, speed))
-            closer = _powers(seen - run(at, again)) < left[lost]
+            closer = powers(seen - run(at, again)) < left[lost]
             states[lost] = np.where(closer[:, None], again, states[lost])
     return (log.y[whole_at] - run(whole_at, states))[:, before:]
 
 
-def _powers(errors: Array, *, level: bool = False) -> Array:
+def powers(errors: Array, *, level: bool = False) -> Array:
     """Mean square of each row, about its ``level`` or zero; infinite if it diverges."""
     bounded = np.abs(errors).max(axis=1) < LARGEST
     rows = np.where(bounded[:, None], errors, 0.0)
@@ -130,7 +130,7 @@ def _first_speeds(y: Array, dt: float, run: Callable[[Array], Array]) -> Array:
     line, bent = (some[:, -1] - some[:, 0]) / at[-1], some @ np.linalg.pinv(np.vander(at, 3))[1]
 
     def closest(tried: Array) -> Array:
-        left = np.array([_powers(y - run(v), level=True) for v in tried])  # the position is fitted too
+        left = np.array([powers(y - run(v), level=True) for v in tried])  # the position is fitted too
         return np.take_along_axis(tried, np.argmin(left, axis=0)[None], axis=0)[0]
 
     best = closest(np.vstack([line + np.linspace(0.0, 2.0, SPEEDS)[:, None] * (bent - line), np.zeros_like(line)]))
