@@ -7,7 +7,7 @@ import pytest
 
 from tests.logs.rig import columns
 from whsklearn.logs import LogError, LogWarning
-from whsklearn.logs.mend import frozen, jumps_in, turn_in
+from whsklearn.logs.mend import frozen, jumps_in, lone_readings, turn_in
 
 
 def turning(n=2000):
@@ -184,3 +184,33 @@ def test_stops_starts_and_coarse_steps_are_not_frozen():
     brake = np.where(t < 1, t, np.where(t < 1.5, 1.0, 1.0 + 2 * (t - 1.5) ** 2))
     for motion in (stop, start, slow, held, brake):
         assert frozen(motion, one)[1] is None
+
+
+def pushed(drive):
+    """Position of an axis of 0.05 kg m2 with 0.2 Nm s/rad at 500 Hz under a drive, which acts from its row on."""
+    q, v, path = 0.0, 0.0, []
+    for u in drive:
+        path.append(q)
+        v += (u - 0.2 * v) / 0.05 / 500
+        q += v / 500
+    return np.array(path)
+
+
+@pytest.mark.parametrize("late", [0, 5])
+@pytest.mark.parametrize("size", [60.0, -1e9])
+def test_a_reading_of_the_drive_that_moves_nothing_is_no_drive_and_one_that_moves_the_axis_is(size, late):
+    drive = 2.0 * np.sin(np.arange(3000) / 80.0)
+    drive[1000] = size
+    acting = np.roll(drive, late)
+    glitch = np.where(np.arange(3000) == 1000 + late, 0.0, acting)
+    assert np.flatnonzero(lone_readings(drive, pushed(glitch), 2)).tolist() == [1000]
+    assert not lone_readings(drive, pushed(acting), 2).any()
+
+
+def test_a_lone_reading_of_the_drive_is_told_and_counts_as_a_lost_sample(load):
+    table = columns(2000)
+    sound = load(dict(table))
+    table["torque_nm"] = np.where(np.arange(2000) == 700, 1e9, table["torque_nm"])
+    with pytest.warns(LogWarning, match="1e.09, which the motion does not answer"):
+        log = load(table)
+    np.testing.assert_allclose(log.X, sound.X, atol=0.05)

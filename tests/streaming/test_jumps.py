@@ -14,7 +14,7 @@ TRUE = [0.02, 0.05, 0.3]
 def passed(path):
     """Numbers of the rows that go on, and those that are told."""
     jumps = Jumps()
-    out = [one for k, q in enumerate(path) for one in jumps.take([k, [q]], 0)]
+    out = [one for k, q in enumerate(path) for one in jumps.take([k, [q, 0.0]], 0)]
     return [one.row[0] for one in out], [one.row[0] for one in out if one.told], jumps
 
 
@@ -29,6 +29,28 @@ def test_one_wrong_reading_is_told_and_changes_no_estimate(wrong, speed):
     assert (alarm["cause"], alarm["line"]) == ("jump", at + 1)
     assert list(monitor.model.theta_[:3]) == pytest.approx(TRUE, rel=0.03)
     assert monitor.carried.experiment == 0
+
+
+@pytest.mark.parametrize("also", ["", "position"])
+def test_one_wrong_reading_of_the_drive_is_told_and_changes_no_estimate(also):
+    t, q, u, _ = axis(6000)
+    sound, none = streamed(np.column_stack([t, q, u]))
+    u[4000] = 1e9
+    q[4000] += 50.0 if also else 0.0
+    monitor, told = streamed(np.column_stack([t, q, u]))
+    [alarm] = [r for r in told if r["kind"] == "alarm"]
+    assert (alarm["cause"], alarm["line"]) == ("jump", 4001)
+    assert "the drive is 1e+09 in one row" in alarm["reason"]
+    assert not [r for r in none if r["kind"] == "alarm"]
+    np.testing.assert_allclose(monitor.model.theta_[:3], sound.model.theta_[:3], rtol=1e-4)
+
+
+def test_a_drive_that_moves_the_axis_is_learnt_however_large_it_is():
+    t, q, u, _ = axis(6000)
+    u[4000] += 60.0  # for one sample: 60 / 0.02 / 500 rad/s from there on, which friction takes away unseen here
+    q[4001:] += 60.0 / 0.02 / RATE * (t[4001:] - t[4000])
+    _, told = streamed(np.column_stack([t, q, u]))
+    assert "drive" not in "".join(r["reason"] for r in told if r["kind"] == "alarm")
 
 
 def test_an_encoder_that_is_reset_begins_a_new_experiment():

@@ -21,6 +21,8 @@ AGAIN = 50  # rows; a repetition of fewer may be chance where signals are coarse
 LIVELY = 0.5  # share of rows in which the drive changes while the loop is closed
 FEW_COUNTS = 50.0  # a range of fewer whole numbers is that of a mode or a switch
 MOST_JUMPS = 10  # of an encoder in one log, and one in 500 rows; more are no faults of it but its way of reading
+LATEST = 50  # rows after which a motion still answers a drive: a delay
+ANSWERED = 2.0  # times any other change of the speed; a drive `OUTSIDE` times any other makes ten times of it
 OUTSIDE = 10.0  # a jump leaves the steps around it by this multiple of any change between two others
 RESOLVED = 20.0  # steps across the range; a motion in fewer of them may jump by itself
 FROZEN_STEPS = 3  # steps of zero in a row, and steps on either side that tell that the axis was moving
@@ -40,6 +42,11 @@ def missing_rows(signals: dict[str, Array], columns: dict[str, str]) -> tuple[ND
     Raises LogError if fewer than three rows are left, or if all values of a signal are implausibly large.
     """
     each = {role: ~(np.abs(values) < HUGE) | no_value(values) for role, values in signals.items()}
+    alone = np.zeros(0, dtype=bool)
+    if motion := next((role for role in ("position", "velocity") if role in signals and "drive" in signals), ""):
+        drive = np.where(each["drive"], np.nan, signals["drive"])
+        alone = lone_readings(drive, signals[motion], 2 if motion == "position" else 1)
+        each["drive"] |= alone
     bad = np.any(list(each.values()), axis=0)
     if bad.size - bad.sum() < 3:
         worst = max(each, key=lambda role: int(each[role].sum()))
@@ -53,6 +60,8 @@ def missing_rows(signals: dict[str, Array], columns: dict[str, str]) -> tuple[ND
     role = next(r for r, missing in each.items() if missing[rows[0]])
     value = signals[role][rows[0]]
     held = "no number" if math.isnan(value) else f"{value:.3g}"
+    if role == "drive" and alone[rows[0]]:
+        held += ", which the motion does not answer"
     text = (
         f"Column {columns[role]!r} has no value at row {rows[0]} ({held}; {rows.size} such rows in all); these "
         "rows were left out and count as lost samples."
@@ -73,6 +82,42 @@ def no_value(values: Array) -> NDArray[np.bool_]:
     there = size == top
     rest = size[~there & np.isfinite(values)]
     return there if rest.size > there.sum() and rest.max() < APART * top else np.zeros(values.size, dtype=bool)
+
+
+def lone_readings(drive: Array, motion: Array, order: int) -> NDArray[np.bool_]:
+    """Single readings of the drive far beyond all others that the motion does not answer: a glitch of the bus.
+
+    A drive that acted so for one sample would have changed the speed as no other sample does. ``motion``: the position,
+    with an ``order`` of 2, or the velocity, with 1.
+
+    >>> t = np.arange(1000) / 500
+    >>> drive = np.sin(3 * t)
+    >>> drive[600] = 1e6
+    >>> np.flatnonzero(lone_readings(drive, -np.sin(3 * t), 2))
+    array([600])
+    """
+    out = np.zeros(drive.size, dtype=bool)
+    most = MOST_JUMPS + drive.size // 500
+    if drive.size < 3 * MOST_JUMPS:
+        return out
+    size = np.where(np.isfinite(drive), np.abs(drive), 0.0)
+    first = np.argpartition(size, -most - 1)[-most - 1 :]
+    first = first[np.argsort(size[first])]  # the largest last
+    beyond = np.flatnonzero((size[first[1:]] > OUTSIDE * size[first[:-1]]) & (size[first[:-1]] > 0.0))
+    if not beyond.size:
+        return out
+    out[first[beyond[0] + 1 :]] = True
+    pair = out[1:] & out[:-1]
+    out[1:] &= ~pair
+    out[:-1] &= ~pair
+    bend = np.abs(np.diff(np.where(np.isfinite(motion), motion, 0.0), order))
+    near = np.flatnonzero(out)[:, None] + np.arange(-2, LATEST)
+    near = np.clip(near, 0, bend.size - 1)
+    elsewhere = bend.copy()
+    elsewhere[near] = 0.0
+    answered = bend[near].max(axis=1) > ANSWERED * elsewhere.max()
+    out[np.flatnonzero(out)[answered]] = False
+    return out
 
 
 def too_small(role: str, column: str, values: Array) -> None:
