@@ -53,3 +53,22 @@ def test_an_axis_far_from_all_others_is_an_outlier(n):
     fleet = pd.DataFrame({"x": np.random.default_rng(1).normal(1.0, 0.01, n), "axis": range(n), "failure": ""})
     fleet.loc[2, "x"] = 4.0
     assert outliers(fleet)["axis"].tolist() == [2]
+
+
+def test_outliers_do_not_hide_each_other_and_a_small_fleet_shows_one_of_25_deviations():
+    rng = np.random.default_rng(2)
+    fleet = pd.DataFrame(rng.normal(1.0, 0.02, (9, 12)), columns=[f"x{k}" for k in range(12)])
+    fleet = fleet.assign(axis=range(9), failure="")
+    fleet.loc[4, "x3"] = 1.5
+    assert outliers(fleet)["axis"].tolist() == [4]
+    fleet.loc[7, "x3"] = 1.5
+    assert sorted(outliers(fleet)["axis"]) == [4, 7]
+    fleet.loc[1, ["x3", "failure"]] = np.nan, "no Parquet file"
+    assert sorted(outliers(fleet)["axis"]) == [4, 7]
+    fleet.loc[7, "x3"] = 1e12
+    assert outliers(fleet)["axis"].tolist() == [7, 4]
+
+
+def test_numbers_that_are_all_the_same_have_no_outlier():
+    fleet = pd.DataFrame({"x": [0.3] * 8, "nmse": [1e-3] * 8, "axis": range(8), "failure": ""})
+    assert outliers(fleet).empty
