@@ -18,9 +18,12 @@ from click.testing import CliRunner
 from sklearn.base import BaseEstimator, RegressorMixin
 
 from tests.cli.fleet_folder import MODEL, source, write_axis
+from whsklearn import ServoAxis
 from whsklearn.cli.fleet import Kept, main, run_here, run_on_cluster, summary, to_table, write_table
 from whsklearn.cli.fleet_axis import axes_of, digest_of, identify_axes, outliers
 from whsklearn.cli.options import build_model
+from whsklearn.datasets import make_servo_log
+from whsklearn.effects import Coulomb, Viscous
 
 LEAST_SQUARES = {"estimator": "rls", "orders": (2, 2, 2, 2), "law": "reduced", "p": 4, "forgetting": 1.0, "seed": 0}
 
@@ -48,6 +51,32 @@ def test_the_job_writes_one_row_an_axis_and_names_the_odd_ones(fleet, tmp_path):
     assert "ax05" in set(outliers(table)["axis"])
     assert "broken" not in set(outliers(table)["axis"])
     assert "broken: part-0.parquet cannot be read" in " ".join(done.output.split())
+
+
+def test_a_drive_and_a_position_are_servo_axes_whose_worn_one_is_named(tmp_path):
+    rng, logs = np.random.default_rng(0), tmp_path / "logs"
+    for i in range(8):
+        friction = [Viscous(0.12), Coulomb(0.45 if i == 4 else 0.3 * (1.0 + 0.02 * rng.standard_normal()))]
+        axis = ServoAxis(inertia=0.05 * (1.0 + 0.02 * rng.standard_normal()), law=friction)
+        frame = make_servo_log(axis=axis, duration=4.0, random_state=i)
+        frame["position_deg"] = np.degrees(frame["position_rad"])
+        (logs / f"axis=ax{i}").mkdir(parents=True)
+        frame.to_parquet(logs / f"axis=ax{i}" / "part.parquet")
+    columns = ["--input", "torque_nm", "--output", "position_deg"]
+    args = [str(logs), "--out", str(tmp_path / "fleet.parquet"), "--no-track", "--in-process", "--workers", "1"]
+    done = CliRunner().invoke(main, [*args, *columns, "--time", "time_s"])
+    assert done.exit_code == 0, done.output
+    assert "torque_nm and position_deg are those of servo axes, with numbers in Nm and deg" in done.output
+    table = pd.read_parquet(tmp_path / "fleet.parquet").set_index("axis")
+    assert table["inertia"].median() == pytest.approx(np.radians(0.05), rel=0.03)
+    assert table.loc["ax4", "coulomb"] == pytest.approx(0.45, rel=0.05)  # it sticks often
+    assert table["nmse"].max() < 0.1
+    assert outliers(table.reset_index())["axis"].tolist() == ["ax4"]
+    timeless = CliRunner().invoke(main, [*args, *columns])
+    assert timeless.exit_code == 2
+    assert "give --time, or --orders for a chain" in " ".join(timeless.output.split())
+    turned = CliRunner().invoke(main, [*args, "--input", "position_deg", "--output", "torque_nm", "--time", "time_s"])
+    assert "exchange them" in turned.output
 
 
 def test_the_fleet_is_recorded_with_a_child_for_each_outlier(fleet, mlflow_root):

@@ -70,6 +70,24 @@ def head_of(source: str, time: str | None) -> tuple[list[str], float | None]:
     return names, step if step > 0.0 else None
 
 
+def of_an_axis(options: Mapping[str, Any], chosen: set[str]) -> bool:
+    """Whether the input and the output are a drive and a position, and no option of a chain is ``chosen``.
+
+    Raises ColumnError if they are exchanged.
+    """
+    from whsklearn.logs.roles import says
+
+    (drive, *more), position = options["inputs"], options["output"]
+    if chosen & {"estimator", "orders", "p"} or more:
+        return False
+    if says(position, "drive") and says(drive, "position"):
+        raise ColumnError(
+            f"--input is {drive}, a position, and --output {position}, a drive; exchange them, or give --orders for a "
+            "chain from the position to the drive."
+        )
+    return says(drive, "drive") and says(position, "position")
+
+
 def axis_stream(options: Mapping[str, Any], chosen: set[str], say: Any) -> Learnt | None:
     """``stream SOURCE``: recursive least squares of an axis if the columns are its drive and its position.
 
@@ -80,20 +98,12 @@ def axis_stream(options: Mapping[str, Any], chosen: set[str], say: Any) -> Learn
     from whsklearn.compare import at_an_alarm
     from whsklearn.lags.axis_rows import effect_terms
     from whsklearn.logs.mend import turns_of
-    from whsklearn.logs.roles import says
     from whsklearn.logs.units import unit_of
     from whsklearn.streaming.monitor import alarm_of_averages
 
-    source, time, rate, inputs = (options[k] for k in ("source", "time_column", "rate", "inputs"))
-    drive, position = inputs[0], options["output"]
-    if chosen & {"estimator", "orders", "p"} or len(inputs) > 1:
-        return None
-    if says(position, "drive") and says(drive, "position"):
-        raise ColumnError(
-            f"--input is {drive}, a position, and --output {position}, a drive; exchange them, or give --orders for a "
-            "chain from the position to the drive."
-        )
-    if not (says(drive, "drive") and says(position, "position")):
+    source, time, rate = (options[k] for k in ("source", "time_column", "rate"))
+    drive, position = options["inputs"][0], options["output"]
+    if not of_an_axis(options, chosen):
         return None
     names, step = head_of(source, time)
     dt = 1.0 / rate if rate else step

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 import click
+from click.core import ParameterSource
 
 from whsklearn.cli.job import UNUSABLE, cell, entry, job, progress_bar, say_where, tracker_for, wrapped, writable_file
 from whsklearn.cli.options import NEW_FILE, build_model, model_options
@@ -43,10 +44,13 @@ SHOWN = 10
 def main(**options: Any) -> None:
     """Identify every axis of FOLDER, a Parquet folder partitioned by axis, and write one table of all.
 
+    A drive and a position, by the names or units of the columns, are those of a servo axis, whose inertia and friction
+    are found by inverse dynamics; other columns are those of a chain.
+
     If it is stopped, the finished axes are kept in OUT.part, and the same command resumes from there. The exit status
     is 3 if axes failed; the table of all axes is written first.
 
-    Example: whsklearn fleet logs/ --input torque_nm --output velocity_rad_s --out fleet.parquet
+    Example: whsklearn fleet logs/ --input torque_nm --output position_rad --time time_s --out fleet.parquet
     """
     from whsklearn.cli.fleet_axis import axes_of, identify_axes, outliers
     from whsklearn.tracking import estimator_params
@@ -55,7 +59,7 @@ def main(**options: Any) -> None:
     test_share, workers = options["test_share"], options["workers"]
     writable_file(out, *folder.rglob("*.parquet"))
     names = axes_of(folder, axis)
-    model = build_model(options)
+    model = model_of(options)
     source = {"folder": str(folder.resolve()), "axis": axis, "inputs": list(options["inputs"])}
     source |= {k: options[k] for k in ("output", "time_column")}
     began = time.perf_counter()
@@ -85,6 +89,30 @@ def main(**options: Any) -> None:
     say_where(tracker)
     if len(failed):
         raise SystemExit(UNUSABLE)
+
+
+def model_of(options: dict[str, Any]) -> Any:
+    """The estimator that is cloned for every axis: of a servo axis, if the columns are its drive and position."""
+    from whsklearn import InverseDynamicsLags, RLSRegressor
+    from whsklearn.cli.axis_stream import of_an_axis
+    from whsklearn.lags.axis_rows import effect_terms
+    from whsklearn.logs.units import UNSTATED, unit_of
+
+    source_of = click.get_current_context().get_parameter_source
+    chosen = {name for name in options if source_of(name) == ParameterSource.COMMANDLINE}
+    if not of_an_axis(options, chosen):
+        return build_model(options)
+    drive, position = options["inputs"][0], options["output"]
+    if options["time_column"] is None:
+        raise click.UsageError(
+            f"{drive} and {position} are the drive and the position of an axis; give --time, or --orders for a chain."
+        )
+    lags = InverseDynamicsLags(1.0, law=options["law"] if "law" in chosen else "viscous,coulomb")
+    effect_terms(lags.law, lags.effects)  # a wrong name is said now, not for each axis
+    units = [u for u in (unit_of(drive), unit_of(position)) if u not in UNSTATED]
+    text = f"with numbers in {' and '.join(units)}" if len(units) == 2 else "with numbers in the columns' units"
+    click.echo(f"{drive} and {position} are those of servo axes, {text}; --orders takes them for chains.", err=True)
+    return RLSRegressor(lags, forgetting=options["forgetting"])
 
 
 def run_here(work: Work, batches: list[list[str]], workers: int) -> Iterator[list[Row]]:

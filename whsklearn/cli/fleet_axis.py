@@ -7,6 +7,7 @@ log among a million must not end the job.
 from __future__ import annotations
 
 import time
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -30,17 +31,14 @@ def axes_of(folder: Path, axis: str) -> list[str]:
     return names
 
 
-def read_axis(
-    folder: Path, axis: str, name: str, inputs: list[str], output: str, time_column: str | None
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """X (n, n_inputs) and y (n,) of one axis, sorted by time, or in the order of files and rows.
+def read_rows(folder: Path, axis: str, name: str, columns: list[str], time_column: str | None) -> NDArray[np.float64]:
+    """The columns of one axis, shape (n, n_columns), sorted by time, or in the order of files and rows.
 
     Raises ValueError if the axis has no rows, a column is missing or not numeric, or a time stamp is repeated.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    columns = [*([time_column] if time_column else []), *inputs, output]
     files = sorted((folder / f"{axis}={name}").glob("*.parquet"))
     if not files:
         raise ValueError("no Parquet file in its folder")
@@ -58,21 +56,45 @@ def read_axis(
             raise ValueError(f"{file.name} holds values that are not numbers") from None
     rows = np.concatenate(parts)
     if time_column:
-        rows = rows[np.argsort(rows[:, 0], kind="stable")]
-        if np.any(np.diff(rows[:, 0]) <= 0):
+        time = columns.index(time_column)
+        rows = rows[np.argsort(rows[:, time], kind="stable")]
+        if np.any(np.diff(rows[:, time]) <= 0):
             raise ValueError(f"a {time_column} is repeated")
-        rows = rows[:, 1:]
-    return rows[:, :-1], rows[:, -1]
+    return rows
 
 
-def identify_axis(model: Any, X: NDArray[np.float64], y: NDArray[np.float64], test_share: float) -> Row:
-    """Fit a clone on the first part of the record, judge its free run on the rest."""
+def read_axis(
+    folder: Path, axis: str, name: str, inputs: list[str], output: str, time_column: str | None
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """X (n, n_inputs) and y (n,) of one axis; see `read_rows`."""
+    columns = [*inputs, output, *([time_column] if time_column else [])]
+    rows = read_rows(folder, axis, name, columns, time_column)
+    return rows[:, : len(inputs)], rows[:, len(inputs)]
+
+
+def read_servo(folder: Path, axis: str, name: str, inputs: list[str], output: str, time_column: str) -> Any:
+    """The `whsklearn.logs.Log` of one servo axis in SI units, repaired as that of a single file."""
+    from whsklearn.logs import Column, LogWarning, Source, load_log
+
+    columns = [time_column, *inputs, output]
+    rows = read_rows(folder, axis, name, columns, time_column)
+    source = Source(name, columns, lambda names: {n: Column(rows[:, columns.index(n)]) for n in names})
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LogWarning)  # a fleet's table has a row for each axis, and no room for remarks
+        return load_log(source, time=time_column, drive=inputs[0], position=output)
+
+
+def identify_axis(
+    model: Any, X: NDArray[np.float64], y: NDArray[np.float64], test_share: float, groups: Any = None
+) -> Row:
+    """Fit a clone on the first part of the record, judge its free run on the rest; of a servo axis, its drive."""
     from whsklearn.metrics import mu_e, nmse, rmse
     from whsklearn.plot import flat_parameters
 
     stop = len(y) - int(len(y) * test_share)
-    fitted = clone(model).fit(X[:stop], y[:stop])
-    y_hat = fitted.predict(X)  # from the start, so that the transient is over before the test part
+    whole, first = ({}, {}) if groups is None else ({"groups": groups}, {"groups": groups[:stop]})
+    fitted = clone(model).fit(X[:stop], y[:stop], **first)
+    y_hat = fitted.predict(X, **whole)  # from the start, so that the transient is over before the test part
     row: Row = {f"{name}": value for name, value in flat_parameters(fitted.parameters_).items()}
     judged = slice(stop, None) if test_share else slice(None)
     for index in (nmse, mu_e, rmse):
@@ -88,9 +110,16 @@ def identify_axes(model: Any, names: list[str], source: dict[str, Any], test_sha
         folder = Path(source["folder"])
         row: Row = {"axis": name, "rows": 0, "failure": "", "digest": digest_of(folder, source["axis"], name)}
         try:
-            X, y = read_axis(**(source | {"name": name, "folder": folder}))
-            row["rows"] = len(y)
-            row |= identify_axis(model, X, y, test_share)
+            of_this = source | {"name": name, "folder": folder}
+            if "lags__sample_rate" in model.get_params():
+                log = read_servo(**of_this)
+                row["rows"] = len(log.drive)
+                known = clone(model).set_params(lags__sample_rate=log.sample_rate)
+                row |= identify_axis(known, log.position, log.drive, test_share, log.groups)
+            else:
+                X, y = read_axis(**of_this)
+                row["rows"] = len(y)
+                row |= identify_axis(model, X, y, test_share)
         except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
             row["failure"] = str(error).splitlines()[0]
         done.append(row | {"seconds": time.perf_counter() - began})
