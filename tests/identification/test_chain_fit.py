@@ -1,14 +1,14 @@
-"""A linear system behind a sensor that loses the sign."""
+"""Chains: a linear system behind a sensor that loses the sign, and a fit that explains little."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
+from scipy.signal import cont2discrete, lfilter
 
 from benchmarks._twins import make_coupled_drives
 from whsklearn.identification import identify
-from whsklearn.identification.chain_fit import fit_folded, fit_rectified, loses_sign
+from whsklearn.identification.chain_fit import fit_chain, fit_folded, fit_rectified, loses_sign
 from whsklearn.identification.view import View, view
 from whsklearn.identification.windows import window_errors
 
@@ -56,3 +56,14 @@ def test_a_record_that_begins_in_motion_has_the_state_of_its_first_block_fitted(
     assert np.sqrt(np.mean(error**2)) < 0.02 * np.std(y)
     from_rest = (late.y - model.simulate(late.u))[30:60]
     assert np.sqrt(np.mean(error[:30] ** 2)) < 0.2 * np.sqrt(np.mean(from_rest**2))
+
+
+def test_a_weak_chain_is_left_to_the_comparison(recwarn):
+    """The warning of the estimator names settings and estimators that `identify` does not have."""
+    b, a, _ = cont2discrete(([800.0], np.polymul([1.0, 4.5], [1.0, 0.95, 182.0])), 0.02)
+    rng = np.random.default_rng(2)
+    u = np.repeat(rng.choice([-1.0, 1.0], 70), 5)
+    y = np.abs(lfilter(b.ravel(), a, u)) + 0.01 * rng.standard_normal(350)
+    chain = fit_chain(View(u, y, y, 0.02, "output"))
+    assert np.var(y - chain.simulate(u)) > 0.5 * np.var(y)
+    assert not recwarn.list
