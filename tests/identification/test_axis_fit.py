@@ -283,6 +283,26 @@ def test_of_a_complete_log_intervals_are_as_wide_as_the_errors(rate):
     assert 0.5 < np.sqrt(np.mean(np.square(z))) < 1.6  # chi-square of 15: 0.64 to 1.35
 
 
+def test_intervals_hold_the_inertia_where_a_controller_is_faster_than_its_log():
+    """Back-EMF and a loop of 1 kHz logged at 100 Hz, as of hobby servos: half a period of 1 ms is 1.3 % of inertia.
+
+    With a drive whose time is taken for known, that was 5 to 90 standard errors.
+    """
+    z = []
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        law, count = as_law("viscous,coulomb").reweighted([0.25, 0.03]), 2.0 * np.pi / 4096
+        axis = ServoAxis(0.01, law, controller=PIDController(5.0, 0.0, 0.02), sample_rate=1000.0)
+        t = np.arange(8000) / 1000.0
+        waves = [(rng.uniform(0.3, 1.0), 2.0 * np.pi * rng.uniform(0.1, 1.2), rng.uniform(0.0, 6.0)) for _ in range(4)]
+        record = axis.simulate(sum(a * (np.sin(w * t + p) - np.sin(p)) for a, w, p in waves))
+        measured = count * np.round(record.position[::10] / count)
+        model = fit_rigid_axis(view(record.drive[::10], measured, 0.01, "position"))
+        assert model.standard_errors["inertia"] < 0.06 * 0.01
+        z.append((model.parameters["inertia"] - 0.01) / model.standard_errors["inertia"])
+    assert np.sqrt(np.mean(np.square(z))) < 2.0, z
+
+
 @pytest.mark.parametrize("rate", [1000.0, 100.0])
 def test_intervals_hold_the_level_of_friction_that_is_smooth(rate):
     """Rounded over 0.02 rad/s, which the same numbers fitted to all speeds do not show: only to the fast ones."""

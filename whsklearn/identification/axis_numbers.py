@@ -46,10 +46,14 @@ def shooting_log(log: View, seconds: float, form: AxisForm) -> AxisLog:
     )  # fmt: skip
 
 
+def in_pieces(log: View, form: AxisForm) -> AxisLog:
+    """The record as what an axis leaves of it is told: a position in pieces, otherwise one run."""
+    return shooting_log(log, PIECE, form) if log.logged == "position" else axis_log(log, form)
+
+
 def axis_residual(theta: Array, log: View, form: AxisForm) -> Array:
     """Residual of the axis in SI, its state fitted: for a position in pieces, otherwise of one run."""
-    position = log.logged == "position"
-    pieces = handed_over(theta, settled(theta, shooting_log(log, PIECE, form) if position else axis_log(log, form)))
+    pieces = handed_over(theta, settled(theta, in_pieces(log, form)))
     return pieces.target - axis_motion(theta, pieces)
 
 

@@ -248,7 +248,7 @@ def fit_pieces(theta: Array, log: AxisLog, *, iterations: int = 25, enough: floa
     end = descend(run_of(theta, log), equations, moved, iterations, enough=enough)
     if not _says_something(end.cost, end.rows):
         return AxisFit(end.theta, np.full((theta.size, theta.size), np.inf), end.error, np.inf)
-    return AxisFit(end.theta, _covariance(end.rows, end.error, end.theta, log.bounds), end.error, end.cost)
+    return AxisFit(end.theta, covariance_of(end.rows, end.error, end.theta, log.bounds), end.error, end.cost)
 
 
 def _following(at: _Run, theta: Array) -> AxisLog:
@@ -324,7 +324,7 @@ def fit_state(theta: Array, log: AxisLog, passes: int = 8) -> Array:
     return state
 
 
-def _covariance(rows: Array, error: Array, theta: Array, bounds: Integers, batches: int = 60) -> Array:
+def covariance_of(rows: Array, error: Array, theta: Array, bounds: Integers, batches: int = 60) -> Array:
     """Covariance by leaving out batches in turn, as the error is seldom white; a batch is no smaller than a piece.
 
     Each batch moves the estimate by (A - A_b)^-1 of its score, A being the information (the jackknife of clustered
