@@ -148,7 +148,13 @@ def test_a_rival_goes_that_runs_farther_from_the_record_in_its_place():
         def simulate(self, model, horizon):
             return noise["abc".index(model)] * {"": 1.5, "a": 1.0, "b": 1.0, "c": 1.3}[model]
 
+        def refine(self, model, look):
+            return Terms(model + look.name)
+
     assert conclude._standing_rivals(Plant(None), with_rivals("abc", ["b", "c", "d"]), 0, 0.01) == ["b", "d"]
+    found = with_rivals("ab", ["b", "c", "d"])  # a rival that a run has made, as a lag of a delay, was only looked at
+    found.steps[0].looks.append(SimpleNamespace(name="c"))
+    assert conclude._standing_rivals(Plant(None), found, 0, 0.01) == ["b", "d"]
 
 
 @pytest.mark.parametrize(("left", "kept"), [((0.3, 0.6), []), ((0.3, 0.45), ["b"]), ((0.55, 0.8), ["b"])])
