@@ -107,7 +107,8 @@ def model_of(options: dict[str, Any]) -> Any:
         raise click.UsageError(
             f"{drive} and {position} are the drive and the position of an axis; give --time, or --orders for a chain."
         )
-    lags = InverseDynamicsLags(1.0, law=options["law"] if "law" in chosen else "viscous,coulomb")
+    # averages away from standstill, as of a stream: with all rows, numbers depend on how often an axis sticks
+    lags = InverseDynamicsLags(1.0, law=options["law"] if "law" in chosen else "viscous,coulomb", causal=True)
     effect_terms(lags.law, lags.effects)  # a wrong name is said now, not for each axis
     units = [u for u in (unit_of(drive), unit_of(position)) if u not in UNSTATED]
     text = f"with numbers in {' and '.join(units)}" if len(units) == 2 else "with numbers in the columns' units"
