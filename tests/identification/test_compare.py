@@ -20,6 +20,7 @@ from whsklearn.identification.compare import (
     _score,
     recommend,
 )
+from whsklearn.identification.linear_fit import fit_arx, fit_output_error
 from whsklearn.identification.view import view
 from whsklearn.models import AxisModel, ChainModel, LinearModel
 from whsklearn.recursion.batch.axis_free_run import axis_motion
@@ -65,6 +66,19 @@ def test_a_linear_system_is_no_chain():
     found = identify(u, y)
     assert found.recommended.kind in ("arx", "output_error"), found.reason
     assert found.recommended.test["nmse"] < 0.01
+
+
+def test_the_error_over_the_held_out_end_is_of_a_model_that_has_not_seen_it():
+    u = np.random.default_rng(5).standard_normal(290)
+    y = lfilter([0.0, 0.5, 0.2], [1.0, -1.2, 0.5], u)
+    y[203:] *= 1.5  # a model of all samples is closer to both than one of the first 70 %
+    found = identify(u, y, logged="output")
+    chosen, record = found.recommended, view(u, y, 1.0, "output")
+    before = {"arx": fit_arx, "output_error": fit_output_error}[chosen.kind](
+        record.part(0, 203), chosen.structure["order"]
+    )
+    assert chosen.test == _indices(before, record.part(203, 290), 30)
+    assert chosen.test != _indices(found.model, record.part(203, 290), 30)
 
 
 def test_an_output_that_does_not_follow_is_told():

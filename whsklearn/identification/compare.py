@@ -92,7 +92,7 @@ class Compared:
     score : float
         Geometric mean of ``windows`` over the noise floor (over the error of the trivial model if there is no floor).
     train, test : dict of str to float
-        Indices of the free run.
+        Indices of the free run; without another record, ``test`` is of the model that was fitted to what is before it.
     failure : str
         Why it could not be fitted; empty if it was.
     by_drive : float
@@ -312,16 +312,15 @@ def identify(
     chosen.model = _better(chosen, _fitted(replace(chosen), fit_again, whole, units), whole)
     chosen.model = _with_drive_error(chosen.model, drive_error)
     reason += _at_its_speed(chosen.model, whole) if _steady(trivial, held_out) else ""
+    judged = held_out  # by the models that were fitted to what is before it, as the choice was made
     if test is not None:
         cuts = test[2] if len(test) == 3 else None
         judged = replace(view(test[0], test[1], dt, whole.logged, cuts), si=whole.si)
         judged = moved(judged, own[0].lead if len(own) == 1 else skew(judged.in_si))
-    else:  # the record begins in motion
-        judged = held_out
-        skip = max(skip, lead(judged.longest.u.size, dt))
     for compared in tried:
         compared.train = _indices(compared.model, fitting, 0)
-        compared.test = _indices(compared.model, judged, skip, past if judged is held_out else ())
+        if judged is not held_out:
+            compared.test = _indices(compared.model, judged, skip)
     is_white = white(residual(chosen.model, whole), whole)
     return Identification(
         tried, chosen, trivial, reason, whole.floor, whole, judged, np.size(y), is_white, own, test is not None

@@ -214,7 +214,8 @@ def _overlay(ax: Axes, found: Identification) -> None:
     ax.plot(seconds, error, color="C3", lw=0.8, label="difference")
     units = found.model.units
     since = f"{'s' if units.get('time', 's') == 's' else 'samples'} since the state was fitted"
-    ax.set(xlabel=since, ylabel=titled("output", units.get("output", "")), title=f"Last window of {found.judged_on}")
+    title = f"Last window of {found.judged_on}" + ("" if found.tested else ", to which this model is fitted too")
+    ax.set(xlabel=since, ylabel=titled("output", units.get("output", "")), title=title)
     ax.legend(fontsize=8)
 
 
