@@ -154,6 +154,13 @@ class ChangeAlarm(BaseEstimator):
         """Whether the reference has been learnt."""
         return self.started and self._buffer is None
 
+    @property
+    def lacking_(self) -> int:
+        """Innovations that are still to come before it watches."""
+        if self.watching_:
+            return 0
+        return self.n_settle + self.n_reference - (self._settled + self._filled if self.started else 0)
+
     def get_state(self) -> dict[str, Any]:
         """Everything that `set_state` needs to continue identically."""
         names = ("n_samples_", "n_alarms_", "_settled", "_filled", "_buffer", "_past", "_ar", "_edges", "_counts")

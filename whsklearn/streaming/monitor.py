@@ -204,6 +204,7 @@ class Carried:
     output_sum: list[float] = field(default_factory=list)  # sum of the outputs over the same rows
     output_squares: list[float] = field(default_factory=list)
     poor: list[bool] = field(default_factory=list)  # whether predictions were worse than the mean at the last check
+    senseless: str = ""  # what was told of numbers that no axis has
     alarms: int = 0
     alarm_row: int = -1
     adapting: int = 0
@@ -608,14 +609,43 @@ class StreamMonitor:
         times = self.carried.times
         return {"kind": kind, "row": row} | ({"time": times[row - self.carried.rows - 1]} if times else {})
 
-    def worse_than_mean(self) -> list[str]:
-        """Messages on the outputs whose predictions since the last estimate are worse than the mean of the output.
+    def at_the_end(self) -> list[str]:
+        """What is wrong with the estimate and was not told at the last one, as none follows the last rows.
 
-        There is one sentence per output.  There is none while the model settles, or for an output that was already
-        reported at the last estimate.  Call this at the end of a stream, because no estimate follows the last rows.
+        There is a sentence for each output whose predictions are worse than the mean of the output, once the model has
+        settled, and one for an axis that did not move, that nothing drove, or whose inertia is negative.
         """
         poor, said = self._judged()
-        return [said[k] for k, was in enumerate(self.carried.poor) if poor[k] and not was]
+        cause, senseless = self._senseless()
+        told = [said[k] for k, was in enumerate(self.carried.poor) if poor[k] and not was]
+        return told + [senseless] * (cause != self.carried.senseless)
+
+    def lacking(self) -> str:
+        """What must still come before a change can be told; empty if it can."""
+        lags = getattr(self.model, "lags_", None)
+        n = max(alarm.lacking_ for alarm in self.alarms) * getattr(lags, "every_", 1)
+        what = "rows" if self.options.position is None else "averages over motion"
+        return f"no change can be told before {n} more {what}" if n else ""
+
+    def _senseless(self) -> tuple[str, str]:
+        """The cause and a sentence, if the numbers of an axis are such that none has."""
+        if self.options.position is None or not self.carried.rows:
+            return "", ""
+        values, errors = estimates(self.model)
+        inertia, error = values.get("inertia", 0.0), errors.get("inertia", math.nan)
+        if inertia < -SURE * error:
+            return "negative_inertia", (
+                f"the inertia is {inertia:.4g} +- {error:.2g}, and no axis has a negative one: drive and position "
+                "count in opposite directions; change the sign of one of their columns"
+            )
+        if any(values.values()):
+            return "", ""
+        if np.isfinite(list(errors.values())).any():
+            return "no_drive", (
+                "the drive is zero in all rows in which the axis moved, so the zeros are no estimate; check its column "
+                "and the enable"
+            )
+        return "at_rest", "the axis has not moved yet, so nothing was learnt and the zeros are no estimate"
 
     def _judged(self) -> tuple[list[bool], list[str]]:
         """Whether each output is predicted worse than by its mean, and the message for it."""
@@ -636,10 +666,16 @@ class StreamMonitor:
         return poor, said
 
     def _judge(self, number: int) -> None:
-        """Warn when predictions become worse than the mean of the output; warn again only after they were better."""
-        for reason in self.worse_than_mean():
-            self._warn("worse_than_mean", number, reason)
-        self.carried.poor = self._judged()[0]
+        """Warn when an estimate begins to be none; an axis may rest, which is told at the end only."""
+        c = self.carried
+        poor, said = self._judged()
+        cause, senseless = self._senseless()
+        told = [("worse_than_mean", reason) for k, reason in enumerate(said) if poor[k] and not c.poor[k]]
+        cause = "" if cause == "at_rest" else cause
+        for why, reason in [*told, (cause, senseless)]:
+            if why and why != c.senseless:
+                self._warn(why, number, reason)
+        c.poor, c.senseless = poor, cause
 
     def _estimate(self) -> None:
         """Emit the current estimate, and what changed since the reference."""

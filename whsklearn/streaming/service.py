@@ -242,20 +242,20 @@ def _run(stream: StreamMonitor, files: Files, place: dict[str, Any], keeper: Kee
     c, ahead = stream.carried, len(stream.clock.ahead) + len(stream.clock.back)
     repeated, leapt = len(stream.freeze.waiting), len(stream.jumps.waiting)
     waiting = (
-        (ahead, "after a leap of the clock"), (repeated, "that repeat the position"), (leapt, "after a jump of it"),
+        (ahead, "after a leap of the clock"), (repeated, "that repeat the position"), (leapt, "after a jump"),
     )  # fmt: skip
     for n, what in waiting:
         if n:
             keeper.say(f"{n} rows {what} are still waiting for the rows after them.")
-    for said in stream.worse_than_mean():
+    for said in stream.at_the_end():
         keeper.say(f"At the end {said}.")
     if not stopper.by and stream.sides is not None and (said := stream.sides.so_far(FEWEST_COMPARED)):
         keeper.say(f"So far after the alarm: {said}")
     taken, spent = c.rows - rows, time.monotonic() - began
     keeper.say(
         f"{'Stopped by ' + stopper.by if stopper.by else 'The source ended'} after row {c.rows} "
-        f"({taken} rows now, {taken / spent:.0f} rows/s, {c.bad} bad, {c.repeated} repeated, {c.alarms} alarms); "
-        f"{keeper.outlook(c.rows)}"
+        f"({taken} rows now, {taken / spent:.0f} rows/s, {c.bad} bad, {c.repeated} repeated, {c.alarms} alarms"
+        f"{'; ' * bool(stream.lacking())}{stream.lacking()}); {keeper.outlook(c.rows)}"
     )
     if c.bad and not c.rows and not stopper.by:
         raise LogError(f"None of the {c.bad} lines of {files.source} is a row; see above what is wrong with them.")

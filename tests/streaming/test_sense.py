@@ -1,0 +1,39 @@
+"""What a stream of an axis says of numbers that none has, and of an alarm that is not ready."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.streaming.test_freeze import axis, streamed
+
+
+@pytest.mark.parametrize(
+    ("sign", "moves", "cause", "said"),
+    [(-1.0, 1.0, "negative_inertia", "change the sign of one"), (0.0, 1.0, "no_drive", "the drive is zero in all rows"),
+     (1.0, 0.0, "", "the axis has not moved yet")],
+)  # fmt: skip
+def test_numbers_that_no_axis_has_are_told_once(sign, moves, cause, said):
+    t, q, u, _ = axis(3000)
+    monitor, told = streamed(np.column_stack([t, moves * q, sign * u]))
+    alarms = [r for r in told if r["kind"] == "alarm"]
+    assert [r["cause"] for r in alarms] == [cause] * bool(cause)
+    assert all(said in r["reason"] for r in alarms)
+    assert [said in end for end in monitor.at_the_end()] == [True] * (not cause)
+    early, _ = streamed(np.column_stack([t, moves * q, sign * u])[:700])  # none of its rows was due an estimate
+    assert [said in end for end in early.at_the_end()] == [True]
+    sound, none = streamed(np.column_stack([t, q, u]))
+    assert not sound.at_the_end()
+    assert not [r for r in none if r["kind"] == "alarm"]
+
+
+def test_until_the_alarm_watches_it_is_said_how_much_is_lacking():
+    t, q, u, _ = axis(3000)
+    monitor, _ = streamed(np.column_stack([t, q, u]))
+    [alarm] = monitor.alarms
+    assert not alarm.watching_
+    assert alarm.lacking_ < alarm.n_settle + alarm.n_reference
+    assert monitor.lacking() == f"no change can be told before {alarm.lacking_} more averages over motion"
+    alarm.update(np.random.default_rng(0).normal(size=alarm.lacking_))
+    assert alarm.watching_
+    assert monitor.lacking() == ""
