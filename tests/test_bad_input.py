@@ -59,10 +59,13 @@ BAD = {
     "two outputs": (X, np.c_[Y, Y], "expected one output a row"),
     "no rows": (X[:0], Y[:0], "0 sample"),
     "groups of another length": (X, Y, r"groups has shape \(3,\), expected \(90,\)"),
+    "groups with a gap": (X, Y, "groups has no label in row 40, expected one a row"),
 }
 
 
 def groups_of(name):
+    if name == "groups with a gap":
+        return {"groups": with_value(np.ones(90), 40, np.nan)}
     return {"groups": [1, 1, 2]} if name.startswith("groups") else {}
 
 
@@ -186,6 +189,16 @@ def test_fewer_rows_than_lags(name):
     model = copy.deepcopy(MODELS[name])
     with pytest.raises(ValueError, match=r"n_samples=3\), expected at least 4.*give a longer record") as error:
         model.fit(X[:3], Y[:3])
+    assert_one_sentence(error)
+    assert not hasattr(model, "n_features_in_")
+
+
+@pytest.mark.parametrize("name", ["RMILS", "RMILS, pure", "MILS, published", "PEM", "swarm"])
+def test_experiments_that_are_all_shorter_than_the_lags(name):
+    """Labels that alternate made 90 experiments of one row, and a fit that leaves all of the output."""
+    model = copy.deepcopy(MODELS[name])
+    with pytest.raises(ValueError, match=r"changes 89 times.*has 1 sample, expected at least 4.*one after") as error:
+        model.fit(X, Y, groups=np.arange(90) % 2)
     assert_one_sentence(error)
     assert not hasattr(model, "n_features_in_")
 

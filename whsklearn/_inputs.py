@@ -107,6 +107,8 @@ def starts(groups: ArrayLike | None, n: int, first: bool, last: object = None) -
         labels = np.asarray(groups)
         if labels.shape != (n,):
             raise ValueError(f"groups has shape {labels.shape}, expected ({n},): one experiment a row.")
+        if (missing := labels != labels).any():  # NaN
+            raise ValueError(f"groups has no label in row {np.argmax(missing)}, expected one a row; give it a number.")
         restart[1:] = labels[1:] != labels[:-1]
         restart[0] = str(labels[0]) != last
     if first and n:

@@ -42,8 +42,8 @@ class CheckedModel(KeptModel):
         with self._unchanged_if_refused():
             self._keep_lags()
             X, y = self._validate(given.X, given.y, reset=True)
-            self._need_rows(len(X))
             restart = starts(given.groups, len(X), first=True)
+            self._need_rows(restart)
             weights = checked_weights(given.sample_weight, len(X), some=True)
             self._structure()
             self._warn_of_order(given.X)
@@ -55,9 +55,17 @@ class CheckedModel(KeptModel):
         """Rows and targets of a record, made by lags other than the Wiener-Hammerstein ones."""
         return (X, y) if self.lags is None else self.lags_.rows(X, y, groups)
 
-    def _need_rows(self, n: int) -> None:
-        """Raise if a record is too short to fill the lags once; warn if it has no more samples than parameters."""
+    def _need_rows(self, restart: Bools) -> None:
+        """Raise if no experiment is long enough to fill the lags; warn of no more samples than parameters."""
+        n = len(restart)
         needed = self._lags.max_lag + 1 if self._is_wiener_hammerstein else 1
+        longest = int(np.diff(np.append(np.flatnonzero(restart), n)).max())
+        if longest < needed <= n:
+            raise ValueError(
+                f"groups changes {np.count_nonzero(restart) - 1} times, so the longest experiment has {longest} "
+                f"sample{'s' if longest != 1 else ''}, expected at least {needed}, one more than the lags reach back; "
+                "give the rows of each experiment one after another."
+            )
         if n < needed:
             raise ValueError(
                 f"Found {n} sample{'s' if n != 1 else ''} (n_samples={n}), expected at least {needed}, one more "

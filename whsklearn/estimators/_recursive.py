@@ -98,8 +98,8 @@ class RecursiveRegressor(AxisRegressor):
             given = joined(X, y, groups, sample_weight)
             groups = given.groups
             X, y = self._validate(given.X, given.y, reset=True)
-            self._need_rows(len(X))
             restart = starts(groups, len(X), first=True)
+            self._need_rows(restart)
             weights = self._weights(given.sample_weight, len(X), some=True)
             self._warn_of_order(given.X)
             self._warn_of_record(X, y)
