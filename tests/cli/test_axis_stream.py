@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import pytest
+from click.testing import CliRunner
 
 from whsklearn.cli.axis_stream import head_of
+from whsklearn.cli.stream import main
 
 
 @pytest.mark.parametrize(
@@ -41,3 +43,24 @@ def test_a_source_that_shows_no_step_has_none(tmp_path, rows):
     log.write_text(rows)
     assert head_of(str(log), "t")[1] is None
     assert head_of("-", "t") == ([], None)
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        (b"", "holds no rows"),
+        (b"time_s,torque_nm,position_rad\n", "holds no rows"),
+        ("time_s,torque_nm,position_rad\n0,1,2\n".encode("utf-16"), "is not text in UTF-8"),
+        (b"\x8f\x00\xfe\x01\n\x00\x02", "is not text in UTF-8"),
+        (b"time_s,torque,position_rad\n0,1,2\n", "no column 'torque_nm'; it has: time_s, torque, position_rad"),
+        (b"time_s,torque_nm,position_rad\n0,1,2\n", "does not show its sample rate"),
+    ],
+    ids=["empty", "a header", "UTF-16", "binary", "another column", "one row"],
+)
+def test_a_file_that_is_no_log_is_told_as_what_it_is(tmp_path, content, says):
+    source = tmp_path / "log.csv"
+    source.write_bytes(content)
+    columns = ("--input", "torque_nm", "--output", "position_rad", "--time", "time_s")
+    done = CliRunner().invoke(main, [str(source), *columns, "--no-track"])
+    assert done.exit_code != 0
+    assert says in done.output

@@ -35,6 +35,18 @@ def test_every_candidate_is_a_run_and_the_best_a_champion(mlflow_root):
     assert model.p == int(parent.data.tags["best_p"])
 
 
+@pytest.mark.parametrize(
+    ("option", "value", "says"),
+    [("--law", "viskous", "Unknown effect 'viskous'; expected one of"), ("--p", "4,0", "p is 0, expected a whole"),
+     ("--forgetting", "1.5", "forgetting is 1.5, expected a number above 0 and at most 1"), ("--P0", "-1", "P0 is -1")],
+)  # fmt: skip
+def test_a_value_that_no_fit_takes_is_one_sentence(option, value, says):
+    done = run("--samples", 200, "--folds", 2, "--jobs", 1, "--no-track", option, value)
+    assert done.exit_code != 0
+    assert says in done.output
+    assert "Traceback" not in done.output
+
+
 def written(path, u, y, rate=100.0):
     table = np.column_stack([np.arange(len(u)) / rate, u, y])
     np.savetxt(path, table, delimiter=",", header="time_s,torque_nm,position_rad", comments="")

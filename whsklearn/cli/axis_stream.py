@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from whsklearn.cli.options import build_model
-from whsklearn.logs.errors import ColumnError
+from whsklearn.logs.errors import ColumnError, LogError
 
 AT_FIRST = 200  # rows from which the rate of a stream's file is estimated
 LONGEST_STEP = 2.5  # samples: a longer one begins a new experiment, because no derivative can bridge it
@@ -105,15 +105,17 @@ def axis_stream(options: Mapping[str, Any], chosen: set[str], say: Any) -> Learn
     drive, position = options["inputs"][0], options["output"]
     if not of_an_axis(options, chosen):
         return None
-    names, step = head_of(source, time)
+    columns = [*([time] if time else []), position, drive]
+    begun = source == "-" or has_rows(source, columns, bool(time))
+    step = head_of(source, time)[1]
     dt = 1.0 / rate if rate else step
     what = f"{drive} and {position} are the drive and the position of an axis"
     if dt is None and (time is None or source == "-"):
         say(f"{what}, but without {'--time or ' if time is None else ''}--rate they are taken for a chain.")
         return None
-    if time and names and time not in names:
-        raise ColumnError(f"The header has no column {time!r}; it has: {', '.join(names)[:300]}.")
     if dt is None:
+        if not begun:
+            raise LogError(f"{source} holds no rows; give another file, or --rate HZ and --follow for rows to come.")
         raise ColumnError(f"{source} does not show its sample rate by {time} of three rows; give --rate HZ too.")
     law = options["law"] if "law" in chosen else "viscous,coulomb"
     lags = InverseDynamicsLags(float(f"{1.0 / dt:.6g}"), law=law, causal=True)
@@ -126,10 +128,20 @@ def axis_stream(options: Mapping[str, Any], chosen: set[str], say: Any) -> Learn
         f"A change is told from {first:.3g} s of motion on; where the axis stops or turns within "
         f"{2e3 * lags.spacing * dt:.3g} ms, none counts."
     )
-    columns = [*([time] if time else []), position, drive]
     compare = at_an_alarm(columns, None if time else dt)
     rows = without_holes(time, dt) | {"position": int(bool(time)), "turns": tuple(turns_of(unit_of(position)))}
     return Learnt(model, columns, alarm, compare, rows)
+
+
+def has_rows(source: str, columns: list[str], timed: bool) -> bool:
+    """Whether a file has more than a header; raises what a stream would raise of that, before its rate is asked for."""
+    from whsklearn.streaming.rows import CsvParser
+
+    with open(source, "rb") as file:
+        header, row = file.readline(), file.readline()
+    if header:
+        CsvParser(header.rstrip(b"\r\n"), columns, timed)
+    return bool(row)
 
 
 def without_holes(time: str | None, dt: float) -> dict[str, Any]:

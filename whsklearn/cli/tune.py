@@ -61,6 +61,7 @@ def main(**options: Any) -> None:
     record = record_of(options) if options["log_file"] else example(options["samples"], options["seed"])
     grid = grid_of(options)
     estimator = RMILSRegressor(lags=WienerHammersteinLags(), random_state=options["seed"])
+    check_values(estimator, grid)
     if record.groups is not None:
         note(f"The log has holes; the model restarts in each of its {record.groups[-1] + 1} segments.")
     tracker = tracker_for("tune", options["track"], data=record.name, estimator="RMILSRegressor")
@@ -157,6 +158,14 @@ def grid_of(options: dict[str, Any]) -> list[dict[str, list[Any]]]:
         fixed = {f"lags__{k}": [v] for k, v in zip(("n_a", "n_b", "n_c", "n_d"), orders, strict=True)}
         grids.append({**free, **fixed, "lags__law": [law]})
     return grids
+
+
+def check_values(estimator: Any, grid: list[dict[str, list[Any]]]) -> None:
+    """Raise in one sentence for a value that no fit takes; the search would raise the tracebacks of all its fits."""
+    from sklearn.base import clone
+
+    for name, value in dict.fromkeys((k, v) for part in grid for k, values in part.items() for v in values):
+        clone(estimator).set_params(**{name: value})._check_parameters()
 
 
 _NOT_ALLOWED = object()

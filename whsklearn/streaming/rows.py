@@ -232,7 +232,7 @@ class JsonParser:
         try:
             record = json.loads(line)
         except (ValueError, RecursionError):
-            raise BadRow(f"not JSON: {_short(line)}") from None
+            raise BadRow(f"not JSON, which stdin takes (give a CSV file by its name): {_short(line)}") from None
         if not isinstance(record, dict):
             raise BadRow(f"a JSON {type(record).__name__}, expected an object")
         row = []
