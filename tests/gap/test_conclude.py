@@ -19,7 +19,7 @@ NAMELESS = SimpleNamespace(name="", p_value=1e-6, size=0.2, signal="")
 
 def verdict(
     after, run, *, taken=("stribeck",), remainder=(), floor=0.01, exact=False, floors=1.0, gap=1.0, first=10.0,
-    by_run=False, enough=True, **effect,
+    by_run=False, enough=True, fitted=(), **effect,
 ):  # fmt: skip
     """Of a record with such a gap, ``after`` of which is left where noise alone leaves ``floor``.
 
@@ -37,7 +37,7 @@ def verdict(
         model=None,
         taken=[SimpleNamespace(name=n, look=look, **effect) for n in taken],
         remainder=list(remainder),
-        steps=[None],
+        steps=[SimpleNamespace(fitted=fitted)],
         interrupted=False,
     )
     return verdict_of(plant, found, 0.01, {"closure": run, "before": first, "after": floors, "floor": 1.0})
@@ -123,6 +123,13 @@ def test_what_only_a_refused_name_explains_is_missing_too():
     assert verdict(0.02, 0.99, remainder=[refused]) == "partial"
     refused.p_value = 0.5
     assert verdict(0.02, 0.99, remainder=[refused]) == "named"
+
+
+@pytest.mark.parametrize(("left", "by_run", "sure"), [(0.012, False, False), (0.012, True, True), (0.016, False, True)])
+def test_no_name_is_certain_where_one_that_physics_refuses_leaves_half_the_power(left, by_run, sure):
+    """A spring with play was a cable spring and four waves, with certainty; a stop over the travel left less."""
+    refused = Named(Look("end_stop", 0.0, np.zeros(1)), None, np.ones(9), left * np.ones(9), reason="a spring")
+    assert verdict(0.02, 0.99, fitted=[refused], by_run=by_run) == ("named" if sure else "partial")
 
 
 def with_rivals(fitted, rivals):

@@ -335,10 +335,17 @@ def verdict_of(plant: Any, found: Found, alpha: float, run: dict[str, float]) ->
     # A remainder below the tolerance is not worth naming, unless the free run shows that it matters.
     if plant.exact and still > least:  # own records that lack nothing but an effect need no margin
         return "partial"
+    if not figures.by_run and any(_leaves(f) < HALF * (after / before) ** 2 for f in found.steps[0].fitted):
+        return "partial"  # what physics refuses does better than all names together: they stand for something else
     matters = still > least or run["after"] > QUIET * run["floor"]
     if (still > STILL * before and matters) or not plant.enough(found.model):
         return "partial"
     return "ambiguous" if any(t.rivals for t in found.taken) else "named"
+
+
+def _leaves(fitted: Named) -> float:
+    """Share of the gap's power that an effect leaves by itself."""
+    return float(fitted.errors @ fitted.errors) / max(float(fitted.before @ fitted.before), 1e-300)
 
 
 def _unseen(plant: Any, found: Found, alpha: float) -> set[str]:

@@ -112,6 +112,19 @@ def test_no_weight_swings_about_a_slide():
     assert asked[0] - asked[1] == {"gravity_imbalance"}
 
 
+def test_a_wave_that_does_not_repeat_within_the_travel_has_no_multiples():
+    """Such a series is any function of the position: of a spring with play, it was four waves with certainty."""
+    record = ServoRecord.from_frame(make_servo_log(duration=12.0, random_state=0))
+    view, model = start_of(record, ("viscous", "coulomb"), 0.004)
+    kind = candidate("cogging")
+    for periods in (1.6, 2.4):
+        order = periods * np.pi / view.scene.reach
+        wave = view.fit(model.with_term(ServoTerm(kind, (0.1, 0.0, order))))
+        found = [q for shapes, _, _ in servo_families.orders(servo_families.Scene(view, wave), kind) for (q,) in shapes]
+        assert bool(found) == (periods > 2.0)
+        np.testing.assert_allclose(np.array(found) / order, np.arange(2, len(found) + 2))
+
+
 def test_a_dead_zone_behind_a_limit_leaves_some_of_the_drive():
     record = ServoRecord.from_frame(make_servo_log(duration=12.0, random_state=0))
     view, model = start_of(record, ("viscous", "coulomb"), 0.004)

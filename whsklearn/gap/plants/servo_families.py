@@ -286,8 +286,9 @@ def orders(scene: Scene, kind: Candidate) -> Blocks:
     """Whole orders of what turns, then all orders; the Gaussian damps a wave by exp(-(k v s)^2 / 2).
 
     Beside waves of this kind only further ones of the same pitch: whole ones beside those nearest to whole, else
-    multiples of the first.  Waves of any order beside each other are the series of a function of the position, such as
-    one bump on a rail, and waves less than a period over the travel apart are one with an envelope.
+    multiples of the first, if that repeats within the travel.  Waves of any order beside each other, and multiples of
+    one that does not repeat, are the series of a function of the position, such as one bump on a rail or a spring with
+    play, and waves less than a period over the travel apart are one with an envelope.
     """
     view = scene.view
     present = [t.q[kind.linear] for t in scene.model.terms if t.kind == kind]
@@ -302,7 +303,8 @@ def orders(scene: Scene, kind: Candidate) -> Blocks:
     if present and all(np.abs(values - o).min() == abs(round(o) - o) for o in present):
         values = values[values % 1.0 == 0.0]
     elif present:
-        values = np.arange(present[0], high + present[0], present[0])
+        repeats = present[0] * view.scene.reach >= 2.0 * ONE_PERIOD
+        values = np.arange(present[0], high + present[0], present[0]) if repeats else values[:0]
     zeros = (0.0,) * kind.linear
     values = np.array([o for o in values if o > 0.0 and resolved(view, scene.model, ServoTerm(kind, (*zeros, o)))])
     if not kind.paired:
