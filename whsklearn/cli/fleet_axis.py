@@ -73,7 +73,7 @@ def read_axis(
 
 
 def read_servo(folder: Path, axis: str, name: str, inputs: list[str], output: str, time_column: str) -> Any:
-    """The `whsklearn.logs.Log` of one servo axis in SI units, repaired as that of a single file."""
+    """The `whsklearn.logs.Log` of one servo axis in the units of its columns, repaired as that of a single file."""
     from whsklearn.logs import Column, LogWarning, Source, load_log
 
     columns = [time_column, *inputs, output]
