@@ -7,6 +7,7 @@ import pytest
 from scipy.signal import cont2discrete, lfilter
 
 from benchmarks._twins import make_coupled_drives
+from whsklearn.effects import FrictionLaw
 from whsklearn.identification import identify
 from whsklearn.identification.chain_fit import fit_chain, fit_folded, fit_rectified, loses_sign
 from whsklearn.identification.view import View, view
@@ -58,8 +59,11 @@ def test_a_record_that_begins_in_motion_has_the_state_of_its_first_block_fitted(
     assert np.sqrt(np.mean(error[:30] ** 2)) < 0.2 * np.sqrt(np.mean(from_rest**2))
 
 
-def test_a_weak_chain_is_left_to_the_comparison(recwarn):
-    """The warning of the estimator names settings and estimators that `identify` does not have."""
+def test_a_weak_chain_is_left_to_the_comparison_and_takes_no_longer(recwarn, monkeypatch):
+    """The warning of the estimator names settings and estimators that `identify` does not have.
+
+    A state that follows nothing was fitted in 300 steps, each of which runs the chain once for every number.
+    """
     b, a, _ = cont2discrete(([800.0], np.polymul([1.0, 4.5], [1.0, 0.95, 182.0])), 0.02)
     rng = np.random.default_rng(2)
     u = np.repeat(rng.choice([-1.0, 1.0], 70), 5)
@@ -67,3 +71,8 @@ def test_a_weak_chain_is_left_to_the_comparison(recwarn):
     chain = fit_chain(View(u, y, y, 0.02, "output"))
     assert np.var(y - chain.simulate(u)) > 0.5 * np.var(y)
     assert not recwarn.list
+    runs, call = [], FrictionLaw.__call__
+    monkeypatch.setattr(FrictionLaw, "__call__", lambda *a: [runs.append(1), call(*a)][1])
+    other = np.cos(0.3 * np.arange(350.0))
+    errors = window_errors(chain, View(u, other, other, 0.02, "output"), 25, 30)
+    assert len(runs) / len(errors) < 2 * 30 * len(chain.f1)
