@@ -85,6 +85,8 @@ def test_a_unit_says_what_the_output_is():
     np.testing.assert_array_equal(known.as_response.target, hung)
     assert view(drive, hung, 0.01, "auto").logged == "output"
     assert view(drive, hung, 0.01, "auto", si=(angle, angle)).logged == "output"  # a commanded position
+    # no weight is carried by a command
+    assert [view(drive, hung, 0.01, "auto", si=(u, angle)).angle for u in (torque, angle, rate)] == [True, False, False]
     assert view(drive, turning, 0.01, "auto").logged == "position"
     assert view(drive, turning, 0.01, "auto", si=(torque, rate)).logged == "output"
     assert view(drive, turning, 0.01, "auto", si=(torque, (1.0, "counts/s"))).logged == "output"

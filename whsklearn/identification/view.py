@@ -26,6 +26,7 @@ DRIVES, RATES = (
     ("Nm", "N", "A", "Arms", "Apk", "V", "Vrms", "%"),
     ("rad/s", "m/s", "counts/s"),
 )  # SI units of what moves an axis; of a velocity
+PLACES = ("rad", "m", "counts")  # SI units of a position
 SMOOTHING = 0.03  # s, width of the parabola for the velocity of a logged position
 # Of the squared equation error: a constant that removes more than a fifth belongs to an operating point, and the pole
 # is judged with it.  Valves about 50 % are left 0.56 or less, axes 0.9 and more (tests/identification/test_view.py)
@@ -59,7 +60,8 @@ class View:
         Whether a logged position does not keep its value without a drive, as that of an axis with gravity. A linear
         model of it is fitted to the position itself.
     angle : bool
-        Whether the output may be an angle, of which gravity is a sine: not if it counts anything.
+        Whether the output may be an angle, of which gravity is a sine: not if it counts anything, nor if the drive is
+        the command of a position or a speed.
 
     References
     ----------
@@ -161,7 +163,7 @@ def view(
         raise ValueError(f"dt is {dt!r}, expected a sampling time above zero in s.")
     drive, output = (unit for _, unit in si)
     # the motion of an axis under a torque is a position whether it hangs or not; a rate never is one
-    placed = output in ("rad", "m", "counts") and drive in DRIVES
+    placed = output in PLACES and drive in DRIVES
     settles = logged in ("auto", "position") and not integrates(u, y, bounds)
     if logged == "auto":
         logged = "output" if output in RATES or (settles and not placed) else "position"
@@ -170,7 +172,11 @@ def view(
     target = derivative(y, dt, bounds)[0] if logged == "position" else y
     u, y, target = (np.ascontiguousarray(x) for x in (u, y, target))
     settles = settles and logged == "position"
-    factors, angle = (si[0][0], si[1][0]), output == "rad" or (output == UNKNOWN and bool(np.any(y != np.round(y))))
+    factors = si[0][0], si[1][0]
+    # what moves an axis against its weight is a torque: a commanded position or speed is not
+    angle = drive not in (*PLACES, *RATES) and (
+        output == "rad" or (output == UNKNOWN and bool(np.any(y != np.round(y))))
+    )
     return View(u, y, target, float(dt), logged, factors, starts, settles=settles, angle=angle)
 
 
