@@ -124,6 +124,7 @@ def test_the_command_says_what_is_left(tmp_path):
     arguments = ["export", str(path), "--to", "table", "--out", str(tmp_path / "out"), "--rated-torque", "1.3"]
     done = CliRunner().invoke(main, arguments, catch_exceptions=False)
     assert done.exit_code == 0, done.output
+    assert "Rms torque (Nm or N) without" in done.output
     assert "predicted by replaying the table against the model" in done.output
     assert (tmp_path / "out" / "tf5200_frict_comp.lis").exists()
     chain = CliRunner().invoke(main, [*arguments[:3], "table", "--out", str(tmp_path / "o2"), "--speed", "-1"])

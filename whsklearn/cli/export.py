@@ -53,7 +53,7 @@ def main(model: str, to: str, out: str, effects: str | None, spread: str | None,
     if done.left:
         left = [f"{100 * round(r.after / r.before, 6):.3g} %" for r in done.left]
         rows = [(r.name, r.before, round(r.after, 12), share) for r, share in zip(done.left, left, strict=True)]
-        title = "Rms torque in Nm, or force in N, without and with each table, replayed against the model"
+        title = "Rms torque (Nm or N) without and with a table, predicted by replaying the table against the model"
         click.echo(table(["table", "without", "with", "left"], rows, title=title))
     ranges = [write_ranges(spread, done.paths[0])] if spread else []
     click.echo(f"Written: {', '.join(map(str, [*done.paths, *ranges]))}")
