@@ -62,9 +62,9 @@ class CheckedModel(KeptModel):
         longest = int(np.diff(np.append(np.flatnonzero(restart), n)).max())
         if longest < needed <= n:
             raise ValueError(
-                f"groups changes {np.count_nonzero(restart) - 1} times, so the longest experiment has {longest} "
-                f"sample{'s' if longest != 1 else ''}, expected at least {needed}, one more than the lags reach back; "
-                "give the rows of each experiment one after another."
+                f"The longest of {np.count_nonzero(restart)} experiments has {longest} "
+                f"sample{'s' if longest != 1 else ''}, expected at least {needed}, one more than the lags reach "
+                "back; give longer records, and in groups the rows of each experiment one after another."
             )
         if n < needed:
             raise ValueError(
