@@ -165,8 +165,8 @@ def far_off(x: NDArray[np.float64], level: float) -> NDArray[np.bool_]:
 
     The generalised extreme Studentised deviate: the number farthest from the mean is taken out, and again of the rest;
     the last one that is too far off for chance, and all taken out before it, are outliers.  ``level`` is the
-    probability of any where there is none; of 1,500 normal fleets with 12 numbers each and 3 to 100 axes 0 to 1.6 % had
-    one at 0.01.  With a limit for robust deviations, one axis of nine had to be off by thirty.
+    probability of any where there is none.  By a limit for robust deviations, which are uncertain in a small fleet, one
+    axis of nine had to be off by thirty.
 
     References
     ----------

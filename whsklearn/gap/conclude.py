@@ -336,7 +336,7 @@ def verdict_of(plant: Any, found: Found, alpha: float, run: dict[str, float]) ->
     if plant.exact and still > least:  # own records that lack nothing but an effect need no margin
         return "partial"
     if not figures.by_run and any(_leaves(f) < HALF * (after / before) ** 2 for f in found.steps[0].fitted):
-        return "partial"  # what physics refuses does better than all names together: they stand for something else
+        return "partial"  # one effect, which physics refuses, does better than all names: they stand for something else
     matters = still > least or run["after"] > QUIET * run["floor"]
     if (still > STILL * before and matters) or not plant.enough(found.model):
         return "partial"

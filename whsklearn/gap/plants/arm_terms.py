@@ -90,7 +90,13 @@ class Weight(Effect):
 
 @dataclass(frozen=True)
 class AtJoint:
-    """An effect at a joint, along a sum of joints, or of the whole arm."""
+    """An effect at a joint, along a sum of joints, or of the whole arm.
+
+    >>> from whsklearn.effects import Coulomb
+    >>> kind = AtJoint(Coulomb, "elbow", (0.0, 1.0))
+    >>> kind.name, kind.index, kind.effect((0.3,))
+    ('coulomb at elbow', 1, Coulomb(torque=0.3))
+    """
 
     cls: type[Effect]  # the effect
     joint: str  # name of the joint or of the sum; empty for the whole arm
@@ -168,7 +174,13 @@ class AtJoint:
 
 @dataclass(frozen=True)
 class JointTerm(FittedTerm):
-    """An `AtJoint` with its numbers."""
+    """An `AtJoint` with its numbers.
+
+    >>> from whsklearn.effects import Coulomb
+    >>> term = JointTerm(AtJoint(Coulomb, "elbow", (0.0, 1.0)), (0.3,))
+    >>> term.joint, term.effect, term.shape
+    ('elbow', Coulomb(torque=0.3), ())
+    """
 
     @property
     def joint(self) -> str:

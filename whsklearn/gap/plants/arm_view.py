@@ -51,7 +51,14 @@ STANDS_OUT = 4.0  # standard deviations of the residual; chance puts 6e-5 of a n
 
 @dataclass(frozen=True)
 class ArmState:
-    """Base numbers, ages of the drives, and terms; the first ``n_base`` are the plays that the base model has."""
+    """Base numbers, ages of the drives, and terms; the first ``n_base`` are the plays that the base model has.
+
+    >>> from whsklearn.effects import Coulomb
+    >>> bare = ArmState(np.array([0.05, 0.1]), np.zeros(1))
+    >>> grown = bare.with_term(JointTerm(AtJoint(Coulomb, "hip", (1.0,)), (0.3,)))
+    >>> [t.joint for t in grown.added], len(grown.without(0).terms)
+    (['hip'], 0)
+    """
 
     numbers: Any  # (n_columns,)
     timing: Any  # (n_joints,), s
@@ -81,6 +88,10 @@ class ArmRecord(Segmented):
     """Time (n,) in s, positions and drives (n, n_joints) in rad and Nm (m and N), in the order of the joints.
 
     ``starts`` are the samples before which the log has a hole.
+
+    >>> record = ArmRecord(np.arange(5) / 100, np.zeros((5, 2)), np.zeros((5, 2)), starts=(3,))
+    >>> record.groups
+    array([0, 0, 0, 1, 1])
     """
 
     time: Array

@@ -38,7 +38,7 @@ from whsklearn.gap.plants import servo_stop as stop
 from whsklearn.gap.plants import servo_two_mass as two_mass
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, Candidate, usable
 from whsklearn.gap.plants.servo_inverse import later, reaching, weighted
-from whsklearn.gap.plants.servo_model import ServoHypothesis, ServoTerm
+from whsklearn.gap.plants.servo_model import HOLD, ServoHypothesis, ServoTerm
 from whsklearn.gap.plants.servo_own import Own
 from whsklearn.gap.record import Array
 from whsklearn.gap.search import HALF, LEAST_SHARE
@@ -273,13 +273,18 @@ def limits(scene: Scene, kind: Candidate) -> Blocks:
 
 
 def ages(scene: Scene, kind: Candidate) -> Blocks:
-    """The drive delayed by every age beyond bookkeeping; or behind every lag, less the delay of its age."""
+    """The drive delayed by every age beyond bookkeeping; or behind every lag, less the delay of its age.
+
+    A lag is judged by the drive before it, of which it takes nothing; it may be as short as the hold of a sample.
+    """
     dt, u = scene.view.scene.dt, scene.drive
     lags = kind.code == k.ACTUATOR_LAG
-    for age in np.geomspace((0.5 if lags else LATEST) * dt, max(OLDEST, 10 * LATEST * dt), N_LIMITS):
-        known = later(k.INPUT_DELAY, u, age if lags else LATEST * dt, dt)
-        late, book = (scene.transformed(x)[0] for x in (later(kind.code, u, age, dt), known))
-        yield [(float(age),)], late - book, 1.0
+    book = scene.transformed(later(k.INPUT_DELAY, u, LATEST * dt, dt))[0]
+    for age in np.geomspace((HOLD if lags else LATEST) * dt, max(OLDEST, 10 * LATEST * dt), N_LIMITS):
+        columns, share = scene.transformed(later(kind.code, u, age, dt))
+        if lags:
+            book, share = scene.transformed(later(k.INPUT_DELAY, u, age, dt))[0], 1.0
+        yield [(float(age),)], columns - book, share
 
 
 def orders(scene: Scene, kind: Candidate) -> Blocks:
