@@ -210,6 +210,50 @@ def test_a_fast_stream_is_not_drowned_in_the_noise_of_its_encoder(rate):
         assert model.parameters_[name] == pytest.approx(value, rel=0.001), name
 
 
+AGED = {"effects": "input_offset,input_delay", "causal": True}
+
+
+@pytest.mark.parametrize("age", [-0.7, 0.0, 0.5, 1.5])  # samples: measured late or at once, held, and computed first
+def test_the_age_of_the_drive_is_told_and_bends_no_number_of_a_stream(age):
+    X, torque = smooth_axis(seconds=40.0, noise=1e-6)
+    late = np.interp(np.arange(len(torque)) + age, np.arange(len(torque)), torque)  # what acts so much later
+    models = [RLSRegressor(InverseDynamicsLags(RATE, **s)).partial_fit(X, late) for s in ({"causal": True}, AGED)]
+    error = [abs(m.parameters_["viscous"] / TRUTH["viscous"] - 1.0) for m in models]
+    assert error[1] < 2e-3
+    assert error[0] > 5.0 * error[1] or age == 0.0
+    found, spread = (p["input_delay"] * RATE for p in (models[1].parameters_, models[1].parameter_standard_errors_))
+    assert found == pytest.approx(age, abs=0.1)
+    assert spread < 0.1
+
+
+def test_a_slow_sine_does_not_tell_the_age_of_its_drive_and_bends_by_less_than_a_sample_does():
+    t = np.arange(int(20 * RATE)) / RATE
+    w = 2 * np.pi * 0.3
+    q, v, a = np.sin(w * t), w * np.cos(w * t), -(w**2) * np.sin(w * t)
+    q += 1e-5 * np.random.default_rng(0).normal(size=q.size)
+    torque = np.array([a, v, np.sign(v), np.ones(t.size)]).T @ list(TRUTH.values())
+    model = RLSRegressor(InverseDynamicsLags(RATE, **AGED)).partial_fit(q[:, None], torque)
+    assert abs(model.state_["theta"][-1] * RATE) > 3.0  # rows alone take the encoder's noise for an age
+    assert -1.0 < model.parameters_["input_delay"] * RATE < 2.0
+    assert model.parameters_["inertia"] == pytest.approx(TRUTH["inertia"], rel=0.02)
+
+
+def test_what_is_known_of_a_weight_is_told_by_column():
+    (known,) = InverseDynamicsLags(RATE, law="viscous", effects="cogging,input_delay").fit(np.ones((9, 1))).prior_
+    assert known[0] == 4  # behind inertia, viscous and the two of cogging
+    assert InverseDynamicsLags(RATE).fit(np.ones((9, 1))).prior_ == ()
+
+
+@pytest.mark.parametrize("piece", [1, 7, 500])
+def test_the_age_of_a_drive_does_not_depend_on_how_its_stream_is_cut(piece):
+    X, y = smooth_axis(seconds=4.0)
+    whole = InverseDynamicsLags(RATE, **AGED).fit(X).partial_rows(X, y)
+    lags = InverseDynamicsLags(RATE, **AGED).fit(X)
+    parts = [lags.partial_rows(X[i : i + piece], y[i : i + piece]) for i in range(0, len(X), piece)]
+    for one, other in zip(whole, map(np.concatenate, zip(*parts, strict=True)), strict=True):
+        assert np.array_equal(one, other)
+
+
 def test_an_axis_at_rest_gives_a_stream_no_rows():
     rng, rest = np.random.default_rng(0), np.zeros(2000)
     lags = InverseDynamicsLags(sample_rate=RATE, causal=True)
@@ -260,3 +304,6 @@ def test_a_stream_goes_on_from_its_state():
         assert np.array_equal(a, b)
     with pytest.raises(ValueError, match="not a state of InverseDynamicsLags"):
         lags.set_state({"seen": 3})
+    state = lags.get_state()
+    with pytest.raises(ValueError, match="of an earlier version"):
+        lags.set_state(state | {"drive": state["drive"][1:]})

@@ -9,6 +9,7 @@ from whsklearn.cli.options import build_model
 from whsklearn.logs.errors import ColumnError, LogError
 
 AT_FIRST = 200  # rows from which the rate of a stream's file is estimated
+EFFECTS = "input_offset,input_delay"  # besides friction; a drive that is held over a sample acts half a sample later
 LONGEST_STEP = 2.5  # samples: a longer one begins a new experiment, because no derivative can bridge it
 
 
@@ -118,7 +119,7 @@ def axis_stream(options: Mapping[str, Any], chosen: set[str], say: Any) -> Learn
             raise LogError(f"{source} holds no rows; give another file, or --rate HZ and --follow for rows to come.")
         raise ColumnError(f"{source} does not show its sample rate by {time} of three rows; give --rate HZ too.")
     law = options["law"] if "law" in chosen else "viscous,coulomb"
-    lags = InverseDynamicsLags(float(f"{1.0 / dt:.6g}"), law=law, causal=True)
+    lags = InverseDynamicsLags(float(f"{1.0 / dt:.6g}"), law=law, effects=EFFECTS, causal=True)
     effect_terms(lags.law, lags.effects)  # a wrong name is said now, not at each row
     model = RLSRegressor(lags, forgetting=options["forgetting"])
     alarm = alarm_of_averages(options["alarm_interval"])

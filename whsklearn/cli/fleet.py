@@ -94,7 +94,7 @@ def main(**options: Any) -> None:
 def model_of(options: dict[str, Any]) -> Any:
     """The estimator that is cloned for every axis: of a servo axis, if the columns are its drive and position."""
     from whsklearn import InverseDynamicsLags, RLSRegressor
-    from whsklearn.cli.axis_stream import of_an_axis
+    from whsklearn.cli.axis_stream import EFFECTS, of_an_axis
     from whsklearn.lags.axis_rows import effect_terms
     from whsklearn.logs.units import UNSTATED, unit_of
 
@@ -108,7 +108,8 @@ def model_of(options: dict[str, Any]) -> Any:
             f"{drive} and {position} are the drive and the position of an axis; give --time, or --orders for a chain."
         )
     # averages away from standstill, as of a stream: with all rows, numbers depend on how often an axis sticks
-    lags = InverseDynamicsLags(1.0, law=options["law"] if "law" in chosen else "viscous,coulomb", causal=True)
+    law = options["law"] if "law" in chosen else "viscous,coulomb"
+    lags = InverseDynamicsLags(1.0, law=law, effects=EFFECTS, causal=True)
     effect_terms(lags.law, lags.effects)  # a wrong name is said now, not for each axis
     units = [u for u in (unit_of(drive), unit_of(position)) if u not in UNSTATED]
     text = f"with numbers in {' and '.join(units)}" if len(units) == 2 else "with numbers in the columns' units"

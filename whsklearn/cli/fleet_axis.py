@@ -115,7 +115,8 @@ def identify_axes(model: Any, names: list[str], source: dict[str, Any], test_sha
                 log = read_servo(**of_this)
                 row["rows"] = len(log.drive)
                 known = clone(model).set_params(lags__sample_rate=log.sample_rate)
-                row |= identify_axis(known, log.position, log.drive, test_share, log.groups)
+                seen = np.column_stack([log.position, log.drive])  # the age of the drive is seen in both
+                row |= identify_axis(known, seen, log.drive, test_share, log.groups)
             else:
                 X, y = read_axis(**of_this)
                 row["rows"] = len(y)

@@ -403,14 +403,17 @@ class Effect(_Frozen):
         """Regressor columns at this shape; the effect is ``columns @ coefficients``.
 
         ``signals``: with 1-D arrays as attributes ``time`` (s), ``position`` (rad), ``velocity``, ``acceleration`` and
-        ``drive`` (Nm); ``kappa`` (s/rad) for tanh(kappa v) in place of sign(v). Returns (n_samples, n_columns): torque
+        ``drive`` (Nm); ``drive_rate`` (Nm/s) if the slope of the drive is known better than from these samples;
+        ``kappa`` (s/rad) for tanh(kappa v) in place of sign(v). Returns (n_samples, n_columns): torque
         (position if the port is ``output``) per unit of each coefficient; no column if the effect can only be
         simulated.
         """
         n = np.asarray(signals.position).size
         if self.column_kind == "first_order":  # what a small delay or lag takes from the drive, per second of either
-            drive, time = (np.asarray(s, dtype=float) for s in (signals.drive, signals.time))
-            return np.gradient(drive, time).reshape(-1, 1)
+            rate = getattr(signals, "drive_rate", None)
+            if rate is None:
+                rate = np.gradient(np.asarray(signals.drive, dtype=float), np.asarray(signals.time, dtype=float))
+            return np.asarray(rate, dtype=float).reshape(-1, 1)
         if self.column_kind == "none" or self.code < 0:
             return np.empty((n, 0))
         if self.column_kind == "at_size":

@@ -23,6 +23,7 @@ from whsklearn.estimators._streams import AnyStream, FullStream, PublishedStream
 from whsklearn.estimators._undo import copied
 from whsklearn.estimators.base import AxisRegressor
 from whsklearn.recursion.memory.settings import FIRST_RERUN, Settings
+from whsklearn.recursion.rows.covariance import conditioned
 from whsklearn.recursion.rows.pseudolinear import BLOCK
 
 GRADIENTS = ("full", "pseudolinear")
@@ -407,7 +408,7 @@ class RecursiveRegressor(AxisRegressor):
     def _theta(self) -> Array:
         with self._lock:
             reader = self._reader()
-            return super()._theta() if reader.is_natural else reader.theta(self.state_)
+            return super()._theta() if reader.is_natural else self._linear(reader)[0]
 
     def _running(self) -> tuple[Array, wh.Structure]:
         with self._lock:
@@ -426,7 +427,14 @@ class RecursiveRegressor(AxisRegressor):
     def _covariance(self) -> Array:
         with self._lock:
             reader = self._reader()
-            return super()._covariance() if reader.is_natural else reader.covariance(self.state_)
+            return super()._covariance() if reader.is_natural else self._linear(reader)[1]
+
+    def _linear(self, reader: AnyStream) -> tuple[Array, Array]:
+        """Estimate and covariance of a stream of rows, with what its lags know of a weight without any row."""
+        theta, p = reader.theta(self.state_), reader.covariance(self.state_)
+        for known in getattr(getattr(self, "lags_", None), "prior_", ()):
+            theta, p = conditioned(theta, p, *known)
+        return theta, p
 
     def _natural_covariance(self) -> Array:
         with self._lock:

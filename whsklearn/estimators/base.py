@@ -210,10 +210,9 @@ class AxisRegressor(RegressorMixin, CheckedModel):
             )
         known = writeable(np.asarray(known, dtype=np.float64))
         check_lengths(u, known)
-        if self._answers_several:  # its columns may depend on the drive
-            return given.apart(self.lags_.transform(u, known, groups) @ self._theta())
-        if not self._is_wiener_hammerstein:
-            return given.apart(np.asarray(self.predict(X, groups)))
+        if not self._is_wiener_hammerstein:  # columns may depend on the drive
+            rows = u if self.lags is None else self.lags_.transform(u, known, groups)
+            return given.apart(np.asarray(rows @ self._theta()))
         restart = starts(groups, len(u), first=True)
         natural, structure = (self._natural(), self._structure()) if settle else self._running()
         return given.apart(_finite(wh.predictions(natural, structure, writeable(u), known, restart, int(horizon))))
@@ -221,7 +220,7 @@ class AxisRegressor(RegressorMixin, CheckedModel):
     def _ahead_now(self, X: Array, y: Array, horizon: int) -> Array:
         """`predict_ahead` of one experiment in checked arrays, from the running estimate."""
         if not self._is_wiener_hammerstein:
-            return np.asarray((X if self.lags is None else self.lags_.transform(X)) @ self._theta())
+            return np.asarray((X if self.lags is None else self.lags_.transform(X, y)) @ self._theta())
         restart = np.zeros(len(y), dtype=np.bool_)
         restart[0] = True
         return _finite(wh.predictions(*self._running(), X, y, restart, horizon))

@@ -57,13 +57,19 @@ def sized_effects(terms: tuple[Effect, ...], weights: Array) -> tuple[Effect, ..
 
 
 def stack_columns(
-    terms: tuple[Effect, ...], moved: Motion, drive: Array, time: Array, turning: Array | None = None
+    terms: tuple[Effect, ...],
+    moved: Motion,
+    drive: Array,
+    time: Array,
+    turning: Array | None = None,
+    drive_rate: Array | None = None,
 ) -> Array:
     """Acceleration and every term's columns side by side.
 
-    ``turning`` (n,): the sign of dry friction is tanh of it; that of the velocity if not given.
+    ``turning`` (n,): the sign of dry friction is tanh of it; that of the velocity if not given. ``drive_rate`` (n,):
+    slope of the drive, if it is known better than from these samples.
     """
-    signals = dry = SimpleNamespace(time=time, drive=drive, **moved._asdict())
+    signals = dry = SimpleNamespace(time=time, drive=drive, drive_rate=drive_rate, **moved._asdict())
     if turning is not None:
         dry = SimpleNamespace(**vars(signals) | {"velocity": turning, "kappa": 1.0})
     return np.column_stack([moved.acceleration, *(t.columns(dry if isinstance(t, DRY) else signals) for t in terms)])

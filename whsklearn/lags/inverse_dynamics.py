@@ -21,7 +21,6 @@ from whsklearn.effects.base import Array
 from whsklearn.filtering.records import Motion, decimate, motion, motion_cutoff, velocity_noise, zero_phase
 from whsklearn.filtering.streams import (
     causal_cutoff,
-    causal_delay,
     causal_kernels,
     causal_motion,
     causal_window,
@@ -51,6 +50,11 @@ def validated(owner: Any, X: ArrayLike, reset: bool = False) -> Array:
 SHORTEST = 64  # samples below which the noise cannot be estimated from the record
 NOISY = 5.0  # standard deviations of the velocity's noise below which an axis may be at rest
 SLOW = 0.1  # of the speed so far: slower, friction is not yet the sign of the velocity; the arms' lags have 0.08
+# Samples by which the drive acts later than it is logged, before a record says so: anything between 0, if it is
+# measured with the position, and 1; half a sample if it is held over the sample that follows.  A motion that is fast
+# enough to be bent by the age tells it a hundred times better than this.  A slow one tells it worse, and wrongly: noise
+# in the acceleration looks like age (27 ms in 20 s of a sine of 0.3 Hz, tests/lags/test_inverse_dynamics.py).
+AGE, AGE_SPREAD = 0.5, 12.0**-0.5
 MEAN_DEVIATION = (2.0 / np.pi) ** 0.5  # E|x| of a standard normal number
 
 
@@ -111,8 +115,9 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
     Sign convention: a positive weight is torque that the drive must supply.
 
     The torque is taken to act when its position is measured.  One that a controller holds over the sample acts half a
-    sample later, which no standard error covers: at 500 Hz it can make a hundredth of the inertia.
-    `whsklearn.gap.GapFinder` estimates that age too.
+    sample later, which no standard error covers.  With ``effects="input_offset,input_delay"`` that age is a weight too,
+    in s; the recursive estimators take it to lie between 0 and one sample until the motion tells it, and never more
+    than 1.5 samples from the middle of these (`prior_`).
 
     The settings ``cutoff=sample_rate / 10``, ``decimate=10``, ``border=49`` and ``standstill=0`` give the reference
     method of Janot, Gautier, Brunot 2019, Data set and reference models of EMPS, Workshop on Nonlinear System
@@ -288,6 +293,8 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
         self.n_features_in_ = int(state["n_features_in"])
         self.cutoff_ = float(state["cutoff"])
         kept = {name: np.array(state[name], dtype=float) for name in RowState._fields if name != "seen"}
+        if not kept["path"].size == kept["drive"].size == kept["torque"].size:
+            raise ValueError("This state is of an earlier version, whose filters were others; begin the stream anew.")
         self._stream = RowState(**kept, seen=int(state["seen"]))
         return self
 
@@ -305,15 +312,16 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
     def _advance(
         self, stream: RowState, path: Array, drive: Array, target: Array
     ) -> tuple[Array, Array, Motion, RowState]:
-        """Columns (zeros in the warm-up), delayed torque and motion of the next piece, and the stream after it."""
+        """Columns (zeros in the warm-up), smoothed torque and motion of the next piece, and the stream after it."""
         moved, past = causal_motion(path, stream.path, self._kernels)
-        force, past_drive = causal_delay(drive, stream.drive, self.delay_)
-        late, past_torque = causal_delay(target, stream.torque, self.delay_)
+        # the same polynomials, so that the noise of an encoder that a controller feeds back cancels in both
+        force, past_drive = causal_motion(drive, stream.drive, self._kernels)
+        late, past_torque = causal_motion(target, stream.torque, self._kernels)
         time = (stream.seen - self.delay_ + np.arange(len(path))) / self.sample_rate
-        phi = stack_columns(self.terms_, moved, force, time)
+        phi = stack_columns(self.terms_, moved, force.position, time, drive_rate=force.velocity)
         phi[: max(self.warmup_ - stream.seen, 0)] = 0.0
         seen = stream.seen + len(path)
-        return phi, late, moved, stream._replace(path=past, drive=past_drive, torque=past_torque, seen=seen)
+        return phi, late.position, moved, stream._replace(path=past, drive=past_drive, torque=past_torque, seen=seen)
 
     def _chosen(
         self, before: RowState, path: Array, phi: Array, late: Array, moved: Motion, after: RowState
@@ -358,7 +366,7 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
                 "A zero-phase filter needs the whole record; use causal=True for a stream, whose delay is then known."
             )
         terms = getattr(self, "terms_", None) or effect_terms(self.law, self.effects)
-        whole = [t.name for t in terms if isinstance(t, PreslidingHysteresis) or t.column_kind == "first_order"]
+        whole = [t.name for t in terms if isinstance(t, PreslidingHysteresis)]
         if whole:
             raise ValueError(f"{', '.join(whole)} needs the whole record; remove it from a stream's effects.")
         if not hasattr(self, "terms_"):
@@ -426,6 +434,18 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
         """
         check_is_fitted(self, "terms_")
         return np.array(["inertia", *column_names(self.terms_)], dtype=object)
+
+    @property
+    def prior_(self) -> tuple[tuple[int, float, float], ...]:
+        """What is known of a weight before any row: its column, mean and standard deviation.
+
+        Only the age of the drive (``input_delay``) is, in s: in a motion of one frequency nothing tells it from
+        friction and inertia.
+        """
+        check_is_fitted(self, "terms_")
+        at = 1 + np.cumsum([0, *(len(t.coefficients) for t in self.terms_)])
+        known = AGE / self.sample_rate, AGE_SPREAD / self.sample_rate
+        return tuple((int(k), *known) for k, t in zip(at, self.terms_, strict=False) if t.column_kind == "first_order")
 
     @property
     def _is_automatic(self) -> bool:

@@ -7,6 +7,8 @@ import pytest
 
 from tests.recursion.factors import factorise
 from whsklearn.recursion.rows.covariance import (
+    FARTHEST,
+    conditioned,
     covariance,
     factors_of_inverse,
     inflate,
@@ -112,3 +114,25 @@ def test_what_a_record_says_nothing_of_is_uncertain_and_not_infinite():
 def test_the_least_pivot_bends_nothing_that_the_record_tells():
     p = random_covariance(4, 4, log_condition=8)
     np.testing.assert_allclose(covariance(factors_of_inverse(np.linalg.inv(p))), p, rtol=1e-4, atol=1e-12)
+
+
+def test_a_known_weight_is_one_more_row():
+    rng = np.random.default_rng(0)
+    rows, y = rng.normal(size=(20, 4)), rng.normal(size=20)
+    one = np.array([0.0, 0.0, 1.0, 0.0])
+    theta, p = np.linalg.lstsq(rows, y, rcond=None)[0], np.linalg.inv(rows.T @ rows)
+    for deviation in (1e-6, 0.3, 1e6):
+        information = rows.T @ rows + np.outer(one, one) / deviation**2
+        both = np.linalg.solve(information, rows.T @ y + one * (theta[2] + deviation) / deviation**2)
+        got = conditioned(theta, p, 2, theta[2] + deviation, deviation)
+        np.testing.assert_allclose(got[0], both, rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(got[1], np.linalg.inv(information), rtol=1e-6, atol=1e-12)
+
+
+def test_rows_do_not_take_a_known_weight_far_away_and_the_others_follow():
+    p, far = random_covariance(4, 1), np.array([1.0, 2.0, 300.0, 4.0])
+    theta = conditioned(far, p, 2, 0.0, 2.0)[0]
+    assert theta[2] == pytest.approx(2.0 * FARTHEST)
+    np.testing.assert_allclose((theta - far) / (theta - far)[2], p[:, 2] / p[2, 2], rtol=1e-12)
+    unknown = np.full((4, 4), np.nan)
+    assert conditioned(far, unknown, 2, 0.0, 2.0)[0] is far

@@ -14,6 +14,7 @@ from whsklearn._numba import njit, part
 from whsklearn.effects.base import Array
 
 WIND_UP = 1e3  # forgetting may raise P to at most this many times P(0)
+FARTHEST = 5.0  # standard deviations: a normal number is farther off once in two million
 LEAST_PIVOT = 1e-13  # of an information matrix with a diagonal of one: a few hundred rounding errors
 
 
@@ -90,6 +91,23 @@ def _invert(information, inverse, low, scale):
         for i in range(j):
             inverse[j, i] *= scale[i] / d
         inverse[j, j] = d * d
+
+
+def conditioned(theta: Array, p: Array, at: int, mean: float, deviation: float) -> tuple[Array, Array]:
+    """Estimate (n,) and covariance (n, n) once entry ``at`` is also known to be mean +- deviation: (10) to (12).
+
+    The entry does not go farther than `FARTHEST` deviations from the mean, whatever the rows say: noise in a column can
+    be mistaken for another column, and standard errors do not know it. A covariance that is not known changes nothing.
+
+    >>> conditioned(np.array([1.0, 4.0]), np.eye(2), 1, 0.0, 1.0)[0].tolist()
+    [1.0, 2.0]
+    """
+    if not np.isfinite(p).all():
+        return theta, p
+    gain = p[:, at] / (p[at, at] + deviation**2)
+    wanted = theta[at] + gain[at] * (mean - theta[at])
+    nearest = min(max(wanted, mean - FARTHEST * deviation), mean + FARTHEST * deviation)
+    return theta + p[:, at] / p[at, at] * (nearest - theta[at]), p - np.outer(gain, p[at])
 
 
 def times(ud: Array, v: Array) -> Array:
