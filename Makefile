@@ -14,7 +14,7 @@ export MLFLOW_DISABLE_TELEMETRY := true
 # `whsklearn gap` of a log of 24 s took 13.1 s in place of 5.9 s.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help setup demo test test-lowest clean-room ui lint bench docs commands wheel clean
+.PHONY: help setup demo test test-all test-lowest clean-room ui lint bench docs commands wheel clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 14
@@ -49,7 +49,10 @@ demo:  ## identify the simulated example with every estimator, then find a hidde
 	  $(MAKE) --no-print-directory install EXTRAS=mlflow,plot STAMP=demo.toml
 	$(PY) -m whsklearn demo
 
-test: setup  ## the tests, on two cores
+test: setup  ## the tests but the slow ones, within 10 minutes on two cores
+	$(PY) -m pytest -m "not slow"
+
+test-all: setup  ## all tests, as in CI: whole diagnoses of arms, commands that are killed, a browser
 	$(PY) -m pytest
 
 test-lowest:  ## the tests on the lowest versions that pyproject.toml admits, in .venv-lowest

@@ -50,6 +50,7 @@ def copied(to):
     return to
 
 
+@pytest.mark.slow
 def test_an_edited_equation_is_run_and_an_unchanged_one_comes_from_the_cache(tmp_path):
     here, home = copied(tmp_path / "here"), tmp_path / "home"
     assert run(here, home) == (1.0, 0)
@@ -91,6 +92,7 @@ def test_the_users_own_setting_is_left_as_it_was():
     assert not getattr(numba.config, "CACHE_LOCATOR_CLASSES", "")
 
 
+@pytest.mark.slow
 def test_a_first_run_says_once_that_it_compiles_and_no_model_is_charged_for_it(tmp_path):
     """In a process of its own, with nothing in the cache."""
     code = (
@@ -359,6 +361,7 @@ def run_read_only(at, **more):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_where_package_and_home_are_read_only_the_temporary_folder_keeps_the_kernels(read_only_package):
     first = run_read_only(read_only_package)
     assert first.returncode == 0, first.stderr

@@ -44,6 +44,7 @@ def test_a_model_is_the_same_axis_to_whoever_reads_its_file(here, there, logs, t
     assert len(checks) >= 10
 
 
+@pytest.mark.slow
 def test_every_consumer_is_right_in_degrees_and_milliseconds(logs):
     here, there = ("deg", "mNm", "ms"), ("rad", "Nm", "s")
     assert [c for c in units.check(logs[0][here], logs[1][there], here, there) if not c[1]] == []

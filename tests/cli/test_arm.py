@@ -270,6 +270,7 @@ def test_gap_tests_the_repaired_arm_on_a_second_log_and_refuses_the_first(folder
     assert "the test would use data of the fit" in " ".join(done.output.split())
 
 
+@pytest.mark.slow
 def test_gap_finds_gains_by_a_load_and_a_load_by_an_identified_model(folder):
     out, _ = folder
     one = ["--max-effects", "1", "--no-track"]

@@ -29,6 +29,7 @@ def run(*arguments):
     return CliRunner().invoke(main, [str(a) for a in arguments])
 
 
+@pytest.mark.slow
 def test_reference_and_answer(diagnosis, tmp_path):
     result = run(diagnosis, "--limits", LIMITS, "--rivals", "gravity_imbalance", "--out", tmp_path)
     assert result.exit_code == 0, result.output

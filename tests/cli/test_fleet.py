@@ -125,6 +125,7 @@ def test_a_fleet_that_is_stopped_keeps_what_is_finished_and_goes_on_from_there(f
     pd.testing.assert_frame_equal(pd.read_parquet(out).drop(columns="seconds"), at_once.drop(columns="seconds"))
 
 
+@pytest.mark.slow
 def test_a_real_process_that_gets_sigterm_leaves_its_workers_and_resumes(fleet, tmp_path):
     """The log of one axis is a pipe that nobody writes to, so its worker is busy when the signal comes."""
     folder = shutil.copytree(fleet, tmp_path / "logs")
@@ -209,6 +210,7 @@ class DiesOnce(RegressorMixin, BaseEstimator):
         return self.parameters_["gain"] * X[:, 0]
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning")
 def test_a_worker_that_is_killed_loses_no_axis(fleet, tmp_path):
     pytest.importorskip("distributed", reason="needs the extra dask")

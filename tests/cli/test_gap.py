@@ -200,6 +200,7 @@ def test_a_test_on_what_was_fitted_is_refused_and_writes_nothing(log, tmp_path, 
     assert not list((tmp_path / "r").glob("*"))
 
 
+@pytest.mark.slow
 def test_two_logs_are_one_diagnosis_and_one_log_twice_is_none(tmp_path):
     for k in (0, 1):
         frame = make_servo_log([Cogging(0.1, 12.0)], duration=10.0, sample_rate=250.0, random_state=k)

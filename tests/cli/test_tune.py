@@ -126,6 +126,7 @@ def test_other_searches_score_all_that_they_try(kind):
     assert "nan" not in done.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::ResourceWarning")  # distributed leaves sockets to the collector
 def test_dask_cluster_searches_the_same():
     pytest.importorskip("distributed", reason="needs the extra dask")

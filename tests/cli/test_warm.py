@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 
+import pytest
 from click.testing import CliRunner
 
 from whsklearn.cli import warm
@@ -18,5 +19,6 @@ def test_what_was_compiled_is_told_line_by_line(monkeypatch):
     assert all(re.fullmatch(r"[a-z ]+: \d+\.\d s", line) for line in lines)
 
 
+@pytest.mark.slow
 def test_an_axis_is_simulated_identified_and_searched():
     assert list(warm.axes()) == ["simulation of an axis", "identify", "gap"]

@@ -27,6 +27,7 @@ def rmse(model, record):
     return float(np.sqrt(np.mean((y - model.predict(u))[SKIP:] ** 2)))
 
 
+@pytest.mark.slow
 def test_a_batch_fit_of_10_000_samples_is_at_the_published_level(circuit):
     """The best published figure is 0.28 mV, a linear model leaves 56."""
     (u, y), test = circuit
@@ -36,6 +37,7 @@ def test_a_batch_fit_of_10_000_samples_is_at_the_published_level(circuit):
     assert model.structure_.n_d >= 3
 
 
+@pytest.mark.slow
 def test_one_pass_gets_there(circuit):
     """From here the search for the start once ended in a division of the poles that leaves 4 mV."""
     (u, y), test = circuit

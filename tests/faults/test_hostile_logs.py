@@ -71,6 +71,7 @@ def test_markup_in_names_is_shown_and_not_run(frame, tmp_path):
     assert bad not in page
 
 
+@pytest.mark.slow
 def test_threads_and_time_leave_no_trace_in_the_file(frame, tmp_path):
     seen = []
 
@@ -105,6 +106,7 @@ def test_a_database_locked_at_the_end_is_one_sentence_after_the_result(mlflow_ro
     assert "Traceback" not in caplog.text
 
 
+@pytest.mark.slow
 def test_two_runs_at_once_on_one_new_store_are_both_recorded(tmp_path):
     env = {**os.environ, "MLFLOW_TRACKING_URI": f"sqlite:///{tmp_path}/mlflow.db"}
     code = "import sys; from whsklearn.tracking import open_tracker\n"

@@ -31,6 +31,7 @@ def cogging():
     return case, GapFinder("servo").fit(case.frame, **COLUMNS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", ["stribeck", "cable_spring", "torque_ripple", "saturation", "disturbance_tone", "dead_zone"]
 )
@@ -51,6 +52,7 @@ def test_friction_that_varies_along_a_short_travel_gets_its_name(order):
     assert finder.diagnosis_.closure > 0.95
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["backlash", "encoder_eccentricity", "sensor_rectification"])
 def test_what_changes_the_path_or_the_reading_closes_the_gap_in_simulation(name):
     case = make_case("named", 52, effects=(name,), size=0.06, seconds=14.0, rate=500.0, noise=2e-5)
@@ -233,6 +235,7 @@ def test_a_repair_that_runs_worse_loses_its_last_effect_only(monkeypatch):
     assert len(finder.diagnosis_.horizons) == 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("effect", "verdict"), [("friction_drift", "named"), (None, "no_gap")])
 def test_a_log_with_holes_tells_what_the_whole_one_tells(effect, verdict):
     frame = make_servo_log([effect] if effect else [], duration=16.0, random_state=3)

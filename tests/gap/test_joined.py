@@ -48,6 +48,7 @@ def test_what_both_lack_is_named_with_one_size():
     assert finder.effects_[0].parameters["amplitude_nm"] == pytest.approx(0.1, rel=0.05)
 
 
+@pytest.mark.slow
 def test_gravity_does_not_pass_for_an_offset_or_a_skew():
     """Each log sees its own part of the turn, so its offset is known only beside the gravity that they share."""
     hidden = GravityImbalance(0.2, 0.3)

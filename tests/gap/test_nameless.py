@@ -100,6 +100,7 @@ def crank(order, share, seed):
     return pd.DataFrame({"t": t, "u": drive + 0.01 * rng.standard_normal(t.size), "q": position})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("order", "share", "seed"), [(2, 0.1, 0), (3, 0.05, 1)])
 def test_a_crank_is_not_three_waves_of_its_order_with_certainty(order, share, seed):
     finder = GapFinder("servo").fit(crank(order, share, seed), time="t", drive="u", position="q")

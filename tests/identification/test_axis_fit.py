@@ -239,6 +239,7 @@ def cogged(seed, size):
     return view(log["torque_nm"], log["position_rad"], 0.002, "position")
 
 
+@pytest.mark.slow
 def test_the_truth_is_in_the_intervals_where_cogging_is_missing():
     """95 % nominal; of 20 seeds 17 at least, which a coverage of 95 % misses in one of 60 such tests."""
     truth = {"inertia": 0.05, "viscous": 0.12, "coulomb": 0.3}
@@ -427,6 +428,7 @@ def two_masses(seed, n=2000, dt=0.004, fine=40):
     return u, out + 2e-5 * rng.standard_normal((2, n)), truth
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("at_load", [False, True])
 def test_friction_on_either_side_is_found_from_either_end(at_load):
     """The truth in intervals of 3 standard errors; the weak side of friction from the load too, but wider."""
@@ -442,6 +444,7 @@ def test_friction_on_either_side_is_found_from_either_end(at_load):
         resonance_starts(record, at_load=not at_load)  # each end rings in its own direction
 
 
+@pytest.mark.slow
 def test_the_structure_of_a_load_encoder_is_recommended():
     u, positions, _ = two_masses(4, 1200)
     found = identify(u, positions[1], dt=0.004, units={"input": "Nm", "output": "rad"})

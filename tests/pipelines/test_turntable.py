@@ -49,6 +49,7 @@ def recorded(short_paths, migrated_database, tmp_path_factory):
     return done.stdout, store
 
 
+@pytest.mark.slow
 def test_both_pairs_are_compared_within_100_columns(recorded):
     text, _ = recorded
     assert "reference to position, free run" in text
@@ -96,6 +97,7 @@ def test_served_champion_answers(recorded, tmp_path, monkeypatch):
     assert np.isfinite(said).all()
 
 
+@pytest.mark.slow
 def test_page_shows_runs_and_metrics_in_a_browser(recorded):
     playwright = pytest.importorskip("playwright.sync_api", reason="needs the extra dev")
     browser = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")

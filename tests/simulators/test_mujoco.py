@@ -129,6 +129,7 @@ def test_a_replay_begins_as_it_is_told(record):
         MuJoCoSimulator(XML.format(joint=""), joint="axis").replay(record, 0.5, restart="guessed")
 
 
+@pytest.mark.slow
 def test_bristles_with_damping_in_place_of_dry_friction_are_named(record):
     true = LuGre(0.25, 0.05, ratio=1.0, damping=0.1)
     log = read_by_an_encoder(MuJoCoSimulator(XML.format(joint=""), joint="axis").with_effect(true), record)
@@ -138,6 +139,7 @@ def test_bristles_with_damping_in_place_of_dry_friction_are_named(record):
     assert (found.torque, found.distance, found.damping) == pytest.approx((0.25, 0.05, 0.1), rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_range_struck_at_both_ends_is_named_and_written(record, tmp_path):
     """The ends stand about no special place: a spring about zero has no such stop."""
     low, high = -0.3, 0.9

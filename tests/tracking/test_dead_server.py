@@ -50,6 +50,7 @@ def endings(server, cases, folder):
         return dict(zip(cases, pool.map(one, cases), strict=True))
 
 
+@pytest.mark.slow
 def test_on_a_server_that_lives_every_run_is_finished(server, tmp_path):
     found = endings(server, [("fleet", "alive")], tmp_path)  # a run with children
     assert {case: e.faults("alive") for case, e in found.items() if e.faults("alive")} == {}
@@ -58,6 +59,7 @@ def test_on_a_server_that_lives_every_run_is_finished(server, tmp_path):
     assert {status for (status,) in runs} == {"FINISHED"}
 
 
+@pytest.mark.slow
 def test_every_command_outlives_its_server(server, tmp_path, monkeypatch):
     monkeypatch.setitem(COMMANDS, "tune", ["tune", "--samples", "300", "--p", "1"])  # of the benchmark, but shorter
     # every command loses its server once, and every way of losing it is met; each takes a process of seconds.  `demo`
@@ -75,6 +77,7 @@ def test_every_command_outlives_its_server(server, tmp_path, monkeypatch):
             assert e.said.count("cannot be") + e.said.count("does not answer") == 1, (name, how, e.said)
 
 
+@pytest.mark.slow
 def test_what_opens_no_run_asks_no_server(server, tmp_path):
     found = endings(server, [(name, "stopped") for name in OTHERS if name != "ui"], tmp_path)
     assert {case: e.faults("stopped") for case, e in found.items() if e.faults("stopped")} == {}

@@ -79,6 +79,7 @@ def with_play(gap, hertz=60.0, seconds=20.0):
     return t, (path[::steps] + noise)[:, None], drive.reshape(-1, steps).mean(axis=1)[:, None]
 
 
+@pytest.mark.slow
 def test_a_play_between_a_motor_and_its_link_is_named_with_its_width():
     rod = [1.0, 0, 0, -0.5, 1 / 3, 0, 1 / 3, 0, 0, 0]
     arm = Arm(["hinge"], [-1], [False], [np.eye(3)], [[0, 0, 0]], [[0, 1, 0]], inertial=[rod])
@@ -141,6 +142,7 @@ def test_gravity_is_named_where_the_file_has_none():
     assert missing["before"] > 10 * missing["after"]
 
 
+@pytest.mark.slow
 def test_an_arm_of_seven_joints():
     arm = drawn_arm(7, 3, slides=0.0, branch=0.0, gravity=(0, 0, -9.81))
     arm = arm.with_effects({joint: (Viscous(0.5), Coulomb(0.5)) for joint in arm.joints})
@@ -153,6 +155,7 @@ def test_an_arm_of_seven_joints():
     assert names(found) == ["cogging at j4"]
 
 
+@pytest.mark.slow
 def test_friction_that_all_joints_lack_is_named_at_each():
     arm = drawn_arm(4, 3, slides=0.0, branch=0.0, gravity=(0, 0, -9.81))
     arm = arm.with_effects({joint: Viscous(0.5) for joint in arm.joints})
@@ -215,6 +218,7 @@ def test_the_place_of_a_heavy_load_is_not_bent_by_ages_that_stand_for_it(empty):
         assert abs(value - true) < 4.0 * found.errors[label]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("known", "robot", "effects"),
     [
@@ -350,6 +354,7 @@ def test_a_centre_that_an_offset_stands_for_makes_no_other_effect_uncertain(seed
     assert [p_of_zero(fit, i) < 1e-20 for i in (0, 1)] == [True, True]
 
 
+@pytest.mark.slow
 def test_a_name_is_certain_only_if_no_more_is_left_than_the_arm_left_before(empty):
     r = record({"pitch": [Coulomb(0.1)]}, random_state=3)
     noise = np.random.default_rng(1).standard_normal(r.drive.shape)
@@ -403,6 +408,7 @@ def test_the_proof_is_judged_at_the_joint_of_the_name_and_a_delayed_own_record_i
     assert error[judged.ravel()].std() < 0.5 * other[judged.ravel()].std()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["input_delay", "actuator_lag"])
 def test_a_delay_and_a_lag_are_told_apart(name, empty):
     r, a = record(random_state=5, duration=20.0), np.exp(-0.002 / 0.02)
@@ -471,6 +477,7 @@ def test_the_report_tells_every_joint(tmp_path):
     assert (tmp_path / "repaired.json").exists()
 
 
+@pytest.mark.slow
 def test_a_wrong_gain_is_the_first_thing_to_repair():
     arm = drawn_arm(3, 5, slides=0.0, branch=0.0, gravity=(0, 0, -9.81)).with_effects(
         {joint: (Viscous(0.5), Coulomb(0.5)) for joint in ("j0", "j1", "j2")}
@@ -482,6 +489,7 @@ def test_a_wrong_gain_is_the_first_thing_to_repair():
     assert re.match("Repair the log first: .*j1", found.diagnosis_.next_experiment)
 
 
+@pytest.mark.slow
 def test_no_name_is_certain_beside_a_wrong_gain():
     arm = drawn_arm(3, 3, slides=0.0, branch=0.0, gravity=(0, 0, -9.81)).with_effects(
         {joint: (Viscous(0.5), Coulomb(0.5)) for joint in ("j0", "j1", "j2")}

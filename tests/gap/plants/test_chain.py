@@ -39,6 +39,7 @@ def drag():
     return diagnose(blind.make_case("named", 11, effects=("quadratic_drag",), size=0.15, noise=30.0, n=1500))
 
 
+@pytest.mark.slow
 def test_a_hidden_drag_is_named_with_its_size(drag):
     assert drag.verdict_ == "named"
     assert [e.name for e in drag.effects_] == ["quadratic_drag"]
@@ -69,6 +70,7 @@ def test_the_file_holds_what_other_programs_read(drag):
     assert {c["name"] for c in out["candidates"]} >= {"dead_zone", "cogging", "backlash", "output_offset"}
 
 
+@pytest.mark.slow
 def test_rounding_is_told_beside_another_effect():
     case = blind.make_case("pair", 21, effects=("hardening_spring", "quantization"), size=0.05, noise=35.0, n=1500)
     finder = diagnose(case)
@@ -79,6 +81,7 @@ def test_rounding_is_told_beside_another_effect():
     np.testing.assert_allclose(y, told.effect.step * np.round(y / told.effect.step))
 
 
+@pytest.mark.slow
 def test_a_strong_saturation_does_not_leave_the_blocks_bent():
     # clipped that hard, the model without it ends with zeros in the wrong blocks
     case = blind.make_case("named", 16006, effects=("saturation",), n=1000)
@@ -88,6 +91,7 @@ def test_a_strong_saturation_does_not_leave_the_blocks_bent():
     assert finder.diagnosis_.after["rmse"] < 1.1 * np.std(noise_of(case))  # the noise of the record, by its generator
 
 
+@pytest.mark.slow
 def test_a_delay_within_a_sample_is_not_told_from_a_lag():
     """Of a delay of a tenth of a sample, only the lag was fitted, and named with certainty."""
     case = blind.make_case("named", 1108649, effects=("input_delay",), n=1500)
@@ -98,6 +102,7 @@ def test_a_delay_within_a_sample_is_not_told_from_a_lag():
     assert plant.refine(None, delay).terms[-1].effect.delay == pytest.approx(case.parameters[0]["size"], rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_delay_of_hundredths_of_a_sample_is_that_or_a_lag():
     """A ripple was named for a delay of 0.014 samples; a lag of 0.3 dt, behind a hold, is a delay of 0.04."""
     finder = diagnose(blind.make_case("named", 1156649, effects=("input_delay",), n=1500))
@@ -106,6 +111,7 @@ def test_a_delay_of_hundredths_of_a_sample_is_that_or_a_lag():
     assert {told.name, *told.aliases} >= {"input_delay", "actuator_lag"}
 
 
+@pytest.mark.slow
 def test_a_model_is_all_there_is_with_the_effect_and_not_without():
     case = blind.make_case("named", 1149679, effects=("friction_drift",), n=1500)
     plant = make_plant("wiener-hammerstein", case.frame, None, Base(), tolerance=0.004, columns=blind.COLUMNS)
@@ -115,6 +121,7 @@ def test_a_model_is_all_there_is_with_the_effect_and_not_without():
     assert without < 0.01 < with_it
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["prbs", "uniform"])
 def test_the_coupled_drives_lack_a_sensor_that_knows_the_sign(kind):
     finder = GapFinder("wiener-hammerstein", law="linear").fit(*make_coupled_drives(kind=kind, random_state=1))
