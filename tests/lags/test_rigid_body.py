@@ -11,6 +11,7 @@ from sklearn.model_selection import GridSearchCV, TimeSeriesSplit
 
 from tests.systems.drawn_arms import drawn_arm
 from whsklearn import Arm, RigidBodyLags, RLSRegressor
+from whsklearn.datasets import default_arm, make_arm_log
 from whsklearn.effects import Coulomb, GravityImbalance, LoadFriction, Viscous
 from whsklearn.filtering import motion
 from whsklearn.filtering.records import motion_cutoff
@@ -107,6 +108,28 @@ def test_row_by_row_it_learns_the_arm_and_goes_on_from_its_file(tmp_path):
     expected = truth(model.lags_, ARM)
     for name in ("j0.viscous", "j2.coulomb", "j2.mx"):
         assert model.parameters_[name] == pytest.approx(expected[name], rel=0.05, abs=0.02)
+
+
+def test_the_noise_of_its_encoders_does_not_drown_the_inertias_of_a_fast_stream():
+    arm = default_arm()
+    q, drive = make_arm_log(arm, duration=8.0, sample_rate=1000.0, random_state=0, return_arrays=True)
+    model = RLSRegressor(RigidBodyLags.of_arm(arm, 1000.0, causal=True)).partial_fit(q, drive)
+    expected = dict(zip(model.lags_.base_.names, model.lags_.weights_of(arm), strict=True))
+    # 0.0415 for 0.0530 while rows were single instants
+    assert model.parameters_["pitch.Izz"] == pytest.approx(expected["pitch.Izz"], rel=0.06)
+    assert model.parameters_["pitch.mx"] == pytest.approx(expected["pitch.mx"], rel=0.02)
+
+
+def test_a_joint_that_rests_or_turns_teaches_a_stream_nothing():
+    q, torque = smooth_log(ARM, 4.0)
+    still = q.copy()
+    still[:, 1] = 0.2 + 1e-6 * np.random.default_rng(0).normal(size=len(q))
+    lags = RigidBodyLags(ARM, sample_rate=RATE, causal=True)
+    phi, target = (x.reshape(-1, 3, *x.shape[1:]) for x in lags.partial_rows(still, torque))
+    assert not phi[:, 1].any()
+    assert not target[:, 1].any()
+    taught = phi[:, [0, 2]].any(axis=2)
+    assert 0.5 < taught.mean() < 1.0  # all but the windows in which they turn
 
 
 def test_grid_search_reaches_the_filter():

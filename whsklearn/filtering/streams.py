@@ -135,7 +135,8 @@ def causal_delay(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Another signal of the stream, ``delay`` samples late (zeros at first), and its memory.
 
-    ``x`` (n,): new samples, in order. ``memory`` (m,): as returned last time; empty at first. ``delay``: in samples.
+    ``x`` (n,) or (n, n_signals): new samples, in order. ``memory`` (m,) or (m, n_signals): as returned last time; empty
+    at first. ``delay``: in samples.
 
     Examples
     --------
@@ -143,7 +144,7 @@ def causal_delay(
     >>> causal_delay(np.arange(1.0, 5.0), np.empty(0), 2)
     (array([0., 0., 1., 2.]), array([3., 4.]))
     """
-    joined = np.concatenate([np.zeros(max(delay - len(memory), 0)), memory, x])
+    joined = np.concatenate([np.zeros((max(delay - len(memory), 0), *x.shape[1:])), memory, x])
     return joined[: len(x)], joined[len(x) :].copy()
 
 

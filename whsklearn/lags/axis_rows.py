@@ -8,7 +8,7 @@ from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from whsklearn.effects import Coulomb, Effect, FrictionLaw, LoadFriction, as_law, get_effect
 from whsklearn.effects.base import ArgumentError, Array
@@ -16,6 +16,8 @@ from whsklearn.filtering.records import Motion
 
 # Effects whose columns depend on the drive.
 DRIVEN = ("load_friction", "dead_zone", "saturation", "input_delay", "actuator_lag", "torque_ripple")
+NOISY = 5.0  # standard deviations of the velocity's noise below which an axis may be at rest
+MEAN_DEVIATION = (2.0 / np.pi) ** 0.5  # E|x| of a standard normal number
 # Friction whose columns jump with the sign of the velocity.
 DRY = (Coulomb, LoadFriction)
 
@@ -88,6 +90,41 @@ class RowState(NamedTuple):
     signals: Array
     sums: Array
     seen: int
+
+
+def rest_sums(moved: Motion, middle: Array, before: Array, warm: NDArray[np.bool_]) -> Array:
+    """Number of samples, squared speeds, and distances from the polynomial, summed up to each sample.
+
+    ``middle`` (n,) or (n, n_joints): the positions as logged where ``moved`` is their polynomial. ``before`` (3,) or
+    (n_joints, 3): the sums so far. ``warm`` (n,): samples without a motion yet, which do not count. Returns (n, 3) or
+    (n, n_joints, 3).
+    """
+    now = np.stack([np.ones(middle.shape), moved.velocity**2, np.abs(middle - moved.position)], axis=-1)
+    now[warm] = 0.0
+    return np.cumsum(np.concatenate([before[None], now]), axis=0)[1:]
+
+
+def least_speed(sums: Array, kernels: Array, slow: float) -> Array:
+    """Speed below which an axis of a stream may be at rest or reverse, for each row of `rest_sums` (m, 3).
+
+    Five times the noise of the velocity, and the share ``slow`` of the rms speed so far. ``kernels``: as
+    `causal_kernels` gives them.
+    """
+    n, squares, away = np.maximum(sums.T, [[1.0], [0.0], [0.0]])
+    position, velocity = kernels[:2]
+    noise = away / n / MEAN_DEVIATION / np.sqrt(1.0 - position[position.size // 2])
+    return np.asarray(np.maximum(slow * np.sqrt(squares / n), NOISY * noise * np.linalg.norm(velocity)))
+
+
+def period_of(sample_rate: float, cutoff: float) -> int:
+    """Samples of a period of a cut-off, both in Hz."""
+    return max(round(sample_rate / cutoff), 1)
+
+
+def averaging(period: int) -> Array:
+    """Weights of a stream's averages over two periods (Hann), (2 period + 1,)."""
+    taps = np.hanning(2 * period + 3)[1:-1]
+    return taps / taps.sum()
 
 
 _NONE = np.empty(0)

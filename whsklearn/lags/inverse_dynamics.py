@@ -29,11 +29,16 @@ from whsklearn.filtering.streams import (
 from whsklearn.lags.axis_rows import (
     AT_START,
     DRIVEN,
+    NOISY,
     RowState,
+    averaging,
     checked_torque,
     column_names,
     effect_terms,
     experiments,
+    least_speed,
+    period_of,
+    rest_sums,
     sized_effects,
     stack_columns,
 )
@@ -48,14 +53,12 @@ def validated(owner: Any, X: ArrayLike, reset: bool = False) -> Array:
 
 
 SHORTEST = 64  # samples below which the noise cannot be estimated from the record
-NOISY = 5.0  # standard deviations of the velocity's noise below which an axis may be at rest
 SLOW = 0.1  # of the speed so far: slower, friction is not yet the sign of the velocity; the arms' lags have 0.08
 # Samples by which the drive acts later than it is logged, before a record says so: anything between 0, if it is
 # measured with the position, and 1; half a sample if it is held over the sample that follows.  A motion that is fast
 # enough to be bent by the age tells it a hundred times better than this.  A slow one tells it worse, and wrongly: noise
 # in the acceleration looks like age (27 ms in 20 s of a sine of 0.3 Hz, tests/lags/test_inverse_dynamics.py).
 AGE, AGE_SPREAD = 0.5, 12.0**-0.5
-MEAN_DEVIATION = (2.0 / np.pi) ** 0.5  # E|x| of a standard normal number
 
 
 class InverseDynamicsLags(TransformerMixin, BaseEstimator):
@@ -333,23 +336,18 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
         signals = np.concatenate([before.signals.reshape(-1, signals.shape[1]), signals])
         ends = np.arange(len(signals) - len(path), len(signals))
         middle = np.concatenate([before.path, path])[np.maximum(len(before.path) + count - count[0] - self.delay_, 0)]
-        warm = count < self.warmup_
-        now = np.where(warm, 0.0, [np.ones(len(path)), speed**2, np.abs(middle - moved.position)]).T
-        sums = np.cumsum(np.concatenate([before.sums[None], now]), axis=0)[1:]
+        sums = rest_sums(moved, middle, before.sums, count < self.warmup_)
         full = (ends >= window - 1) & (count >= max(self.warmup_ + window - 1, self.border))
         at = np.flatnonzero(full & (count % self.spacing == 0))
         if at.size:
             slowest = sliding_window_view(signals[:, -1], window)[ends[at] - window + 1].min(axis=1)
-            at = at[slowest > self._least_speed(sums[at]) if self.standstill is None else slowest >= self.standstill]
+            at = at[
+                slowest > least_speed(sums[at], self._kernels, SLOW)
+                if self.standstill is None
+                else slowest >= self.standstill
+            ]
         rows = window_averages(signals[:, :-1], self._taps, ends[at])
         return rows, at, after._replace(signals=signals[max(len(signals) - window + 1, 0) :].copy(), sums=sums[-1])
-
-    def _least_speed(self, sums: Array) -> Array:
-        """Speed below which an axis of a stream may be at rest or reverse, for each of its `RowState.sums`."""
-        n, squares, away = np.maximum(sums.T, [[1.0], [0.0], [0.0]])
-        position, velocity = self._kernels[:2]
-        noise = away / n / MEAN_DEVIATION / np.sqrt(1.0 - position[self.delay_])
-        return np.asarray(np.maximum(SLOW * np.sqrt(squares / n), NOISY * noise * np.linalg.norm(velocity)))
 
     def _checked_piece(self, X: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
         """A piece of a stream, and its torque."""
@@ -382,7 +380,7 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
         if not self.causal:
             return round(self.sample_rate / getattr(self, "cutoff_", cutoff))
         window = causal_window(self.sample_rate, cutoff, self.degree) if self.window is None else self.window
-        return window - 1 + 2 * self._period(cutoff)
+        return window - 1 + 2 * period_of(self.sample_rate, cutoff)
 
     def _first_cutoff(self) -> float:
         """The cut-off before any record is seen, in Hz."""
@@ -390,14 +388,10 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
             return float(self.cutoff)
         return causal_cutoff(self.sample_rate) if self.causal else 0.1 * self.sample_rate
 
-    def _period(self, cutoff: float) -> int:
-        """Samples of a period of a cut-off, in Hz."""
-        return max(round(self.sample_rate / cutoff), 1)
-
     @property
     def spacing(self) -> int:
         """Samples from one row of a stream to the next: half the window of their average."""
-        return self.decimate or self._period(self._first_cutoff())
+        return self.decimate or period_of(self.sample_rate, self._first_cutoff())
 
     @property
     def independent_share(self) -> float:
@@ -461,8 +455,7 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
         if self.causal:
             window = causal_window(self.sample_rate, cutoff, self.degree) if self.window is None else self.window
             self._kernels = causal_kernels(self.sample_rate, window, self.degree)
-            self._taps = np.hanning(2 * self._period(cutoff) + 3)[1:-1]
-            self._taps /= self._taps.sum()
+            self._taps = averaging(period_of(self.sample_rate, cutoff))
             delay = (window - 1) // 2
         self.terms_, self.cutoff_, self.delay_, self.warmup_ = terms, cutoff, delay, 2 * delay
         self._stream = AT_START

@@ -25,7 +25,19 @@ from whsklearn.effects.base import Array
 from whsklearn.filtering.records import Motion, motion, motion_cutoff, velocity_noise, zero_phase
 from whsklearn.filtering.streams import causal_cutoff, causal_delay, causal_kernels, causal_motion, causal_window
 from whsklearn.lags.arm_rows import records_of, turning
-from whsklearn.lags.axis_rows import DRIVEN, column_names, effect_terms, experiments, sized_effects, stack_columns
+from whsklearn.lags.axis_rows import (
+    DRIVEN,
+    NOISY,
+    averaging,
+    column_names,
+    effect_terms,
+    experiments,
+    least_speed,
+    period_of,
+    rest_sums,
+    sized_effects,
+    stack_columns,
+)
 from whsklearn.models.files import as_arm
 from whsklearn.systems._arm_kernels import N_BODY
 from whsklearn.systems.arm import Arm, closed, direction_of
@@ -44,14 +56,19 @@ EDGE = 3
 DRAWN = 200
 AT_ONCE = 128  # samples of links, or columns behind the filter: of all, each step would hold a copy (GB for 20 joints)
 ROUNDING = 1e-12  # of the sum of the absolute terms of a number
-NOISY = 5.0  # times the velocity's noise: a joint with a lower rms speed counts as not moving
 
 
 class ArmRowState(NamedTuple):
-    """State of a causal transformer: the last samples of position and drive, and the number seen so far."""
+    """State of a causal transformer: last samples, and how many came before.
+
+    ``path`` (some, n_joints), ``drive`` (some, 2 n_joints): as logged, drives as columns take them and as the target.
+    ``signals`` (some, 5 n_joints): motion and drives that the next average needs. ``sums`` (n_joints, 3): `rest_sums`.
+    """
 
     path: Any
     drive: Any
+    signals: Any
+    sums: Any
     seen: int
 
 
@@ -75,7 +92,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         four without the slow ones.
         For streams it is a tenth of the sampling rate and at most 100 Hz, on positions only.
     slow : float, default=0.08
-        Share of a joint's rms speed below which its rows are dropped (records only), because near rest friction
+        Share of a joint's rms speed below which its rows are dropped, because near rest friction
         equals whatever drive is applied.  In MuJoCo, with nothing hidden, this reduced the error from between 0.6 and
         6 % to between 0.1 and 0.7 %.
     weights : array-like of shape (n_joints,), optional
@@ -105,7 +122,10 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
     delay_, warmup_ : int
         Samples by which a row of a stream lags, and rows of zeros at its beginning; 0 for records.
     every_ : int
-        Samples from one row to the next: two rows per period of the cut-off, because more would not be independent.
+        Samples from one row of a record to the next: two rows per period of the cut-off, because more would not be
+        independent.
+    spacing : int
+        Samples from one row of a stream to the next, a period of the cut-off.
 
     Notes
     -----
@@ -209,7 +229,11 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         pieces = []
         for s in experiments(groups, len(X)):
             if self.causal:
-                pieces.append(self._advance(self._at_start(), X[s], drive[s])[0])
+                moved, force, _, _ = self._advance(self._at_start(), X[s], drive[s], drive[s])
+                time = (np.arange(len(X[s])) - self.delay_) / self.sample_rate
+                phi = self.columns(moved, force, time)
+                phi[: self.warmup_] = 0.0
+                pieces.append(phi)
             else:
                 pieces.append(self._filtered(self._columns_along(X[s], drive[s])[0]))
         return np.concatenate(pieces)
@@ -240,9 +264,9 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         self.fit(X)
         target = self._checked_drives(y, len(X))
         drive, start = self._drive(X, target), self._at_start()
-        pieces = [self._advance(start, X[s], drive[s], target[s], rows=True)[:2] for s in experiments(groups, len(X))]
-        phi, late = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
-        return phi, late, np.ones(late.shape, dtype=bool)
+        pieces = [self._averages(start, X[s], drive[s], target[s])[:3] for s in experiments(groups, len(X))]
+        phi, late, keep = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
+        return phi, late, keep
 
     def columns(self, moved: Motion, drive: Array, time: Array) -> Array:
         """Columns of a motion as it is, without any filter, (n, n_joints, n_columns).
@@ -297,7 +321,11 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
     # -- streams --------------------------------------------------------------------------
 
     def partial_rows(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> tuple[Array, Array]:
-        """Rows of the next piece of a stream, with drives delayed like the columns; none during the warm-up.
+        """Rows of the next piece of a stream: averages of columns and drives, a period of the cut-off apart.
+
+        The average is the same for both, so it takes no parameter from its value, and it is what keeps the noise of the
+        encoders out of the inertias. A joint that rests or turns within it has a row of zeros, which teaches nothing.
+        There are none during the warm-up.
 
         ``X``, ``y`` (n, n_joints): positions and drives. ``groups`` (n,): a new label begins a new stream. Raises
         ValueError if the transformer is not causal.
@@ -317,8 +345,9 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         drive, out = self._drive(X, target), []
         for i, s in enumerate(experiments(groups, len(X))):
             stream = self._at_start() if i else self._stream
-            phi, late, self._stream = self._advance(stream, X[s], drive[s], target[s], rows=True)
-            out.append((phi * self.weights_[:, None], late * self.weights_))
+            phi, late, keep, self._stream = self._averages(stream, X[s], drive[s], target[s])
+            weights = np.where(keep, self.weights_, 0.0)
+            out.append((phi * weights[..., None], late * weights))
         phis, lates = zip(*out, strict=True)
         phi = np.concatenate(phis)
         return phi.reshape(-1, phi.shape[-1]), np.concatenate(lates).ravel()
@@ -347,8 +376,8 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         self.n_features_in_ = int(state["n_features_in"])
         self._set_cutoff(float(state["cutoff"]))
         self.weights_ = np.array(state["weights"], dtype=float)
-        path, drive = (np.array(state[name], dtype=float) for name in ("path", "drive"))
-        self._stream = ArmRowState(path, drive, int(state["seen"]))
+        kept = {name: np.array(state[name], dtype=float) for name in ArmRowState._fields if name != "seen"}
+        self._stream = ArmRowState(**kept, seen=int(state["seen"]))
         return self
 
     # -- answers ----------------------------------------------------------------------------
@@ -463,6 +492,8 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         if self.causal:
             window = causal_window(self.sample_rate, self.cutoff_, self.degree)
             self._kernels = causal_kernels(self.sample_rate, window, self.degree)
+            self.spacing = period_of(self.sample_rate, self.cutoff_)
+            self._taps = averaging(self.spacing)
             self.delay_ = (window - 1) // 2
         self.warmup_ = 2 * self.delay_
         given = np.ones(n) if self.weights is None else np.asarray(self.weights, dtype=float)
@@ -477,7 +508,8 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         return [t for _, terms in self.axes_.values() for t in terms]
 
     def _at_start(self) -> ArmRowState:
-        return ArmRowState(np.empty((0, self.arm_.n_joints)), np.empty((0, self.arm_.n_joints)), 0)
+        n = self.arm_.n_joints
+        return ArmRowState(np.empty((0, n)), np.empty((0, 2 * n)), np.empty((0, 5 * n)), np.zeros((n, 3)), 0)
 
     def _structural_base(self) -> BaseParameters:
         """The base parameters: which columns no motion can separate from those before them."""
@@ -569,27 +601,43 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         return np.where(still, np.inf, self.slow * speeds)
 
     def _advance(
-        self, stream: ArmRowState, X: Array, drive: Array, target: Array | None = None, *, rows: bool = False
-    ) -> tuple[Array, Array, ArmRowState]:
-        """Columns and delayed drives of the next piece of a stream, and the stream after it.
+        self, stream: ArmRowState, X: Array, drive: Array, target: Array
+    ) -> tuple[Motion, Array, Array, ArmRowState]:
+        """Motion, and drives as late as it is, of the next piece of a stream, and the stream after it.
 
-        Either all samples, with zeros in the warm-up, or only the samples that give rows (`every_`), without the
-        warm-up.
+        The drives come twice, as the columns take them and as the target; either is (n, n_joints).
         """
-        n = self.arm_.n_joints
-        target = drive if target is None else target
-        parts = [causal_motion(X[:, j], stream.path[:, j], self._kernels) for j in range(n)]
-        late = [causal_delay(target[:, j], stream.drive[:, j], self.delay_) for j in range(n)]
-        after = ArmRowState(
-            np.column_stack([p[1] for p in parts]), np.column_stack([d[1] for d in late]), stream.seen + len(X)
-        )
+        parts = [causal_motion(x, m, self._kernels) for x, m in zip(X.T, stream.path.T, strict=True)]
+        late, past = causal_delay(np.hstack([drive, target]), stream.drive, self.delay_)
+        paths = np.array([p[1] for p in parts]).T
+        moved = Motion(*np.array([p[0] for p in parts]).transpose(1, 2, 0))
+        return moved, *np.hsplit(late, 2), stream._replace(path=paths, drive=past, seen=stream.seen + len(X))
+
+    def _averages(
+        self, stream: ArmRowState, X: Array, drive: Array, target: Array
+    ) -> tuple[Array, Array, NDArray[np.bool_], ArmRowState]:
+        """Averaged columns (m, n_joints, n_columns) and drives (m, n_joints), joints that move, and the stream."""
+        n, window = self.arm_.n_joints, self._taps.size
+        moved, force, late, after = self._advance(stream, X, drive, target)
         count = stream.seen + np.arange(len(X))
-        at = np.flatnonzero((count >= self.warmup_) & (count % self.every_ == 0)) if rows else slice(None)
-        moved = Motion(*(np.column_stack(signals)[at] for signals in zip(*(p[0] for p in parts), strict=True)))
-        drives = np.column_stack([d[0] for d in late])[at]
-        phi = self.columns(moved, drives, (count[at] - self.delay_) / self.sample_rate)
-        phi[count[at] < self.warmup_] = 0.0
-        return phi, drives, after
+        raw = np.concatenate([stream.path, X])
+        middle = raw[np.maximum(len(stream.path) + np.arange(len(X)) - self.delay_, 0)]
+        warm = count < self.warmup_
+        sums = rest_sums(moved, middle, stream.sums, warm)
+        signals = np.concatenate([stream.signals, np.hstack([*moved, force, late])])
+        after = after._replace(signals=signals[max(len(signals) - window + 1, 0) :].copy(), sums=sums[-1])
+        at = np.flatnonzero((count >= self.warmup_ + window - 1) & (count % self.spacing == 0))
+        phi, drives = np.empty((at.size, n, self.base_.kept.size)), np.empty((at.size, n))
+        keep = np.empty((at.size, n), dtype=bool)
+        # window by window, so that no cutting of a stream changes a bit
+        for row, k in enumerate(at):
+            end = k + len(signals) - len(X)
+            q, v, a, u, y = np.hsplit(signals[end - window + 1 : end + 1], 5)
+            time = (count[k] - self.delay_ - np.arange(window)[::-1]) / self.sample_rate
+            phi[row] = np.tensordot(self._taps, self.columns(Motion(q, v, a), u, time), 1)
+            drives[row] = self._taps @ y
+            keep[row] = np.abs(v).min(axis=0) > least_speed(sums[k], self._kernels, self.slow)
+        return phi, drives, keep, after
 
     def _cutoff_of(self, paths: Array, length: int) -> float:
         """The median of the cut-offs that the joints' noise allows, but high enough to leave enough rows."""
