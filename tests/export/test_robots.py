@@ -47,6 +47,21 @@ def test_urdf_holds_dynamics_and_limits(tmp_path):
     assert {x.name for x in done.losses} == {"cogging", "end_stop"}
 
 
+def test_a_weight_in_urdf_pulls_as_it_does(tmp_path):
+    mujoco = pytest.importorskip("mujoco", reason="needs the extra mujoco")
+    weights = [GravityImbalance(0.3, 0.4), GravityImbalance(0.2, -2.0)]
+    done = export_model(ServoAxis(inertia=0.05, effects=weights), to="urdf", out=tmp_path)
+    assert [x.name for x in done.losses] == ["gravity"]  # which URDF leaves to the simulator
+    model = mujoco.MjModel.from_xml_path(str(done.paths[0]))
+    data, inertia = mujoco.MjData(model), np.empty(1)
+    for q in (-2.0, 0.0, 0.7, 3.0):
+        data.qpos[0] = q
+        mujoco.mj_forward(model, data)
+        assert data.qfrc_bias[0] == pytest.approx(sum(w.value(position=q) for w in weights), abs=1e-9)
+        mujoco.mj_mulM(model, data, inertia, np.ones(1))
+        assert inertia[0] == pytest.approx(0.05, rel=1e-9)
+
+
 def test_isaac_is_python_with_friction_and_delay(tmp_path):
     axis = ServoAxis(effects=[InputDelay(0.004), Saturation(2.0)])
     done = export_model(axis, to="isaac", out=tmp_path)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
@@ -38,16 +38,24 @@ from whsklearn.systems.servo import ServoAxis, pack
 def urdf(model: Exported) -> tuple[str, list[Loss]]:
     """A robot of one joint with ``<dynamics>``: damping, Coulomb friction, limits, inertia."""
     axis, losses = with_held_law(model.need_axis("URDF"))
-    held = ("viscous", "coulomb", "saturation", "end_stop")
-    losses += left_out(axis, lambda e: e.name in held, "URDF has damping, friction and limits only")
+    held = {"viscous", "coulomb", "saturation", "end_stop", *(() if model.linear else ("gravity_imbalance",))}
+    losses += left_out(axis, lambda e: e.name in held, "URDF has damping, friction, a mass and limits only")
     losses += lost_parts(axis, timing=False, transmission=False, limit=True)
     stops = [e for e in parts_of(axis) if isinstance(e, EndStop)]
     losses += [Loss("end_stop", f"stiffness {e.magnitude:.6g} Nm/rad", "held as a rigid limit") for e in stops]
     kind = ("prismatic" if model.linear else "revolute") if stops else ("prismatic" if model.linear else "continuous")
     losses = [*model.foreign(), *model.told(losses)]
+    gravity = Mjcf()
+    for effect in parts_of(axis):
+        if effect.name == "gravity_imbalance" and not model.linear:
+            hold_in(gravity, effect, [])
+    hanging = pendulum_of(gravity.gravity, axis.inertia)
+    if hanging.g:
+        losses.append(Loss("gravity", f"{GRAVITY} m/s2 along -z", "URDF has no gravity; set it in the simulator"))
     low, high = max((-FAR, *(e.ends[0] for e in stops))), min((FAR, *(e.ends[1] for e in stops)))
     text = render(
-        "model.urdf.j2", kind=kind, inertia=axis.inertia, damping=total(rigid(axis).law.terms, "viscous"),
+        "model.urdf.j2", kind=kind, inertia=axis.inertia, hanging=hanging,
+        damping=total(rigid(axis).law.terms, "viscous"),
         friction=total(parts_of(rigid(axis)), "coulomb"), limit=float(chain_of(pack(axis)).limit), low=low, high=high,
         inf=math.inf, linear=model.linear, losses=losses, units=", ".join((*model.si, "s")),
     )  # fmt: skip
@@ -147,24 +155,44 @@ def mjcf(model: Exported) -> tuple[str, list[Loss]]:
     dt = 1.0 / axis.sample_rate
     step = dt / math.ceil(dt / FINEST - 1e-9)
     load = axis.inertia * float(body_of(pack(axis)).share)
-    amplitude, phase = m.gravity
-    mass, arm = max(axis.inertia, 1e-6), 0.0
-    if amplitude:  # half of the inertia is that of a mass on a lever
-        arm = 0.5 * (load or axis.inertia) * GRAVITY / abs(amplitude)
-        mass = abs(amplitude) / (GRAVITY * arm)
-        phase += math.pi if amplitude < 0 else 0.0
+    hanging = pendulum_of(m.gravity, load or axis.inertia)
     if m.delay and abs(round(m.delay / step) * step - m.delay) > 1e-3 * step:
         held = round(m.delay / step) * step
         m.losses.append(Loss("drive delay", f"{m.delay:.6g} s", f"rounded to {held:.6g} s, whole steps of MuJoCo"))
     m.losses = [*model.foreign(), *model.told(m.losses)]
     text = render(
         "model.mjcf.j2", m=m, kind="slide" if model.linear else "hinge", step=step, dt=dt,
-        inertia=axis.inertia - load, load=load, mass=mass, place=(arm * math.cos(phase), arm * math.sin(phase)),
-        own=(load or axis.inertia) - mass * arm**2 if arm else (load or axis.inertia),
-        g=GRAVITY if arm else 0.0, samples=round(m.delay / step), inf=math.inf, drive=drive, motion=motion,
+        inertia=axis.inertia - load, load=load, hanging=hanging, samples=round(m.delay / step), inf=math.inf,
+        drive=drive, motion=motion,
         soft=SOFT,
     )  # fmt: skip
     return text, m.losses
+
+
+class Pendulum(NamedTuple):
+    """A mass (kg) at x and z (m) beside a joint along -y, the inertia about its centre (kg m^2), gravity (m/s^2)."""
+
+    mass: float
+    place: tuple[float, float]
+    own: float
+    g: float
+
+
+def pendulum_of(gravity: tuple[float, float], inertia: float) -> Pendulum:
+    """The pendulum of this ``inertia`` about the joint whose weight is ``gravity`` (amplitude, phase).
+
+    Half of the inertia is that of the mass on its lever.
+
+    >>> pendulum_of((0.0, 0.0), 0.2)
+    Pendulum(mass=0.2, place=(0.0, 0.0), own=0.2, g=0.0)
+    """
+    amplitude, phase = gravity
+    if not amplitude:
+        return Pendulum(max(inertia, 1e-6), (0.0, 0.0), inertia, 0.0)
+    arm = 0.5 * inertia * GRAVITY / abs(amplitude)
+    mass = abs(amplitude) / (GRAVITY * arm)
+    phase += math.pi if amplitude < 0 else 0.0
+    return Pendulum(mass, (arm * math.cos(phase), arm * math.sin(phase)), inertia - mass * arm**2, GRAVITY)
 
 
 def mapped(axis: ServoAxis, linear: bool = False) -> Mjcf:

@@ -611,7 +611,8 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         late, past = causal_delay(np.hstack([drive, target]), stream.drive, self.delay_)
         paths = np.array([p[1] for p in parts]).T
         moved = Motion(*np.array([p[0] for p in parts]).transpose(1, 2, 0))
-        return moved, *np.hsplit(late, 2), stream._replace(path=paths, drive=past, seen=stream.seen + len(X))
+        force, target = np.hsplit(late, 2)
+        return moved, force, target, stream._replace(path=paths, drive=past, seen=stream.seen + len(X))
 
     def _averages(
         self, stream: ArmRowState, X: Array, drive: Array, target: Array
