@@ -96,7 +96,10 @@ def identify_axis(
     fitted = clone(model).fit(X[:stop], y[:stop], **first)
     y_hat = fitted.predict(X, **whole)  # from the start, so that the transient is over before the test part
     row: Row = {f"{name}": value for name, value in flat_parameters(fitted.parameters_).items()}
-    judged = slice(stop, None) if test_share else slice(None)
+    lags = getattr(fitted, "lags_", None)
+    late, warmup = (getattr(lags, name, 0) for name in ("delay_", "warmup_"))  # a causal row belongs to a sample before
+    y_hat = np.roll(y_hat, -late)
+    judged = slice(stop if test_share else warmup, len(y) - late)
     for index in (nmse, mu_e, rmse):
         row[index.__name__] = index(y[judged], y_hat[judged])
     return row
