@@ -88,6 +88,7 @@ def identify_axis(
     model: Any, X: NDArray[np.float64], y: NDArray[np.float64], test_share: float, groups: Any = None
 ) -> Row:
     """Fit a clone on the first part of the record, judge its free run on the rest; of a servo axis, its drive."""
+    from whsklearn.lags.axis_rows import rows_and_samples
     from whsklearn.metrics import mu_e, nmse, rmse
     from whsklearn.plot import flat_parameters
 
@@ -96,12 +97,10 @@ def identify_axis(
     fitted = clone(model).fit(X[:stop], y[:stop], **first)
     y_hat = fitted.predict(X, **whole)  # from the start, so that the transient is over before the test part
     row: Row = {f"{name}": value for name, value in flat_parameters(fitted.parameters_).items()}
-    lags = getattr(fitted, "lags_", None)
-    late, warmup = (getattr(lags, name, 0) for name in ("delay_", "warmup_"))  # a causal row belongs to a sample before
-    y_hat = np.roll(y_hat, -late)
-    judged = slice(stop if test_share else warmup, len(y) - late)
+    rows, samples = rows_and_samples(getattr(fitted, "lags_", None), groups, len(y))
+    judged = samples >= (stop if test_share else 0)
     for index in (nmse, mu_e, rmse):
-        row[index.__name__] = index(y[judged], y_hat[judged])
+        row[index.__name__] = index(y[samples[judged]], y_hat[rows[judged]])
     return row
 
 

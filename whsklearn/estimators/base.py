@@ -17,6 +17,7 @@ from whsklearn.estimators import _model as wh
 from whsklearn.estimators._checked import CheckedModel, warn
 from whsklearn.estimators._model import draws, noise_spread, rows_spread
 from whsklearn.estimators._records import fold_of_a_search, is_plain, joined
+from whsklearn.lags.axis_rows import rows_and_samples
 
 OUTPUTS = ("expected", "simulation")
 # Expected number m of wrong signs in an experiment up to which it is more likely than not that none is wrong.  If they
@@ -149,7 +150,7 @@ class AxisRegressor(RegressorMixin, CheckedModel):
     def score(
         self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None, groups: ArrayLike | None = None
     ) -> float:
-        """R2 of the free run.
+        """R2 of the free run; of lags whose rows are late, against the samples to which they belong.
 
         ``X`` (n, n_features), ``y`` and ``sample_weight`` (n,): as for `fit`, or lists of them. ``groups`` (n,):
         experiments; each starts at rest.
@@ -158,7 +159,9 @@ class AxisRegressor(RegressorMixin, CheckedModel):
 
         given = joined(X, y, groups, sample_weight)
         y_hat = self.predict(given.X, given.groups)
-        r2 = float(r2_score(given.y, y_hat, sample_weight=given.sample_weight))
+        rows, samples = rows_and_samples(getattr(self, "lags_", None), given.groups, len(y_hat))
+        weights = None if given.sample_weight is None else np.asarray(given.sample_weight)[samples]
+        r2 = float(r2_score(np.asarray(given.y)[samples], y_hat[rows], sample_weight=weights))
         if fold_of_a_search() is None:  # a search also tries bad settings, so it is not warned
             warn(_advice.of_a_free_run(r2))
         return r2

@@ -154,3 +154,15 @@ def experiments(groups: ArrayLike | None, n: int) -> Iterator[slice]:
     edges = [0, *(np.flatnonzero(labels[1:] != labels[:-1]) + 1).tolist(), n]
     for start, stop in itertools.pairwise(edges):
         yield slice(start, stop)
+
+
+def rows_and_samples(lags: Any, groups: ArrayLike | None, n: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Indices of the rows of a transformer behind its warm-up, and of the samples to which they belong, shape (m,).
+
+    Both are all of the ``n`` samples if its rows are not late. Raises ValueError if there is no such row.
+    """
+    late, warmup = (int(getattr(lags, name, 0)) for name in ("delay_", "warmup_"))
+    rows = np.concatenate([np.arange(min(s.start + warmup, s.stop), s.stop) for s in experiments(groups, n)])
+    if not rows.size:
+        raise ValueError(f"X has {n} samples, expected more than the {warmup} that warm up its filter.")
+    return rows, rows - late
