@@ -226,6 +226,29 @@ def test_the_age_of_the_drive_is_told_and_bends_no_number_of_a_stream(age):
     assert spread < 0.1
 
 
+@pytest.mark.parametrize(("reference", "seed"), [("rich", 0), ("multisine", 1)])
+def test_where_an_axis_turns_it_bends_no_number_of_a_record(reference, seed):
+    log, truth = make_servo_log(
+        reference=reference, duration=20.0, sample_rate=250.0, random_state=seed, return_truth=True
+    )
+    lags = InverseDynamicsLags(250.0, effects=AGED["effects"])
+    found = RLSRegressor(lags).fit(log[["position_rad"]], log["torque_nm"]).parameters_
+    # with rows beside a reversal, where friction is not the sign of a filtered velocity, viscous is 6 to 11 % off
+    for name in ("inertia", "viscous", "coulomb"):
+        assert found[name] == pytest.approx(truth.parameters[name], rel=5e-3)
+    assert found["input_delay"] * 250.0 == pytest.approx(0.5, abs=0.05)  # its controller holds the drive
+
+
+def test_an_axis_that_turns_too_often_for_its_filter_keeps_its_rows():
+    t = np.arange(int(20 * RATE)) / RATE
+    w = 2 * np.pi * 2.0
+    torque = 0.05 * -(w**2) * np.sin(w * t) + 0.12 * w * np.cos(w * t) + 0.4 * np.sign(np.cos(w * t))
+    lags = InverseDynamicsLags(sample_rate=RATE, cutoff=4.0)
+    phi, target = lags.rows(np.sin(w * t)[:, None], torque)  # two periods of it are one of the motion
+    assert len(target) > 0.9 * len(t)
+    assert solve(phi, target)[0] == pytest.approx(0.05, rel=0.1)
+
+
 def test_a_slow_sine_does_not_tell_the_age_of_its_drive_and_bends_by_less_than_a_sample_does():
     t = np.arange(int(20 * RATE)) / RATE
     w = 2 * np.pi * 0.3

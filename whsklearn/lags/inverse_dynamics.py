@@ -13,6 +13,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike, NDArray
+from scipy.ndimage import minimum_filter1d
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import check_array, check_is_fitted, validate_data
 
@@ -53,6 +54,7 @@ def validated(owner: Any, X: ArrayLike, reset: bool = False) -> Array:
 
 
 SHORTEST = 64  # samples below which the noise cannot be estimated from the record
+LEAST_ROWS = 10  # independent ones of a record, for each weight: with fewer, rows beside a reversal are kept
 SLOW = 0.1  # of the speed so far: slower, friction is not yet the sign of the velocity; the arms' lags have 0.08
 # Samples by which the drive acts later than it is logged, before a record says so: anything between 0, if it is
 # measured with the position, and 1; half a sample if it is held over the sample that follows.  A motion that is fast
@@ -89,10 +91,10 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
         Number of samples without rows at the start of each record, where the filter has no past. If ``cutoff`` is
         not given, one period of the cut-off is also dropped at both ends.
     standstill : float, optional
-        Speed below which `rows` drops rows. At rest, friction equals whatever drive is applied, and the sign of a
-        noisy velocity is random, which biases Coulomb friction towards viscous friction. The default is five times
-        the noise of the velocity, for a stream also a tenth of its rms so far, and 0 if a hysteresis models the
-        standstill.
+        Speed below which `rows` drops rows, with those that a period of the cut-off blurs into them.  At rest, friction
+        equals whatever drive is applied, and the sign of a noisy velocity is random, which biases Coulomb friction
+        towards viscous friction.  The default is five times the noise of the velocity or a tenth of its rms (for a
+        stream, so far), whichever is more, and 0 if a hysteresis models the standstill.
     causal : bool, default=False
         False is for whole records and adds no delay. True is for streams and fits a polynomial
         over a moving window. Row t then holds the values from ``delay_`` samples earlier, and
@@ -224,20 +226,34 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
             X = validated(self.fit(X, y), X)
             return self._rows_of(X, target, groups)[:2]
         phi = self._fresh(X, y, groups)
-        pieces = []
-        for s in experiments(groups, len(phi)):
-            path, smooth = np.asarray(X, dtype=float)[s, 0], target[s]
-            speed = motion(path, self.sample_rate, self.cutoff_, self.order).velocity
-            if self._is_automatic:
-                edge = min(int(self.sample_rate / self.cutoff_), smooth.size // 4)
-                smooth = zero_phase(smooth, self.sample_rate, self.cutoff_, self.order)
-                both = np.column_stack([speed, phi[s], smooth])[max(self.border, edge) : smooth.size - edge]
-                both = both[:: self.decimate or max(round(self.sample_rate / (2.0 * self.cutoff_)), 1)]
-            else:
-                both = decimate(np.column_stack([speed, phi[s], smooth])[self.border :], self.decimate or 1)
-            pieces.append(both[np.abs(both[:, 0]) >= self._limit(path), 1:])
-        both = np.concatenate(pieces)
-        return both[:, :-1], both[:, -1]
+        pieces = [
+            self._record_rows(np.asarray(X, dtype=float)[s, 0], phi[s], target[s])
+            for s in experiments(groups, len(phi))
+        ]
+        both, slowest, limits = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
+        moving = slowest >= limits
+        if (
+            moving.sum() * self.independent_share < LEAST_ROWS * phi.shape[1]
+        ):  # it turns too often for its filter: only rest itself is left out
+            moving = np.abs(both[:, 0]) >= limits
+        return both[moving, 1:-1], both[moving, -1]
+
+    def _record_rows(self, path: Array, phi: Array, target: Array) -> tuple[Array, Array, Array]:
+        """Of one record: speed, columns and torque of every row, its slowest speed, and the least that counts."""
+        speed = motion(path, self.sample_rate, self.cutoff_, self.order).velocity
+        period = period_of(self.sample_rate, self.cutoff_)
+        slowest = minimum_filter1d(np.abs(speed), 2 * period + 1)
+        if self._is_automatic:
+            edge = min(int(self.sample_rate / self.cutoff_), target.size // 4)
+            smooth = zero_phase(target, self.sample_rate, self.cutoff_, self.order)
+            inner = slice(max(self.border, edge), target.size - edge)
+            every = self.decimate or max(round(self.sample_rate / (2.0 * self.cutoff_)), 1)
+            both = np.column_stack([speed, phi, smooth])[inner][::every]
+        else:
+            inner, every = slice(self.border, None), self.decimate or 1
+            both = decimate(np.column_stack([speed, phi, target])[inner], every)
+        slowest = slowest[inner][::every]
+        return both, slowest, np.full(len(both), self._limit(path, speed))
 
     # -- streams --------------------------------------------------------------------------
 
@@ -507,10 +523,11 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
         phi[:, 0] = motion(path, rate, self.cutoff_, order).acceleration
         return phi
 
-    def _limit(self, path: Array) -> float:
+    def _limit(self, path: Array, speed: Array) -> float:
         """Speed below which a row counts as standstill."""
         if self.standstill is not None:
             return float(self.standstill)
         if any(isinstance(t, PreslidingHysteresis) for t in self.terms_):
             return 0.0
-        return NOISY * velocity_noise(path, self.sample_rate, self.cutoff_, self.order)
+        noise = velocity_noise(path, self.sample_rate, self.cutoff_, self.order)
+        return max(NOISY * noise, SLOW * float(np.sqrt(np.mean(speed**2))))
