@@ -17,6 +17,7 @@ import numpy as np
 from tqdm import tqdm
 
 from whsklearn import InverseDynamicsLags, RLSRegressor
+from whsklearn.cli.axis_stream import EFFECTS
 from whsklearn.datasets import default_axis, make_servo_log
 from whsklearn.effects import Coulomb
 from whsklearn.streaming import Options, StreamMonitor
@@ -52,7 +53,7 @@ def streamed(kind: dict[str, Any], seed: int, raised: float) -> list[dict[str, A
         rows.append(np.column_stack([time, log["position_rad"], log["torque_nm"]]))
     told: list[dict[str, Any]] = []
     monitor = StreamMonitor(
-        RLSRegressor(InverseDynamicsLags(RATE, causal=True)), alarm_of_averages(),
+        RLSRegressor(InverseDynamicsLags(RATE, effects=EFFECTS, causal=True)), alarm_of_averages(),
         Options(timed=True, max_step=2.5 / RATE, restart_after_hole=True, position=1), told.append,
     )  # fmt: skip
     monitor.take(np.concatenate(rows).tolist())
