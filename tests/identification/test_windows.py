@@ -67,6 +67,20 @@ def test_a_window_that_begins_where_the_axis_turns_is_followed_too(seed):
     assert np.mean(np.sqrt(np.mean(np.square(alone), axis=(1, 2))) > 2e-3) <= 0.05
 
 
+def test_a_coarse_encoder_that_stands_still_for_ten_samples_does_not_lose_its_windows():
+    """From the speeds of ten samples, mostly 0, windows of this log were three and six counts off."""
+    dt, rng = 0.001, np.random.default_rng(3)
+    t = dt * np.arange(6000)
+    drive = sum(
+        np.sin(2.0 * np.pi * f * t + p) for f, p in zip(rng.uniform(0.2, 3.0, 8), 7.0 * rng.random(8), strict=True)
+    )
+    model = AxisModel(1.0, FrictionLaw([Viscous(2.0), Coulomb(0.5)]), (InputOffset(0.0),), dt=dt, logged="position")
+    y = model.simulate(drive)
+    count = np.ptp(y) / 120.0
+    errors = window_errors(model, view(drive, count * np.round(y / count), dt, "position"), 500, 300) / count
+    assert np.sqrt(np.mean(errors**2, axis=1)).max() < 1.0
+
+
 def test_a_true_pendulum_errs_nowhere_whatever_the_log_is_taken_for():
     u, theta = 2.0 * slow_drive(2000, 1), np.array([0.05, 0.1, 0.2, 0.02, 1.5, 0.4])
     y = axis_motion(theta, axis_log(u, hangs=True)._replace(of_position=True))

@@ -126,19 +126,25 @@ def _first_speeds(y: Array, dt: float, run: Callable[[Array], Array]) -> Array:
 
     They are tried from that of a line to beyond that of a parabola, and at rest, then once more around the best.  Where
     an axis turns or sticks, nothing depends on the speed before, and a state fit from its wrong side stays there: so
-    ended 9 to 17 % of the windows of an axis at its true numbers (tests/identification/test_windows.py).
+    ended 9 to 17 % of the windows of an axis at its true numbers (tests/identification/test_windows.py).  In ten
+    samples a coarse encoder does not move, so lines and parabolas through more of them are tried too.
     """
-    at = np.arange(min(y.shape[1], 10)) * dt
-    some = y[:, : at.size]
-    line, bent = (some[:, -1] - some[:, 0]) / at[-1], some @ np.linalg.pinv(np.vander(at, 3))[1]
+    few, m = min(y.shape[1], 10), y.shape[1]
+    lines, slopes = [], []
+    for span in sorted({few, max(m // 3, few), m}):
+        at = np.arange(span) * dt
+        lines.append((y[:, span - 1] - y[:, 0]) / at[-1])
+        slopes.append(y[:, :span] @ np.linalg.pinv(np.vander(at, 3))[1])
+    line, apart = np.array(lines), np.array(slopes) - np.array(lines)  # (spans, k)
 
     def closest(tried: Array) -> Array:
         left = np.array([powers(y - run(v), level=True) for v in tried])  # the position is fitted too
         return np.take_along_axis(tried, np.argmin(left, axis=0)[None], axis=0)[0]
 
-    best = closest(np.vstack([line + np.linspace(0.0, 2.0, SPEEDS)[:, None] * (bent - line), np.zeros_like(line)]))
-    apart = 2.0 * (bent - line) / (SPEEDS - 1)
-    return closest(best + np.linspace(-0.75, 0.75, SPEEDS)[:, None] * apart)
+    beyond = line + np.linspace(0.0, 2.0, SPEEDS)[:, None, None] * apart
+    best = closest(np.vstack([beyond.reshape(-1, len(y)), np.zeros(len(y))]))
+    near = 2.0 * np.abs(apart).max(axis=0) / (SPEEDS - 1)
+    return closest(best + np.linspace(-0.75, 0.75, SPEEDS)[:, None] * near)
 
 
 def axis_score(theta: Array, form: AxisForm, log: View) -> float:
