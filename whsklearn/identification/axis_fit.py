@@ -8,10 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from whsklearn.effects import Coulomb, FlexibleCoupling, FrictionLaw, InputOffset, SpeedHinge, Viscous
+from whsklearn.effects import Coulomb, FlexibleCoupling, FrictionLaw, InputOffset, LoadFriction, SpeedHinge, Viscous
 from whsklearn.effects.base import Array
 from whsklearn.filtering.records import HOLDS
-from whsklearn.identification.axis_inverse import FEWEST, Start, acting, inverse_starts, position_columns
+from whsklearn.identification.axis_inverse import FEWEST, Start, acting, form_columns, inverse_starts
 from whsklearn.identification.axis_numbers import (
     axis_log,
     axis_residual,
@@ -86,9 +86,13 @@ class UntoldError(ValueError):
     """A weight that a record does not tell from other forces over the position."""
 
 
-def fit_rigid_axis(log: View) -> AxisModel:
-    """Inertia, viscous and Coulomb friction, offset, in SI."""
-    return _fit(log, AxisForm())
+def fit_rigid_axis(log: View, *, loaded: bool = False) -> AxisModel:
+    """Inertia, viscous and Coulomb friction, offset, in SI; with friction that grows with the drive if ``loaded``.
+
+    Raises ValueError if it does not surely grow, or as `inverse_starts`.
+    """
+    model, own = _fit(log, AxisForm(loaded=loaded))
+    return _determined(model, own) if loaded else model
 
 
 def fit_free_law_axis(log: View) -> AxisModel:
@@ -97,26 +101,30 @@ def fit_free_law_axis(log: View) -> AxisModel:
     Raises ValueError if the bends are negligible, or as `inverse_starts`.
     """
     speed = np.abs(log.target)
-    model = _fit(log, AxisForm(np.unique(np.quantile(speed[speed > 0.02 * speed.max()], KNOTS))))
+    model, _ = _fit(log, AxisForm(np.unique(np.quantile(speed[speed > 0.02 * speed.max()], KNOTS))))
     return _with_force(model, model.law(0.0, log.target), log)
 
 
-def fit_hanging_axis(log: View) -> AxisModel:
+def fit_hanging_axis(log: View, *, loaded: bool = False) -> AxisModel:
     """The rigid axis with gravity; the output is its position, an angle, which gravity prevents from drifting.
 
-    Raises ValueError if gravity is negligible or cancels an offset, or as `inverse_starts`.
+    Raises ValueError if gravity is negligible or cancels an offset, or as `fit_rigid_axis`.
     """
-    model = _fit(_of_position(log), AxisForm(hangs=True))
-    numbers = model.parameters
-    share = numbers["gravity_imbalance"] / np.std(log.u)
+    record, form = _of_position(log), AxisForm(hangs=True, loaded=loaded)
+    model, own = _fit(record, form)
+    share = model.parameters["gravity_imbalance"] / np.std(log.u)
     if share < LEAST_FORCE:
         raise ValueError(f"Gravity would be {100 * share:.2g} % of the drive, so the axis without it is equivalent.")
+    if not abs(model.parameters["input_offset"]) > 2.0 * model.standard_errors["input_offset"]:
+        # over part of a turn an offset that is not there cancels a weight that is not, until the axis turns further
+        model, own = _fit(record, form._replace(shifted=False))
+    numbers = model.parameters
     if abs(numbers["input_offset"]) > np.abs(log.u).max():
         raise UntoldError(
             f"Gravity would cancel an offset of the drive of {numbers['input_offset']:.2g}, more than it ever was: "
             "over this range a weight cannot be told from other forces that follow the position."
         )
-    return _determined(model)
+    return _determined(model, own)
 
 
 def fit_placed_axis(log: View, powers: int) -> AxisModel:
@@ -131,8 +139,8 @@ def fit_placed_axis(log: View, powers: int) -> AxisModel:
         more = []
     inertia, *_, stiffness = (more or [inverse_starts(record, AxisForm(powers=1))[0].theta])[0]
     record = replace(record, steps=max(record.steps, spring_steps(stiffness / inertia, record.dt)))
-    model = _fit(record, form, [np.r_[theta, np.zeros(powers - 1)] for theta in more])
-    return _determined(_with_force(model, sum(e.value(position=log.y) for e in model.effects[1:]), log))
+    model, own = _fit(record, form, [np.r_[theta, np.zeros(powers - 1)] for theta in more])
+    return _determined(_with_force(model, sum(e.value(position=log.y) for e in model.effects[1:]), log), own)
 
 
 def _with_force(model: AxisModel, force: Array, log: View) -> AxisModel:
@@ -171,7 +179,7 @@ def fit_sprung_axis(log: View, powers: int) -> AxisModel:
     best = without_step(fit_pieces(theta, shooting_log(whole, np.inf, form)), whole, np.inf, form)
     if not np.isfinite(best.cost):
         raise ValueError("The run of an axis on a spring does not stay finite.")
-    model = _model(best, whole, form)
+    model, _ = _model(best, whole, form)
     if model.steps > spring_steps(np.pi**2, 1.0):
         raise ValueError("The axis would oscillate on its spring faster than half the sampling rate can show.")
     return model
@@ -210,22 +218,25 @@ def fit_two_masses(log: View, *, at_load: bool = False) -> AxisModel:
     apart = [fit.theta - best.theta for fit in ended if fit.cost < AS_LOW * best.cost]
     best = without_step(best, log, RINGS, form)
     covariance = best.covariance + sum(np.outer(d, d) for d in apart)
-    return _determined(_model(best._replace(covariance=covariance), log, form))
+    return _determined(*_model(best._replace(covariance=covariance), log, form))
 
 
-def _determined(model: AxisModel) -> AxisModel:
-    """The model, if the record says more of its inertia than that it is not zero, of a weight on which side it is, and
-    of a spring whether it pulls or pushes.
+def _determined(model: AxisModel, own: dict[str, float]) -> AxisModel:
+    """The model, if the record says more of its inertia than that it is not zero, of a weight on which side it is, of a
+    spring whether it pulls or pushes, and of friction whether it grows with the drive.
 
     What is free to be anything else is spent on the friction at rest: of a rigid axis that rests, a load of 0.1 of the
-    inertia on a spring of no stiffness left two thirds of the error over windows.
+    inertia on a spring of no stiffness left two thirds of the error over windows.  A number of which two estimators
+    differ is not free, so for inertia and friction the errors of the fit alone count, which are its ``own``.
     """
     errors, numbers = model.standard_errors, model.parameters
-    inertia, unsure = numbers["inertia"], errors["inertia"]
+    inertia, unsure = numbers["inertia"], own["inertia"]
     if not 2.0 * unsure < inertia:  # its interval holds zero
         raise ValueError(f"Its inertia would be {inertia:.2g} with a standard error of {unsure:.2g}.")
     if errors.get("gravity_imbalance__phase", 0.0) > 1.0:  # rad
         raise UntoldError("On which side the weight is cannot be told, so the axis without it is equivalent.")
+    if not max(2.0 * own.get("load_friction", 0.0), LEAST_FORCE) < numbers.get("load_friction", 1.0):
+        raise ValueError("Friction does not surely grow with the drive, so the axis without it is equivalent.")
     alone = "hardening_spring" not in numbers
     if alone and not 2.0 * errors.get("cable_spring", 0.0) <= abs(numbers.get("cable_spring", 0.0)):
         raise ValueError("Whether the spring pulls or pushes cannot be told, so the axis without it is equivalent.")
@@ -239,11 +250,8 @@ def without_step(fit: AxisFit, log: View, seconds: float, form: AxisForm) -> Axi
     (Richardson 1911).  At 0.1 rad of an oscillation per step, an inertia of 0.002 % is 0.08 % too small.
     """
     finer = fit_pieces(fit.theta, shooting_log(replace(log, steps=2 * log.steps), seconds, form))
-    theta = finer.theta + (finer.theta - fit.theta) / 3.0
-    theta[1:3], theta[0] = np.maximum(theta[1:3], 0.0), max(theta[0], 0.5 * finer.theta[0])
-    if form.coupled:
-        theta[4:6] = np.maximum(theta[4:6], 0.0)
-        theta[7:9] = np.clip(theta[7:9], *SHARE_AND_DAMPING)
+    theta = np.clip(finer.theta + (finer.theta - fit.theta) / 3.0, *form.limits)
+    theta[0] = max(theta[0], 0.5 * finer.theta[0])
     return finer._replace(theta=theta)
 
 
@@ -351,7 +359,7 @@ def spring_start(log: View) -> Array:
     return np.array([stiffness / square, stiffness * fade / square, 0.0, -stiffness * linear.offset, stiffness])
 
 
-def _fit(log: View, form: AxisForm, more: Sequence[Array] = ()) -> AxisModel:
+def _fit(log: View, form: AxisForm, more: Sequence[Array] = ()) -> tuple[AxisModel, dict[str, float]]:
     """Among the results of all fits, the parameters that simulate windows of the record best.
 
     A controller that is faster than its log acts between the samples too, so the drive is also taken as a smooth curve
@@ -372,11 +380,14 @@ def _best_of(log: View, form: AxisForm, more: Sequence[Array]) -> tuple[float, A
     return _best_minimum(log, form, start, start_as_fit(start, axis_log(log, form)), least)
 
 
-def _model(best: AxisFit, log: View, form: AxisForm) -> AxisModel:
-    """The numbers of a fit as an axis, with standard errors."""
+def _model(best: AxisFit, log: View, form: AxisForm) -> tuple[AxisModel, dict[str, float]]:
+    """The numbers of a fit as an axis, with standard errors, and those of the fit alone, whatever is missing."""
+    free = np.less(*form.limits)
     covariance = best.covariance
     if log.hold != HOLDS[0] and not form.coupled and covariance.any():
         covariance = covariance + _of_timing(best.theta, log, form)
+    covariance = covariance * np.outer(free, free)
+    own = standard_errors(best.theta, covariance, log, form)
     incomplete = not covariance.any() or not white(axis_residual(best.theta, log, form), log)
     if incomplete and not form.coupled:
         # two estimators agree if nothing is missing, and their difference shows what is (Hausman 1978): its square less
@@ -386,13 +397,13 @@ def _model(best: AxisFit, log: View, form: AxisForm) -> AxisModel:
         apart, spread = (np.array([o[k] for o in others]) for k in (0, 1))
         apart = (best.theta - apart) ** 2
         wider = np.sqrt(errors**2 + np.maximum(apart - spread**2, 0.0).max(axis=0))
-        if errors.min() > TINY * wider.max():
-            scale = wider / errors
+        if errors[free].min() > TINY * wider[free].max():
+            scale = wider / np.where(free, errors, 1.0)
             covariance = covariance * np.outer(scale, scale)
         else:  # those of a diverged run are arbitrary, and the start itself has none
-            covariance = np.diag(errors**2 + spread[0] ** 2 + apart[0])
+            covariance = np.diag(errors**2 + spread[0] ** 2 + apart[0]) * free
     model = axis_of(best.theta, log, form)
-    return replace(model, standard_errors=standard_errors(best.theta, covariance, log, form))
+    return replace(model, standard_errors=standard_errors(best.theta, covariance, log, form)), own
 
 
 def _of_timing(theta: Array, log: View, form: AxisForm) -> Array:
@@ -415,14 +426,19 @@ def _of_timing(theta: Array, log: View, form: AxisForm) -> Array:
         return np.zeros((theta.size, theta.size))
     age_alone = both[0] - both[1:].T @ (by_numbers := np.linalg.lstsq(both[1:].T, both[0], rcond=1e-9)[0])
     age = float(age_alone @ error / max(age_alone @ age_alone, TINY))
-    variance = float(covariance_of(both, error, np.r_[age, theta], pieces.bounds)[0, 0])
+    # without one of fewer pieces than numbers, some direction is not seen at all
+    bounds = pieces.bounds if pieces.bounds.size > both.shape[0] + 1 else pieces.bounds[[0, -1]]
+    variance = float(covariance_of(both, error, np.r_[age, theta], bounds)[0, 0])
     return (age**2 + variance) * np.outer(by_numbers, by_numbers)
 
 
 def axis_of(theta: Array, log: View, form: AxisForm) -> AxisModel:
     """Convert the kernel's numbers to an axis."""
-    last = theta.size - form.knots.size
-    more, effects = (0.0, [*behind_the_spring(theta)]) if form.coupled else position_effects(theta[4:last], form)
+    grows, last = form.growth, theta.size - form.knots.size
+    more, effects = (
+        (0.0, [*behind_the_spring(theta)]) if form.coupled else position_effects(theta[4 : grows.start], form)
+    )
+    effects += [LoadFriction(c) for c in theta[grows].tolist()]
     hinges = [SpeedHinge(w, k) for w, k in zip(theta[last:], form.knots, strict=True)]
     return AxisModel(
         float(theta[0]),
@@ -545,12 +561,12 @@ def inverse_dynamics(log: View, form: AxisForm, slowest: float) -> tuple[Array, 
     if log.logged != "position":
         velocity, acceleration = savgol_filter(log.target, window, 2), velocity
     side = np.sign(velocity)
-    columns = [acceleration, velocity, side, np.ones_like(velocity)]
-    columns += position_columns(log.y, form)
-    columns += [side * np.maximum(np.abs(velocity) - k, 0.0) for k in form.knots]
+    columns = [acceleration, velocity, side, np.full_like(velocity, form.shifted)]
+    columns += form_columns(log.y, velocity, side, acting(log), form)
     moving = np.abs(velocity) > slowest * np.abs(velocity).max()
     rows = np.column_stack(columns) * moving[:, None]
-    scale = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
+    scale = np.linalg.norm(rows, axis=0)
+    scale[scale == 0.0] = 1.0
     rows = rows / scale
     drive = savgol_filter(acting(log), window, 2) * moving
     inverse = np.linalg.pinv(rows.T @ rows, rcond=1e-12, hermitian=True)

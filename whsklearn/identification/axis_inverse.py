@@ -61,9 +61,8 @@ def balance(log: View, width: float, form: AxisForm) -> tuple[Array, Array]:
             acceleration = filtered(log.target[a:b], g1, 1)
         slow = SLOW * max(rms(v), 1e-300)
         side = np.tanh(v / slow)
-        columns = [v, side, np.ones_like(v)]
-        columns += position_columns(q, form)
-        columns += [side * np.maximum(np.abs(v) - k, 0.0) for k in form.knots]
+        columns = [v, side, np.full_like(v, form.shifted)]
+        columns += form_columns(q, v, side, log.u[a:b], form)
         blurred = filtered(np.column_stack([*columns, np.abs(v) > slow, log.u[a:b]]), g, 1)
         keep = blurred[:, -2] > 0.5
         keep[:half] = keep[b - a - half :] = False
@@ -82,10 +81,15 @@ def acting(log: View) -> Array:
     return out
 
 
-def position_columns(q: Array, form: AxisForm) -> list[Array]:
-    """Position-dependent forces at weight one, shape (n,) each."""
+def form_columns(q: Array, v: Array, side: Array, drive: Array, form: AxisForm) -> list[Array]:
+    """What acts beside inertia, viscous and dry friction and an offset at weight one, in the order of theta.
+
+    ``q``, ``v``, ``drive`` (n,): position, velocity and drive; ``side`` (n,): the direction of dry friction.
+    """
     e = q - form.centre
-    return [np.sin(e), np.cos(e)] if form.hangs else [e ** (k + 1) for k in range(form.powers)]
+    columns = [np.sin(e), np.cos(e)] if form.hangs else [e ** (k + 1) for k in range(form.powers)]
+    columns += [side * np.abs(drive)] * form.loaded
+    return columns + [side * np.maximum(np.abs(v) - k, 0.0) for k in form.knots]
 
 
 def solved(columns: Array, drive: Array, *, falls: bool = False) -> Array:
@@ -145,7 +149,7 @@ def inverse_starts(log: View, form: AxisForm) -> list[Start]:
         for falls in (False, True)[: 1 + (form.knots.size > 0)]:
             theta = solved(columns, drive, falls=falls)
             theta[1:3] = np.where(theta[1:3] >= 0.0, np.maximum(theta[1:3], least), theta[1:3])
-            theta = rising_at_last(theta, form.knots)
+            theta = rising_at_last(np.clip(theta, *form.limits), form.knots)
             if _accelerates(theta, columns, drive) and dissipates(theta, form.knots):
                 found.append(Start(theta, columns, drive))
     found = found or _even_starts(log, form)

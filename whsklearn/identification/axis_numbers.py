@@ -6,7 +6,15 @@ import itertools
 
 import numpy as np
 
-from whsklearn.effects import CableSpring, Effect, FlexibleCoupling, GravityImbalance, HardeningSpring, SpeedHinge
+from whsklearn.effects import (
+    CableSpring,
+    Effect,
+    FlexibleCoupling,
+    GravityImbalance,
+    HardeningSpring,
+    LoadFriction,
+    SpeedHinge,
+)
 from whsklearn.effects.base import Array
 from whsklearn.identification.view import View
 from whsklearn.models import AxisModel
@@ -76,11 +84,13 @@ def axis_theta(model: AxisModel) -> tuple[Array, AxisForm]:
             *coupling,
         ]
         return np.array(theta), AxisForm(coupled=True, at_load=model.side == "load")
-    forces, base = position_weights(rest)
+    growth = [e.magnitude for e in rest if isinstance(e, LoadFriction)]
+    forces, base = position_weights(rest[: len(rest) - len(growth)])
     hangs = any(isinstance(e, GravityImbalance) for e in rest)
     knots = np.array([t.knot for t in hinges])
-    theta = [model.inertia, p["viscous"], p["coulomb"], offset.magnitude + base, *forces]
-    return np.array(theta + [t.magnitude for t in hinges]), AxisForm(knots, hangs, 0 if hangs else len(forces))
+    theta = [model.inertia, p["viscous"], p["coulomb"], offset.magnitude + base, *forces, *growth]
+    form = AxisForm(knots, hangs, 0 if hangs else len(forces), loaded=bool(growth))
+    return np.array(theta + [t.magnitude for t in hinges]), form
 
 
 def position_effects(weights: Array, form: AxisForm) -> tuple[float, list[Effect]]:

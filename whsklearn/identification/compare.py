@@ -49,11 +49,16 @@ AS_GOOD = 1.075  # a simpler structure is preferred within 7.5 % of the least er
 AT_FLOOR = 1.3  # times the noise; no structure can be better, and the one with thirty parameters takes most of the time
 ORDERS = (1, 2, 3, 4)
 GRAVITY, FORCE = "axis with gravity", "axis, free force over position"
+LOADED, LOADED_GRAVITY = (
+    "axis, friction that grows with the drive",
+    "axis with gravity, friction that grows with the drive",
+)
+HANGING = (GRAVITY, LOADED_GRAVITY)
 SPRING, HARDENING = "axis on a spring", "axis on a hardening spring"
 TWO_MASSES, CHAIN = "axis with a load behind a spring", "Wiener-Hammerstein"
 AT_LOAD = "axis with a load behind a spring, measured at the load"
 COUPLED = (TWO_MASSES, AT_LOAD)
-LAST = (*COUPLED, CHAIN)  # what takes most of the time
+LAST = (LOADED, LOADED_GRAVITY, *COUPLED, CHAIN)  # what takes most of the time
 # Share of the best linear model's error below which an axis makes a chain needless. Of axes it leaves 0.15 at most, of
 # chains 0.97 at least, and of those axes a chain left seven times as much and more (`benchmarks.which_structure`).
 # So does a force over the position with a load behind a spring, beside which there is none.
@@ -365,7 +370,7 @@ def _of_weight(tried: list[Compared], *, sure: bool) -> bool:
     """
     least = min(c.score for c in tried if c.name == SPRING or not sure)
     best = min(tried, key=lambda c: c.score)
-    return best.name == GRAVITY and best.score * (AS_GOOD if sure else 1.0) <= least
+    return best.name in HANGING and best.score * (AS_GOOD if sure else 1.0) <= least
 
 
 def _no_chain(tried: list[Compared]) -> bool:
@@ -378,7 +383,7 @@ def _of_position(tried: list[Compared]) -> bool:
     make up for it.
     """
     free = _least(tried, lambda c: c.kind == "axis" and "effects" not in c.structure)
-    return _least(tried, lambda c: c.name in (GRAVITY, SPRING, FORCE)) < FAR_BELOW * free
+    return _least(tried, lambda c: c.name in (*HANGING, SPRING, FORCE)) < FAR_BELOW * free
 
 
 def _least(tried: list[Compared], of: Callable[[Compared], bool]) -> float:
@@ -441,8 +446,12 @@ def candidates(
         yield of(f"output error, order {order}", "output_error", partial(fit_output_error, order=order), order=order)
     yield of("axis, viscous and Coulomb", "axis", fit_rigid_axis, law=law)
     yield of("axis, free law over speed", "axis", fit_free_law_axis, law=[*law, "speed_hinge"])
+    grows = partial(fit_rigid_axis, loaded=True)
+    yield of(LOADED, "axis", grows, law=[*law, "load_friction"])
     if angle:
         yield of(GRAVITY, "axis", fit_hanging_axis, law=law, effects=["gravity_imbalance"])
+        grows = partial(fit_hanging_axis, loaded=True)
+        yield of(LOADED_GRAVITY, "axis", grows, law=[*law, "load_friction"], effects=["gravity_imbalance"])
     if placed:
         yield of(SPRING, "axis", partial(fit_placed_axis, powers=1), law=law, effects=springs[:1])
         yield of(FORCE, "axis", partial(fit_placed_axis, powers=3), law=law, effects=springs)
@@ -622,7 +631,9 @@ def _with_drive_error(model: Any, relative: float) -> Any:
         return model
     values, errors = model.parameters, dict(model.standard_errors)
     for name, error in errors.items():
-        of_drive = not name.endswith(("__knot", "__phase")) if isinstance(model, AxisModel) else name.startswith("b")
+        of_drive = name.startswith("b")
+        if isinstance(model, AxisModel):
+            of_drive = not name.endswith(("__knot", "__phase")) and model.parameter_units[name] != "1"
         errors[name] = float(np.hypot(error, relative * values[name])) if of_drive and name in values else error
     return replace(model, standard_errors=errors)
 

@@ -1,7 +1,7 @@
 """Free run of a physical axis model, with exact sensitivities.
 
-J dv/dt = u - o - p(q) - B v - C sign(v) - sum w_k sign(v) max(|v| - knot_k, 0), where p(q) is the load of gravity,
-w_1 sin e + w_2 cos e, or of a spring, w_1 e + w_2 e^2 + w_3 e^3, with e = q - centre.
+J dv/dt = u - o - p(q) - B v - (C + c |u|) sign(v) - sum w_k sign(v) max(|v| - knot_k, 0), where p(q) is the load of
+gravity, w_1 sin e + w_2 cos e, or of a spring, w_1 e + w_2 e^2 + w_3 e^3, with e = q - centre.
 
 The steps are those of `whsklearn.systems._servo_kernel`: half a drift, a kick, half a drift (second order), linearly
 implicit in the velocity.  A step in which the axis stops is divided there, so that a reversal is as exact as the rest
@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from whsklearn._numba import njit, part
-from whsklearn.effects import FlexibleCoupling, LoadSideViscous
+from whsklearn.effects import FlexibleCoupling, LoadFriction, LoadSideViscous
 from whsklearn.effects.base import Array, Bools, Integers
 from whsklearn.effects.equations import speed_hinge
 from whsklearn.effects.transmission import contact_stiffness
@@ -30,6 +30,7 @@ from whsklearn.systems._servo_kernel import implicit_gain
 
 SETTLED = 1e-9  # relative decrease in cost that at least one state must still reach for the search to continue
 SHARE_AND_DAMPING = ((0.02, 0.003), (0.98, 1.0))  # lower and upper bounds of a coupling's load share and damping ratio
+MOST_LOADED = LoadFriction.quantities["coefficient"].high  # c of friction that grows with the drive
 LARGEST = 1e100  # bound of an error or a sensitivity, so that its square stays finite
 UNSEEN = 1e-12  # of the largest eigenvalue of the information, columns at unit length: smaller ones are rounding
 
@@ -40,17 +41,20 @@ class AxisForm(NamedTuple):
     """Which forces act in addition to inertia, viscous and dry friction and an offset.
 
     ``knots`` (> 0) are the speeds at which the slope of the friction changes.  The position-dependent forces are those
-    of gravity if the axis ``hangs``, otherwise those of a spring with this number of ``powers`` of e (0: none).  theta
-    holds inertia, viscous friction, Coulomb friction, offset, one weight per position-dependent force, and one per
-    knot.  If the axis is ``coupled``, it has a load behind a spring, and theta ends with viscous and Coulomb friction
-    of the load, resonance, load share and damping ratio; then only friction acts in addition, and the output is the
-    motion of the motor or, ``at_load``, of the load.
+    of gravity if the axis ``hangs``, otherwise those of a spring with this number of ``powers`` of e (0: none).  If the
+    axis is ``loaded``, its dry friction grows with the drive; if its drive is not ``shifted``, it has no offset.  theta
+    holds inertia, viscous friction, Coulomb friction, offset, one weight per position-dependent force, the growth with
+    the drive, and one weight per knot.  If the axis is ``coupled``, it has a load behind a spring, and theta ends with
+    viscous and Coulomb friction of the load, resonance, load share and damping ratio; then only friction acts in
+    addition, and the output is the motion of the motor or, ``at_load``, of the load.
     """
 
     knots: Array = np.empty(0)
     hangs: bool = False
     powers: int = 0
     centre: float = 0.0
+    loaded: bool = False
+    shifted: bool = True
     coupled: bool = False
     at_load: bool = False
 
@@ -67,7 +71,24 @@ class AxisForm(NamedTuple):
     @property
     def size(self) -> int:
         """Number of parameters."""
-        return 4 + self.of_position + self.knots.size + 5 * self.coupled
+        return 4 + self.of_position + self.loaded + self.knots.size + 5 * self.coupled
+
+    @property
+    def limits(self) -> tuple[Array, Array]:
+        """Lowest and highest theta; the slope at standstill of a friction with knots has none."""
+        low, high = np.full(self.size, -np.inf), np.full(self.size, np.inf)
+        if not self.shifted:
+            low[3] = high[3] = 0.0
+        low[2 if self.knots.size else 1 : 3] = 0.0
+        low[self.growth], high[self.growth] = 0.0, MOST_LOADED
+        if self.coupled:
+            low[4:6], low[-2:], high[-2:] = 0.0, *SHARE_AND_DAMPING
+        return low, high
+
+    @property
+    def growth(self) -> slice:
+        """Place in theta of what the friction of a ``loaded`` axis grows by; empty of another."""
+        return slice(4 + self.of_position, 4 + self.of_position + self.loaded)
 
 
 class AxisLog(NamedTuple):
@@ -127,6 +148,8 @@ def sensitivities(theta: Array, log: AxisLog, *, of_states: bool = False) -> tup
     run, by = _pass(theta, log, rows)[int(log.of_position)], rows[int(log.of_position)]
     if log.form.coupled and len(by) > states:
         by[:-states] = slopes_of(theta) @ by[:-states]
+    if not (log.form.shifted or of_states):
+        by[3] = 0.0
     return run, by
 
 
@@ -154,15 +177,10 @@ def _stepped(theta: Array, step: Array, form: AxisForm) -> Array | None:
 
     Only a law with knots may fall from standstill, as Stribeck's does.
     """
-    trial = rising_at_last(theta + step, form.knots)
+    trial = np.clip(rising_at_last(theta + step, form.knots), *form.limits)
     if form.coupled:
         trial[-3] = np.clip(trial[-3], 0.5 * theta[-3], 2.0 * theta[-3])
-        trial[-2:] = np.clip(trial[-2:], *SHARE_AND_DAMPING)
-        trial[4:6] = np.maximum(trial[4:6], 0.0)
     trial[0] = max(trial[0], 0.05 * theta[0])
-    trial[2] = max(trial[2], 0.0)
-    if not form.knots.size:
-        trial[1] = max(trial[1], 0.0)
     return trial if dissipates(trial, form.knots) else None
 
 
@@ -236,8 +254,8 @@ def fit_pieces(theta: Array, log: AxisLog, *, iterations: int = 25, enough: floa
         slope = at.rows @ at.error
         # friction at its limit stays there: on an axis that turns one way an offset has the same effect, and of a step
         # that they share, the half that friction cannot take would be missing
-        stays = np.zeros(slope.size, dtype=bool)
-        stays[1:3] = (at.theta[1:3] <= 0.0) & (slope[1:3] < 0.0) & np.array([not log.form.knots.size, True])
+        low, high = log.form.limits
+        stays = ((at.theta <= low) & (slope < 0.0)) | ((at.theta >= high) & (slope > 0.0))
         rows = np.where(stays[:, None], 0.0, at.rows)
         return rows @ rows.T + 1e-300 * np.eye(len(rows)), np.where(stays, 0.0, slope)  # the diagonal is positive
 
@@ -334,7 +352,8 @@ def covariance_of(rows: Array, error: Array, theta: Array, bounds: Integers, bat
     Along a direction that no sample shows, numbers may exchange all that they contribute: if an axis turns one way
     only, just the sum of Coulomb friction and offset is known.  A pseudoinverse alone would call each of them certain.
     """
-    scale = np.maximum(np.linalg.norm(rows, axis=1), 1e-150)
+    scale = np.linalg.norm(rows, axis=1)
+    scale[scale == 0.0] = 1.0
     unit = rows / scale[:, None]
     information = unit @ unit.T
     values, axes = np.linalg.eigh(information)
@@ -385,13 +404,18 @@ def _of_position(e, hangs, force, slope):
 
 
 @part
-def _by_numbers(by, form, v, s, kick, h, stiffness, force):
-    """Slopes ``by`` of a step's acceleration by each number of theta, after a kick; those by the state stay zero."""
-    places = 4 + force.size
+def _by_numbers(by, form, v, s, kick, h, stiffness, force, size):
+    """Slopes ``by`` of a step's acceleration by each number of theta, after a kick; those by the state stay zero.
+
+    ``size``: of the drive.
+    """
+    places = 4 + force.size + form.loaded
     by_gain = -kick * (0.5 if stiffness < 0.5 else 1.0)  # effect of a slope through the gain
     by[0], by[1], by[2], by[3] = -kick / h, by_gain - v, -s, -1.0
     for k in range(force.size):
         by[4 + k] = -force[k]
+    if form.loaded:
+        by[4 + force.size] = -s * size
     for k in range(form.knots.size):
         bent, _, tilt = speed_hinge(form.knots[k], v)
         by[places + k] = by_gain * tilt - bent
@@ -408,14 +432,16 @@ def axis_pass(theta, form, u, bounds, start, dt, rows, ends):
     n_theta = theta.size
     n = n_theta + 2
     knots = form.knots
-    of_position = n_theta - 4 - knots.size
+    of_position = n_theta - 4 - form.loaded - knots.size
+    bends = 4 + of_position + form.loaded
     with_rows = rows.size > 0
     first = n - rows.shape[1]
     n_samples, steps = u.shape
     motion = np.zeros((2, n_samples))
     dv, dq, by, by_rest = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
     force, slope = np.zeros(of_position), np.zeros(of_position)  # position-dependent, of unit weight
-    inertia, viscous, coulomb, offset = theta[0], theta[1], theta[2], theta[3]
+    inertia, viscous, offset = theta[0], theta[1], theta[3]
+    growth = theta[4 + of_position] if form.loaded else 0.0
     h = dt / steps
     half, g = 0.5 * h, h / inertia
     for piece in range(bounds.size - 1):
@@ -429,6 +455,8 @@ def axis_pass(theta, form, u, bounds, start, dt, rows, ends):
                     rows[0, i - first, t], rows[1, i - first, t] = dv[i], dq[i]
             for j in range(steps):
                 _of_position(q + half * v - form.centre, form.hangs, force, slope)
+                size = abs(u[t, j])
+                dry = theta[2] + growth * size
                 pull = u[t, j] - offset - viscous * v
                 by_v, by_q = viscous, 0.0  # slopes of the resisting forces
                 for k in range(of_position):
@@ -436,14 +464,14 @@ def axis_pass(theta, form, u, bounds, start, dt, rows, ends):
                     by_q += theta[4 + k] * slope[k]
                 for k in range(knots.size):
                     bent, _, tilt = speed_hinge(knots[k], v)
-                    pull -= theta[4 + of_position + k] * bent
-                    by_v += theta[4 + of_position + k] * tilt
+                    pull -= theta[bends + k] * bent
+                    by_v += theta[bends + k] * tilt
                 side, gain = (1.0 if v > 0.0 else -1.0), implicit_gain(by_v, inertia, h)
-                kick = g * (pull - side * coulomb) / gain
+                kick = g * (pull - side * dry) / gain
                 new = v + kick
                 if v != 0.0 and side * new > 0.0:  # it moves on
                     if with_rows:
-                        _by_numbers(by, form, v, side, kick, h, by_v * h / inertia, force)
+                        _by_numbers(by, form, v, side, kick, h, by_v * h / inertia, force, size)
                         for i in range(first, n):
                             d = (-by_v * dv[i] - by_q * (dq[i] + half * dv[i]) + by[i]) * (g / gain)
                             dq[i] += half * (dv[i] + dv[i] + d)
@@ -456,13 +484,13 @@ def axis_pass(theta, form, u, bounds, start, dt, rows, ends):
                 after = h - before
                 pull += viscous * v
                 for k in range(knots.size):
-                    pull += theta[4 + of_position + k] * speed_hinge(knots[k], v)[0]
+                    pull += theta[bends + k] * speed_hinge(knots[k], v)[0]
                 goes, late = (1.0 if pull > 0.0 else -1.0), implicit_gain(viscous, inertia, after)
-                moves = abs(pull) > coulomb and after > 0.0
-                new = after * (pull - goes * coulomb) / inertia / late if moves else 0.0
+                moves = abs(pull) > dry and after > 0.0
+                new = after * (pull - goes * dry) / inertia / late if moves else 0.0
                 if with_rows:
-                    _by_numbers(by, form, v, side, kick, h, by_v * h / inertia, force)
-                    _by_numbers(by_rest, form, 0.0, goes, new, after, viscous * after / inertia, force)
+                    _by_numbers(by, form, v, side, kick, h, by_v * h / inertia, force, size)
+                    _by_numbers(by_rest, form, 0.0, goes, new, after, viscous * after / inertia, force, size)
                     for i in range(first, n):
                         by_force, shift, d = -by_q * (dq[i] + half * dv[i]), 0.0, 0.0  # shift of the time before
                         if v != 0.0:
