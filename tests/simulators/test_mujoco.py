@@ -41,10 +41,6 @@ def test_a_replay_begins_anew_after_a_hole(record):
     assert found.numbers.size == len(found.parameters) + 2  # a velocity for each segment
 
 
-def test_friction_that_is_not_there_is_tried():
-    assert [e.name for e in MuJoCoSimulator(XML.format(joint=""), joint="axis").also_try] == ["coulomb"]
-
-
 def test_a_joint_that_is_not_there_is_named():
     with pytest.raises(ValueError, match="no joint 'elbow'"):
         MuJoCoSimulator(XML.format(joint=""), joint="elbow", actuator="motor")

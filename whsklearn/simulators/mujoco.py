@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.effects import ContactStop, Coulomb, Effect, LuGre, Viscous
+from whsklearn.effects import ContactStop, Effect, LuGre
 from whsklearn.filtering.records import motion
 from whsklearn.logs.files import atomic_write
 from whsklearn.simulators.mujoco_edit import Axis, hold
@@ -201,13 +201,6 @@ class MuJoCoSimulator:
         other.effects = (*self.effects, effect)
         other._compile()
         return other
-
-    @property
-    def also_try(self) -> tuple[Effect, ...]:
-        """Viscous and Coulomb friction, where the model has none."""
-        j = self.spec.joint(self.joint)
-        out: list[Effect] = [] if float(np.ravel(j.damping)[0]) > 0 else [Viscous(1.0)]
-        return tuple(out if float(j.frictionloss) > 0 else [*out, Coulomb(1.0)])
 
     whole_numbers = ("order",)  # MuJoCo's cogging has whole periods a turn
 

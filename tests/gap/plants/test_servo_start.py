@@ -13,6 +13,7 @@ from whsklearn.datasets import make_servo_log
 from whsklearn.effects import ActuatorLag, Coulomb, EarlyReversal, GravityImbalance, InputDelay, Viscous
 from whsklearn.gap import GapFinder
 from whsklearn.gap.plants import servo_start
+from whsklearn.gap.plants.servo import servo_plant
 from whsklearn.gap.plants.servo_candidates import candidate
 from whsklearn.gap.plants.servo_model import ServoTerm
 from whsklearn.gap.plants.servo_start import (
@@ -177,8 +178,13 @@ def test_friction_is_early_if_that_is_most_of_the_gap(views, share, early):
         assert bool(servo_start.reversing_early(View(), model).early) == early
 
 
-def test_a_reversal_within_a_row_is_that_of_a_drive_held_over_the_row():
-    log = make_servo_log([EarlyReversal(5e-3)], duration=12.0, sample_rate=125.0, random_state=3)
-    finder = GapFinder("servo").fit(log)
-    assert finder.verdict_ == "no_gap"
-    assert [e.name for e in finder.model_.effects] == []
+@pytest.mark.parametrize(("rate", "lead"), [(100.0, 9.5e-3), (50.0, None), (100.0, None)])
+def test_a_reversal_within_a_row_is_early_only_if_the_friction_is(rate, lead):
+    """What a drive held over a row does to a reversal, the model's own records show, too."""
+    effects = [EarlyReversal(lead)] if lead else []
+    log = make_servo_log(effects, duration=12.0, sample_rate=rate, random_state=4)
+    plant = servo_plant("servo", log, law=None, tolerance=0.004, columns={})
+    early = plant.settled(plant.base(np.random.default_rng(0))).early
+    assert (early and early.lead) == (
+        lead and pytest.approx(lead, abs=0.25 / rate)
+    )  # the hold moves it by a part of one

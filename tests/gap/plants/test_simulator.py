@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.gap.plants.example_simulator import RECORD, Damper, Told
-from whsklearn.effects import CableSpring, PreslidingHysteresis
+from whsklearn.effects import CableSpring, Coulomb, PreslidingHysteresis
 from whsklearn.gap import GapFinder
 from whsklearn.gap.plants.simulator import SimulatorPlant, pictures, signals
 from whsklearn.gap.plants.simulator_model import EffectTerm, SimulatorModel
@@ -20,6 +20,33 @@ def test_names_what_the_simulator_lacks():
     finder = GapFinder(Damper(), max_effects=1).fit(RECORD)
     assert [c.name for c in finder.diagnosis_.candidates if c.status == "named"] == ["cable_spring"]
     assert finder.diagnosis_.after["rmse"] < 0.5 * finder.diagnosis_.before["rmse"]
+
+
+class Rubs:
+    """The damper with dry friction, the one effect that it accepts; it leaves to the finder what to try."""
+
+    def __init__(self, dry=()):
+        self.dry = tuple(dry)
+
+    def simulate(self, record):
+        dry = sum(e.magnitude for e in self.dry)
+        velocity = record.drive - np.clip(record.drive, -dry, dry)
+        return np.r_[0.0, np.cumsum(record.dt * velocity)[:-1]]
+
+    def refit(self, record, keep):
+        return self
+
+    def with_effect(self, effect):
+        if effect.name != "coulomb":
+            raise NotImplementedError("only dry friction")
+        return Rubs((*self.dry, effect))
+
+
+def test_friction_that_a_simulator_lacks_is_tried_without_being_asked_for():
+    measured = Rubs([Coulomb(0.1)]).simulate(RECORD) + 1e-3 * np.random.default_rng(0).standard_normal(len(RECORD))
+    finder = GapFinder(Rubs()).fit(dataclasses.replace(RECORD, position=measured))
+    assert finder.verdict_ == "named"
+    assert [e.parameters for e in finder.effects_] == [{"torque_nm": pytest.approx(0.1, rel=0.01)}]
 
 
 def test_complete_simulator_lacks_nothing():

@@ -194,9 +194,7 @@ def reversing_early(view: InverseView, model: ServoHypothesis) -> ServoHypothesi
     limits = best / WIDE, best * WIDE
     found = minimize_scalar(lambda x: power(led(x)), bounds=limits, method="bounded", options={"xatol": FINE * best})
     early = led(float(found.x))
-    # A reversal within a row is that of a drive which is held over the row: beside it, presliding friction was named
-    # of an axis that sticks exactly.
-    if not enough(found.fun, least) or found.x < view.scene.dt:
+    if not enough(found.fun, least):
         return abrupt
     # once shown, it needs no more records of its own: they cost as much as a round of looks
     return early if model.early or enough(unexplained(early), unexplained(abrupt)) else abrupt

@@ -134,7 +134,7 @@ class SimulatorPlant(Plant):
         if self._shapes is None:
             given = getattr(self.given_model, "effects_to_try", None)
             shapes = {} if given is not None else catalogue(self.record, self.motion.signals, self.further_shapes)
-            for e in given if given is not None else getattr(self.given_model, "also_try", ()):
+            for e in given or ():
                 shapes.setdefault(e.name, []).append(e)
             self._shapes = {name: whole(found, self.whole_fields) for name, found in shapes.items()}
             self._leave_out_what_cannot_be_held()

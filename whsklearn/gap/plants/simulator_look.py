@@ -133,7 +133,7 @@ def catalogue(record: Any, signals: Any, further: tuple[type[Effect], ...] = ())
     """Every effect of the catalogue with columns, at every shape worth trying, and ``further`` shapes."""
     torque, out = rms(record.drive) or 1.0, dict[str, list[Effect]]()
     scales = scales_of(record, signals)
-    effects = (get_effect(n) for n in effect_names() if n not in (*UNSEEN, "viscous", "coulomb"))
+    effects = (get_effect(n) for n in effect_names() if n not in UNSEEN)
     slides = record.units[1] == "m"
     named = [cls for cls in effects if cls.column_kind != "none" and not (slides and cls.rotary)]
     for kind in (kind for cls in (*named, *further) for kind in EffectVariant.of(cls)):
