@@ -23,6 +23,7 @@ from whsklearn.effects import (
     HardeningSpring,
     LoadFriction,
     PreslidingHysteresis,
+    Saturation,
     Stribeck,
     Viscous,
 )
@@ -746,3 +747,32 @@ def test_what_only_the_contact_with_a_stop_shows_is_no_further_effect(elsewhere,
     load = SimpleNamespace(joint="lift", kind=SimpleNamespace(cls=Load))
     carried = SimpleNamespace(terms=(stop, load), left=after)
     assert ArmPlant._against_its_stop(plant, model, carried) == "", "a mass, which the other joint carries, too"
+
+
+@pytest.mark.parametrize("wound", [1.0, 20.0])
+def test_a_limit_is_found_far_below_what_a_controller_asks_for(wound):
+    """``wound``: multiple of what is asked for beyond the limit; it changes nothing of what the motor gives."""
+    limit = 2.5  # the drive asked for reaches 46 and 870 Nm
+    r = record({"pitch": [Saturation(limit)]}, duration=8.0)
+    gives = np.clip(r.drive, -limit, limit)
+    asked = np.column_stack([r.drive[:, 0], (gives + wound * (r.drive - gives))[:, 1]])
+    plant = arm_plant(ARM, dataclasses.replace(r, drive=asked), law=None, tolerance=0.004)
+    assert plant.check() == []
+    rng = np.random.default_rng(0)
+    base = plant.base(rng)
+    look = next(k for k in plant.looks(base, rng) if k.name == "saturation at pitch")
+    model = plant.settled(plant.refine(base, look))
+    assert model.terms[-1].q == pytest.approx((limit,), rel=0.005)
+    assert plant._at_rest(model.terms[-1]) == ""
+
+
+def test_what_a_controller_asks_for_against_a_stop_is_no_limit_of_the_drive():
+    r = record(duration=4.0)
+    end = np.quantile(r.position[:, 1], 0.8)
+    path, asked = r.position.copy(), r.drive.copy()
+    path[:, 1] = np.minimum(path[:, 1], end)
+    asked[:, 1] += 50.0 * (r.position[:, 1] - path[:, 1])  # what winds up while the joint rests at its end
+    plant = arm_plant(ARM, dataclasses.replace(r, position=path, drive=asked), law=None, tolerance=0.004)
+    assert plant.check() == []
+    kind = next(k for k in candidates(ARM, {}, frozen=False, weight=0) if k.name == "saturation at pitch")
+    assert "as a stop does" in plant._at_rest(JointTerm(kind, (3.0,)))

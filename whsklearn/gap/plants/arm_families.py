@@ -9,12 +9,12 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from scipy.optimize import minimize
+from scipy.optimize import minimize, minimize_scalar
 
 from whsklearn.effects import ContactStop
 from whsklearn.gap.nameless import nameless
 from whsklearn.gap.plants.arm_terms import AtJoint, JointTerm, Load
-from whsklearn.gap.plants.arm_view import LATEST, ArmView
+from whsklearn.gap.plants.arm_view import LATEST, ArmState, ArmView
 from whsklearn.gap.record import Array
 from whsklearn.gap.tangent import AT_ONCE, Family, Look, Tangent, strongest_lines
 from whsklearn.identification.drive_lead import OLDEST
@@ -27,7 +27,6 @@ N_STEPS, N_LIMITS, N_AGES = 25, 24, 16
 GAPS, SHARES, BEHIND, CONTACT = (0.002, 0.005, 0.012, 0.03), (0.5, 0.75, 0.9), (0.0, 1.0), (30.0, 0.4)
 STIFFER = (1.0, 1.0), (1.4, 2.0)  # ratios of width and contact frequency at which a polish starts, too
 HIGHEST = 60.0  # order of a wave over a joint's angle
-LEAST_LEFT = 0.5  # share of a drive's rms that a limit or a dead zone must leave, or the joint cannot be fitted
 FEWEST = 4  # rows per column of a nameless family
 # Of the cost while a shape is polished, for each simplex; a play has five numbers, which trade
 EVALUATIONS, OF_A_PLAY = 80, 200
@@ -106,15 +105,12 @@ def look_at_limit(view: ArmView, kind: AtJoint, tangent: Tangent) -> Look | None
     weight = view.flat_weight()[kind.rows]
     left = np.where(weight > 0.0, tangent.rows[kind.rows].T / np.where(weight > 0.0, weight, 1.0), 0.0)
     drives = view.target[:, j] - left[0] + left  # (records, m): each record's own drive
-    plane = tangent.plane[kind.rows]
     best, shape = np.zeros(len(left)), None
     for value in np.geomspace(*c.ranged(view.scene(kind))[0], N_LIMITS):
         lost = c.effect(np.array([value])).value(drive=drives)
-        if not _leaves_enough(view, j, lost[0][:, None]):
+        if not _varies(tangent, drives[0], lost[0], weight):
             continue
-        z = (lost * weight).T
-        through = plane.T @ z
-        power = 2.0 * np.sum(z * tangent.rows[kind.rows], axis=0) - np.sum(z**2, axis=0) + np.sum(through**2, axis=0)
+        power = _gone(tangent, kind.rows, drives, lost, weight)
         if shape is None or power[0] > best[0]:
             shape = (float(value),)
         best = np.maximum(best, power)
@@ -125,10 +121,56 @@ def look_at_limit(view: ArmView, kind: AtJoint, tangent: Tangent) -> Look | None
     return Look(kind.name, float(gains[0]), gains[1:], JointTerm(kind, shape), 1, size, place=kind.place)
 
 
-def _leaves_enough(view: ArmView, j: int, columns: Array) -> bool:
-    """Whether enough of a drive remains without these columns to fit its joint."""
-    left = view.target[:, j] - columns[:, 0]
-    return bool(left @ left > LEAST_LEFT**2 * (view.target[:, j] @ view.target[:, j]))
+def limited(view: ArmView, tangent: Tangent, model: ArmState, term: JointTerm) -> ArmState:
+    """The fitted model with a limit or a dead zone of the width that leaves the least share of what reaches its joint.
+
+    Every width is fitted: without the limit the drives have other ages, and beside those the best one was 25 times as
+    large as the limit of a controller that winds up.
+    """
+    kind, at, weight = term.kind, term.kind.rows, view.flat_weight()
+    assert kind.catalogued is not None
+    y = view.target[:, kind.index] * weight[at]
+
+    def fitted(x: float) -> ArmState:
+        return view.fit(model.with_term(JointTerm(kind, (float(np.exp(x)),))))
+
+    def cost(x: float) -> float:
+        grown = fitted(x)
+        lost = view.columns(kind, grown.terms[-1].shape)[:, 0]
+        if not _varies(tangent, view.target[:, kind.index], lost, weight[at]):
+            return np.inf
+        left, gives = view.left(grown).ravel() * weight, y - lost * weight[at]
+        rest = float(left @ left - left[at] @ left[at])
+        return rest + float(left[at] @ left[at]) * float(y @ y) / max(float(gives @ gives), 1e-300)
+
+    grid = np.linspace(*np.log(kind.catalogued.ranged(view.scene(kind))[0]), N_LIMITS)
+    costs = [cost(x) for x in grid]
+    best, step = grid[int(np.argmin(costs))], grid[1] - grid[0]
+    found = minimize_scalar(cost, bounds=(best - step, best + step), method="bounded", options={"xatol": FINE * step})
+    return fitted(found.x if found.fun < min(costs) else best)
+
+
+def _gone(tangent: Tangent, rows: slice, drives: Array, lost: Array, weight: Array) -> Array:
+    """The power that goes where a joint's drives, shape (records, m), lose a part before they reach it, (records,).
+
+    What is left at the joint counts as a share of the drive that reaches it: a limit removes the peaks of a drive, and
+    with them what any model leaves there.
+    """
+    y, z, plane, before = (drives * weight).T, (lost * weight).T, tangent.plane[rows], tangent.rows[rows]
+    through = plane.T @ z
+    left = before - z + plane @ through
+    gone = 2.0 * np.sum(z * before, axis=0) - np.sum(z**2, axis=0) + np.sum(through**2, axis=0)
+    fewer = np.sum(y**2, axis=0) / np.maximum(np.sum((y - z) ** 2, axis=0), 1e-300)
+    return np.asarray(gone - (fewer - 1.0) * np.sum(left**2, axis=0))
+
+
+def _varies(tangent: Tangent, drive: Array, lost: Array, weight: Array) -> bool:
+    """Whether what reaches a joint changes at more independent samples than there are numbers to fit.
+
+    A controller that winds up may ask for a hundred times what the motor gives.
+    """
+    flat = np.abs(np.diff(drive - lost)) <= 1e-9 * np.abs(np.diff(drive))
+    return bool(tangent.n * (1.0 - np.mean(flat[weight[1:] > 0.0])) > tangent.plane.shape[1])
 
 
 def _orders(view: ArmView, kind: AtJoint) -> Blocks:
@@ -215,11 +257,15 @@ def polished(view: ArmView, tangent: Tangent, term: JointTerm) -> JointTerm:
         return tuple(shape)
 
     book = view.columns(kind, (LATEST * view.dt,)) if kind.delays else 0.0
+    weight = view.flat_weight()[kind.rows]
 
     def cost(x: Array) -> float:
         columns = view.columns_at(kind, shape_at(x)) - book
-        if kind.transforms and kind.index is not None and not _leaves_enough(view, kind.index, columns):
-            return 0.0
+        if kind.transforms and kind.index is not None and not kind.delays:
+            drive, lost = view.target[:, kind.index], columns[:, 0]
+            if not _varies(record, drive, lost, weight):
+                return 0.0
+            return -float(_gone(record, kind.rows, drive[None], lost[None], weight)[0])
         if kind.splits:  # as it is, be it worse than nothing: on the way to a play lie many that are
             z = record._weighted(columns)[:, 0]
             rest = z - record.plane @ (record.plane.T @ z)

@@ -441,6 +441,20 @@ class ArmView(ArmRows):
         out = self.target - self.artefact - self.phi @ model.numbers - model.timing * self.rate
         return np.where(self.keep, out - sum(self.contribution(t) for t in model.terms), 0.0)
 
+    def taken_off(self, model: ArmState) -> Array:
+        """Rms of each logged drive over that of what limits and dead zones let through, (n_joints,).
+
+        A limit removes the peaks of a drive and with them what any model leaves there: one that took nine tenths of a
+        drive had stood for the stop at which a controller wound up.
+        """
+        out = np.ones(self.n_joints)
+        limits = [t for t in model.terms if t.kind.transforms and not t.kind.delays]
+        for j in {t.kind.index for t in limits}:
+            lost = sum(self.columns(t.kind, t.shape)[:, 0] for t in limits if t.kind.index == j)
+            y, z = (x[self.keep[:, j]] for x in (self.target[:, j], self.target[:, j] - lost))
+            out[j] = np.sqrt(float(y @ y) / max(float(z @ z), 1e-300)) if y.size else 1.0
+        return out
+
     def weigh(self, model: ArmState) -> None:
         """Weight the joints by their residuals, and use the model's torque where an effect needs the drive.
 
