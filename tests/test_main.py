@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import os
 import threading
+import types
 
 import pytest
 
@@ -28,7 +29,7 @@ def test_the_exit_status_is_the_commands(monkeypatch, status):
 
 
 def test_a_record_that_waits_for_a_server_holds_nobody_up(monkeypatch):
-    left, over = [], threading.Event()
+    left, over, cleaned = [], threading.Event(), []
 
     def leave(status):
         left.append(status)
@@ -36,7 +37,9 @@ def test_a_record_that_waits_for_a_server_holds_nobody_up(monkeypatch):
 
     monkeypatch.setattr(os, "_exit", leave)
     monkeypatch.setattr(program, "CLEANING_SECONDS", 0.01)
-    monkeypatch.setattr(program.atexit, "_run_exitfuncs", over.wait)  # a handler that waits for the server, too
+    monkeypatch.setattr(program.atexit, "_run_exitfuncs", lambda: (cleaned.append(1), over.wait()))  # waits, too
+    pool = types.SimpleNamespace(_executor=None)
+    monkeypatch.setitem(program.sys.modules, "joblib.externals.loky.reusable_executor", pool)
     assert ended(monkeypatch, 3) == 3
     assert left == []  # the usual way, by which files are flushed
     thread = threading.Thread(target=over.wait, name=beside.THREAD + "stream", daemon=True)
@@ -44,8 +47,11 @@ def test_a_record_that_waits_for_a_server_holds_nobody_up(monkeypatch):
     try:
         assert ended(monkeypatch, 3) == 3
         assert left == [3]
+        assert not cleaned  # there are no workers whose folders stay
+        pool._executor = object()
         ended(monkeypatch, "a sentence")
         assert left == [3, 1]
+        assert cleaned
     finally:
         over.set()
         thread.join()

@@ -28,10 +28,14 @@ def run() -> None:
     if store is not None and any(thread.name.startswith(store.THREAD) for thread in threading.enumerate()):
         for worker in multiprocessing.active_children():  # of a search; nobody else will end them
             worker.terminate()
-        # joblib removes its semaphores and folders at exit; a handler that asks the server must not hold the command up
-        cleaning = threading.Thread(target=atexit._run_exitfuncs, daemon=True)
-        cleaning.start()
-        cleaning.join(CLEANING_SECONDS)
+        # joblib removes the semaphores and folders of its workers at exit; a handler that asks the server must not hold
+        # the command up.  Without workers none is run: beside the threads that go on, `gap` once ended in a fault of
+        # the interpreter after it had said that it was interrupted.
+        loky = sys.modules.get("joblib.externals.loky.reusable_executor")
+        if getattr(loky, "_executor", None) is not None:
+            cleaning = threading.Thread(target=atexit._run_exitfuncs, daemon=True)
+            cleaning.start()
+            cleaning.join(CLEANING_SECONDS)
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(status if isinstance(status, int) else 1)  # else the interpreter waits for MLflow's own threads
