@@ -143,7 +143,8 @@ def limited(view: ArmView, tangent: Tangent, model: ArmState, term: JointTerm) -
         rest = float(left @ left - left[at] @ left[at])
         return rest + float(left[at] @ left[at]) * float(y @ y) / max(float(gives @ gives), 1e-300)
 
-    grid = np.linspace(*np.log(kind.catalogued.ranged(view.scene(kind))[0]), N_LIMITS)
+    low, high = np.log(kind.catalogued.ranged(view.scene(kind))[0])
+    grid = np.linspace(low, high, N_LIMITS)
     costs = [cost(x) for x in grid]
     best, step = grid[int(np.argmin(costs))], grid[1] - grid[0]
     found = minimize_scalar(cost, bounds=(best - step, best + step), method="bounded", options={"xatol": FINE * step})
