@@ -49,7 +49,7 @@ demo:  ## identify the simulated example with every estimator, then find a hidde
 	  $(MAKE) --no-print-directory install EXTRAS=mlflow,plot STAMP=demo.toml
 	$(PY) -m whsklearn demo
 
-test: setup  ## the tests but the slow ones, within 10 minutes on two cores
+test: setup  ## the tests but the slow ones
 	$(PY) -m pytest -m "not slow"
 
 test-all: setup  ## all tests, as in CI: whole diagnoses of arms, commands that are killed, a browser
