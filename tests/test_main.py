@@ -38,6 +38,7 @@ def test_a_record_that_waits_for_a_server_holds_nobody_up(monkeypatch):
     monkeypatch.setattr(os, "_exit", leave)
     monkeypatch.setattr(program, "CLEANING_SECONDS", 0.01)
     monkeypatch.setattr(program.atexit, "_run_exitfuncs", lambda: (cleaned.append(1), over.wait()))  # waits, too
+    monkeypatch.setattr(program.multiprocessing, "active_children", list)
     pool = types.SimpleNamespace(_executor=None)
     monkeypatch.setitem(program.sys.modules, "joblib.externals.loky.reusable_executor", pool)
     assert ended(monkeypatch, 3) == 3

@@ -26,13 +26,14 @@ def run() -> None:
         status = end.code
     store = sys.modules.get("whsklearn.tracking.store")  # not imported for this: without it there is no such thread
     if store is not None and any(thread.name.startswith(store.THREAD) for thread in threading.enumerate()):
-        for worker in multiprocessing.active_children():  # of a search; nobody else will end them
+        workers = multiprocessing.active_children()
+        for worker in workers:  # of a search; nobody else will end them
             worker.terminate()
-        # joblib removes the semaphores and folders of its workers at exit; a handler that asks the server must not hold
-        # the command up.  Without workers none is run: beside the threads that go on, `gap` once ended in a fault of
-        # the interpreter after it had said that it was interrupted.
+        # joblib and Dask remove at exit what their workers left; a handler that asks the server must not hold the
+        # command up.  Without workers none is run: beside the threads that go on, `gap` once ended in a fault of the
+        # interpreter after it had said that it was interrupted.
         loky = sys.modules.get("joblib.externals.loky.reusable_executor")
-        if getattr(loky, "_executor", None) is not None:
+        if workers or getattr(loky, "_executor", None) is not None:
             cleaning = threading.Thread(target=atexit._run_exitfuncs, daemon=True)
             cleaning.start()
             cleaning.join(CLEANING_SECONDS)

@@ -170,7 +170,11 @@ def mjcf(model: Exported) -> tuple[str, list[Loss]]:
 
 
 class Pendulum(NamedTuple):
-    """A mass (kg) at x and z (m) beside a joint along -y, the inertia about its centre (kg m^2), gravity (m/s^2)."""
+    """A mass (kg) at x and z (m) beside a joint along -y, the inertia about its centre (kg m^2), gravity (m/s^2).
+
+    >>> pendulum_of((0.0, 0.0), 0.2)
+    Pendulum(mass=0.2, place=(0.0, 0.0), own=0.2, g=0.0)
+    """
 
     mass: float
     place: tuple[float, float]
@@ -182,9 +186,6 @@ def pendulum_of(gravity: tuple[float, float], inertia: float) -> Pendulum:
     """The pendulum of this ``inertia`` about the joint whose weight is ``gravity`` (amplitude, phase).
 
     Half of the inertia is that of the mass on its lever.
-
-    >>> pendulum_of((0.0, 0.0), 0.2)
-    Pendulum(mass=0.2, place=(0.0, 0.0), own=0.2, g=0.0)
     """
     amplitude, phase = gravity
     if not amplitude:
