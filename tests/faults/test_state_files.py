@@ -7,6 +7,7 @@ import hashlib
 import json
 import time
 import tracemalloc
+from functools import cache
 
 import numpy as np
 import pytest
@@ -15,14 +16,18 @@ from whsklearn import RMILSRegressor, WienerHammersteinLags
 from whsklearn.datasets import make_wiener_hammerstein
 from whsklearn.state.files import pack_state, write_state
 
-X, Y = make_wiener_hammerstein(120, random_state=0)
-MODEL = RMILSRegressor(WienerHammersteinLags(), n_starts=2, memory=64, random_state=0).partial_fit(X, Y)
-PARAMS, STATE = MODEL.get_params(deep=False), MODEL.get_state()
+
+@cache
+def saved():
+    """The parameters and the state of a model."""
+    model = RMILSRegressor(WienerHammersteinLags(), n_starts=2, memory=64, random_state=0)
+    model.partial_fit(*make_wiener_hammerstein(120, random_state=0))
+    return model.get_params(deep=False), model.get_state()
 
 
 def forge(params=None, lags=None, state=None, header=None, **outer):
     """A file of that model with other values, and a checksum that holds."""
-    data = pack_state("RMILSRegressor", PARAMS, STATE)
+    data = pack_state("RMILSRegressor", *saved())
     first, _, line, buffer = data.split(b"\n", 3)
     made = copy.deepcopy(json.loads(line))
     made["parameters"].update(params or {})
@@ -85,8 +90,8 @@ def test_forged_files_are_refused_within_a_second_and_100_mb(tmp_path, name):
 @pytest.mark.parametrize("name", ["theta", "ud", "loss", "memory_y", "before"])
 def test_nan_in_a_state_is_refused(tmp_path, name):
     path = tmp_path / "axis.whs"
-    state = copy.deepcopy(STATE)
+    params, state = copy.deepcopy(saved())
     state["state"][name] = np.full_like(state["state"][name], np.nan)
-    write_state(path, "RMILSRegressor", PARAMS, state)
+    write_state(path, "RMILSRegressor", params, state)
     with pytest.raises(ValueError, match=f"NaN in {name}"):
         RMILSRegressor.load(path)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
+from functools import cache
 
 import numpy as np
 import pytest
@@ -21,11 +22,21 @@ from whsklearn.systems.arm import Arm
 
 DT = 0.002
 ARM = default_arm()
-Q, TORQUE = make_arm_log(duration=20.0, return_arrays=True)
 SIX = drawn_arm(6, 3, slides=0.0, branch=0.0, gravity=(0, 0, -9.81))
 SIX = SIX.with_effects({joint: (Viscous(0.5), Coulomb(0.5)) for joint in SIX.joints})
-MOVED, ASKED = smooth_log(SIX)
 BARE = dataclasses.replace(SIX, inertial=None)
+
+
+@cache
+def sound():
+    """The positions and drives of an arm as it should be."""
+    return make_arm_log(duration=20.0, return_arrays=True)
+
+
+@cache
+def of_six_joints():
+    """The positions and drives of six joints."""
+    return smooth_log(SIX)
 
 
 def told(q, torque, robot=ARM):
@@ -42,19 +53,20 @@ def test_joints_that_all_move_along_one_line_are_told():
 
 
 @pytest.mark.parametrize(
-    ("q", "torque", "said"),
+    ("angles", "drives", "said"),
     [
-        (np.rad2deg(Q), TORQUE, "The travel of yaw, pitch exceeds two turns"),
-        (Q, 1e3 * TORQUE, "currents in mA"),
+        (np.rad2deg(1.0), 1.0, "The travel of yaw, pitch exceeds two turns"),
+        (1.0, 1e3, "currents in mA"),
     ],
 )
-def test_what_looks_wrong_is_told_in_a_sentence(q, torque, said):
-    assert any(said in text for text in told(q, torque))
+def test_what_looks_wrong_is_told_in_a_sentence(angles, drives, said):
+    q, torque = sound()
+    assert any(said in text for text in told(angles * q, drives * torque))
 
 
 def test_a_log_as_it_should_be_raises_no_suspicion():
-    assert told(Q, TORQUE) == []
-    assert order_told(Q, TORQUE) == []
+    assert told(*sound()) == []
+    assert order_told(*sound()) == []
 
 
 def order_told(q, torque):
@@ -63,10 +75,11 @@ def order_told(q, torque):
 
 def test_joints_in_another_order_are_told_by_what_is_left_of_their_drives():
     told = "if the {} given for yaw, pitch are those of pitch, yaw, in this order"
-    assert told.format("drives") in order_told(Q, TORQUE[:, ::-1])[0]
-    assert told.format("positions") in order_told(Q[:, ::-1], TORQUE)[0]
-    assert told.format("columns") in order_told(Q[:, ::-1], TORQUE[:, ::-1])[0]
-    assert told.format("columns") in order_told(Q[:, ::-1], 1e5 * TORQUE[:, ::-1])[0]  # in counts
+    q, torque = sound()
+    assert told.format("drives") in order_told(q, torque[:, ::-1])[0]
+    assert told.format("positions") in order_told(q[:, ::-1], torque)[0]
+    assert told.format("columns") in order_told(q[:, ::-1], torque[:, ::-1])[0]
+    assert told.format("columns") in order_told(q[:, ::-1], 1e5 * torque[:, ::-1])[0]  # in counts
 
 
 def test_a_spring_at_a_vertical_joint_is_no_other_order_of_the_joints():
@@ -140,7 +153,8 @@ def test_drives_that_are_mostly_friction_keep_the_order_with_which_the_search_ju
         return drives[[0, 1, 2, 4, 5, 3]], left
 
     monkeypatch.setattr(arm_checks, "_ordered", confused)
-    said = in_another_order(records_of(RigidBodyLags(SIX, RATE), MOVED[:, order], ASKED[:, order]))
+    moved, asked = of_six_joints()
+    said = in_another_order(records_of(RigidBodyLags(SIX, RATE), moved[:, order], asked[:, order]))
     assert "if the columns given for j1, j2 are those of j2, j1, in this order" in said[0]
 
 
@@ -173,8 +187,10 @@ def test_an_exchange_is_told_where_one_drive_is_in_a_unit_of_its_own(seed, pair,
     assert f"the columns given for j{low}, j{high} are those of j{high}, j{low}" in said
 
 
-def of_six(robot, *factors, q=MOVED, u=ASKED):
+def of_six(robot, *factors, q=None, u=None):
     """What is told if the drives of joints are multiplied by factors, given as (joint, factor)."""
+    moved, asked = of_six_joints()
+    q, u = moved if q is None else q, asked if u is None else u
     u = u + 0.01 * u.std(axis=0) * np.random.default_rng(0).standard_normal(u.shape)
     for joint, factor in factors:
         u[:, joint] *= factor

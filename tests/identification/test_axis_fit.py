@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -54,12 +55,17 @@ from whsklearn.recursion.batch.axis_free_run import (
 from whsklearn.systems.servo_parts import PIDController
 
 U = slow_drive(3000, 1)
-VELOCITY = axis_motion(TRUTH, axis_log(U))
+
+
+@cache
+def plain_velocity():
+    """The velocity of the axis under that drive, without noise."""
+    return axis_motion(TRUTH, axis_log(U))
 
 
 def test_a_free_law_is_refused_where_friction_is_straight():
     with pytest.raises(ValueError, match="viscous and Coulomb are equivalent"):
-        fit_free_law_axis(view(U, VELOCITY, 0.005, "velocity"))
+        fit_free_law_axis(view(U, plain_velocity(), 0.005, "velocity"))
 
 
 def test_a_free_law_falls_from_standstill_as_stribeck_friction_does():
@@ -239,7 +245,9 @@ def test_standard_errors_of_the_wave_are_those_of_its_draws():
     draws = np.random.default_rng(0).multivariate_normal(forces, covariance[4:, 4:], 4000)
     waves = [position_effects(d, form)[1][0] for d in draws]
     spread = np.std([w.amplitude for w in waves]), np.std([w.phase for w in waves])
-    errors = standard_errors(np.r_[1.0, 0.0, 0.0, 0.0, forces], covariance, view(U, VELOCITY, 0.005, "velocity"), form)
+    errors = standard_errors(
+        np.r_[1.0, 0.0, 0.0, 0.0, forces], covariance, view(U, plain_velocity(), 0.005, "velocity"), form
+    )
     told = errors["gravity_imbalance"], errors["gravity_imbalance__phase"]
     assert told == pytest.approx(spread, rel=0.05)
 
@@ -355,8 +363,9 @@ def test_intervals_hold_the_level_of_friction_that_is_smooth(rate):
 
 def test_white_noise_alone_leaves_the_intervals_narrow():
     """A record of an axis that the model can be, its velocity logged with white noise."""
-    noise = 0.01 * np.std(VELOCITY) * np.random.default_rng(0).standard_normal(VELOCITY.size)
-    record = view(U, VELOCITY + noise, 0.005, "velocity")
+    velocity = plain_velocity()
+    noise = 0.01 * np.std(velocity) * np.random.default_rng(0).standard_normal(velocity.size)
+    record = view(U, velocity + noise, 0.005, "velocity")
     model = fit_rigid_axis(record)
     assert white(residual(model, record), record)
     assert abs(model.inertia - TRUTH[0]) < 3 * model.standard_errors["inertia"] < 0.03 * TRUTH[0]
@@ -387,12 +396,12 @@ def test_a_held_drive_is_told_from_a_smooth_one():
 def test_an_axis_without_a_spring_is_not_put_on_one_that_samples_cannot_show():
     """Its fit used to end at no inertia, whose oscillation needs fine steps without end."""
     with pytest.raises(ValueError, match="faster than half the sampling rate"):
-        fit_sprung_axis(view(U, VELOCITY, 0.005, "output"), 1)
+        fit_sprung_axis(view(U, plain_velocity(), 0.005, "output"), 1)
 
 
 def test_what_is_no_mass_on_a_spring_is_refused():
     with pytest.raises(ValueError, match=r"not a mass on a spring|almost nothing"):
-        fit_sprung_axis(view(-U, VELOCITY, 0.005, "output"), 3)
+        fit_sprung_axis(view(-U, plain_velocity(), 0.005, "output"), 3)
 
 
 def behind_a_spring(frequency, share, damping, effects=()):
@@ -523,7 +532,8 @@ def test_a_load_behind_a_spring_is_found_from_the_motor_s_side(frequency, share,
 def test_a_velocity_in_much_noise_is_fitted_from_a_state_that_is_fitted_too(seed):
     """At 10 dB the first sample is off by as much as a third of the motion, and the run would begin there."""
     rng = np.random.default_rng(seed)
-    noisy = VELOCITY + VELOCITY.std() / np.sqrt(10.0) * rng.standard_normal(VELOCITY.size)
+    velocity = plain_velocity()
+    noisy = velocity + velocity.std() / np.sqrt(10.0) * rng.standard_normal(velocity.size)
     record = view(U[700:], noisy[700:], 0.005, "velocity")
     model = fit_rigid_axis(record)
     assert white(residual(model, record), record)
