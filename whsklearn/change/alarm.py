@@ -27,7 +27,7 @@ def tilts() -> NDArray[np.float64]:
 
     edges = np.r_[-np.inf, ndtri(LEVELS), np.inf]
     odds = np.array([np.diff(ndtr((edges - m) / s)) / np.diff(ndtr(edges)) for m, s in _BETS])
-    return np.minimum(odds, _LARGEST_TILT)
+    return np.asfortranarray(np.minimum(odds, _LARGEST_TILT))  # `watch` takes all bets of a cell at once
 
 
 _MOST = 1e6  # largest number of samples that the cell frequencies represent
@@ -269,6 +269,7 @@ def watch(innovations, first, past, ar, edges, tilt, counts, evidence, rest, pow
     spoils.  Returns the index of the sample that raised the alarm, or -1.
     """
     order, n_cells, n_bets = ar.size, counts.size, evidence.size
+    expected = np.empty(n_bets)
     total = 0.0
     for j in range(n_cells):
         total += counts[j]
@@ -286,12 +287,14 @@ def watch(innovations, first, past, ar, edges, tilt, counts, evidence, rest, pow
             continue
         if cell == 0 or cell == n_cells - 1:
             rest[0] = order
+        expected[:] = 0.0
+        for j in range(n_cells):
+            for k in range(n_bets):
+                expected[k] += tilt[k, j] * counts[j]
         mean = 0.0
         for k in range(n_bets):
-            expected = 0.0
-            for j in range(n_cells):
-                expected += tilt[k, j] * counts[j]
-            evidence[k] = (1.0 + evidence[k]) * (tilt[k, cell] * total / expected) ** power
+            paid = tilt[k, cell] * total / expected[k]
+            evidence[k] = (1.0 + evidence[k]) * (paid if power == 1.0 else paid**power)
             mean += evidence[k]
         counts[cell] += 1.0
         total += 1.0
