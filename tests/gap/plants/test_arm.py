@@ -41,8 +41,8 @@ pytestmark = pytest.mark.usefixtures("library_effects")
 ARM = default_arm()
 
 
-def record(effects=None, robot=ARM, **settings):
-    q, u = make_arm_log(robot, effects, return_arrays=True, **settings)
+def record(effects=None, robot=ARM, duration=10.0, **settings):
+    q, u = make_arm_log(robot, effects, duration=duration, return_arrays=True, **settings)
     return ArmRecord(np.arange(len(q)) / 500.0, q, u)
 
 
@@ -122,7 +122,7 @@ def empty():
     ],
 )
 def test_an_effect_is_named_at_its_joint(joint, effect):
-    found = GapFinder(ARM).fit(record({joint: [effect]}))
+    found = GapFinder(ARM).fit(record({joint: [effect]}, duration=20.0))
     assert found.verdict_ == "named"
     assert names(found) == [f"{effect.name} at {joint}"]
     assert found.effects_[0].effect.magnitude == pytest.approx(effect.magnitude, rel=0.1)
@@ -229,12 +229,12 @@ def test_the_place_of_a_heavy_load_is_not_bent_by_ages_that_stand_for_it(empty):
     ],
 )
 def test_a_repaired_arm_is_the_model_of_the_next_record(empty, known, robot, effects, tmp_path):
-    repaired = GapFinder(empty.model if known else ARM).fit(record(effects, robot)).model_
+    repaired = GapFinder(empty.model if known else ARM).fit(record(effects, robot, duration=20.0)).model_
     save_model(repaired, tmp_path / "repaired.json")
     again = load_model(tmp_path / "repaired.json")
-    assert GapFinder(again).fit(record(effects, robot, random_state=5)).verdict_ == "no_gap"
+    assert GapFinder(again).fit(record(effects, robot, duration=20.0, random_state=5)).verdict_ == "no_gap"
     beside = effects | {"pitch": [Cogging(0.06, order=9.0)]}
-    found = GapFinder(again).fit(record(beside, robot, random_state=6))
+    found = GapFinder(again).fit(record(beside, robot, duration=20.0, random_state=6))
     assert (found.verdict_, names(found)) == ("named", ["cogging at pitch"])
 
 
@@ -279,7 +279,7 @@ def test_a_law_with_a_shape_must_explain_more_than_one_without(empty):
 
 
 def test_a_model_that_is_no_better_tells_a_shape_only_if_it_is_a_good_part_of_the_effect(empty):
-    r, said = record({"pitch": [PreslidingHysteresis(0.1, 0.02)]}, random_state=3), {}
+    r, said = record({"pitch": [PreslidingHysteresis(0.1, 0.02)]}, duration=20.0, random_state=3), {}
     for share in (0.0, 1.0):
         noise = share * r.drive.std(axis=0) * np.random.default_rng(1).standard_normal(r.drive.shape)
         plant = arm_plant(empty.model, dataclasses.replace(r, drive=r.drive + noise), law=None, tolerance=0.004)
@@ -314,7 +314,7 @@ def test_a_second_name_explains_more_than_may_stay_without_one(amplitude, object
 
 
 def test_a_name_must_lower_the_error_on_blocks_that_were_not_fitted():
-    r = record({"pitch": [Cogging(0.1, order=7.0)]})
+    r = record({"pitch": [Cogging(0.1, order=7.0)]}, duration=20.0)
     noise = 0.2 * r.drive.std(axis=0) * np.random.default_rng(1).standard_normal(r.drive.shape)
     plant = arm_plant(ARM, dataclasses.replace(r, drive=r.drive + noise), law=None, tolerance=0.004)
     plant.check()
@@ -357,7 +357,7 @@ def test_a_centre_that_an_offset_stands_for_makes_no_other_effect_uncertain(seed
 
 @pytest.mark.slow
 def test_a_name_is_certain_only_if_no_more_is_left_than_the_arm_left_before(empty):
-    r = record({"pitch": [Coulomb(0.1)]}, random_state=3)
+    r = record({"pitch": [Coulomb(0.1)]}, duration=20.0, random_state=3)
     noise = np.random.default_rng(1).standard_normal(r.drive.shape)
     noisy = dataclasses.replace(r, drive=r.drive + 0.2 * r.drive.std(axis=0) * noise)
     found = GapFinder(empty.model).fit(noisy)
@@ -373,7 +373,9 @@ def test_a_name_is_certain_only_if_no_more_is_left_than_the_arm_left_before(empt
 
 
 def test_what_is_missing_at_a_joint_pulls_at_no_other(empty):
-    found = GapFinder(empty.model).fit(record({"pitch": [ContactStop(20.0, 0.3, relaxation=0.02)]}, random_state=3))
+    found = GapFinder(empty.model).fit(
+        record({"pitch": [ContactStop(20.0, 0.3, relaxation=0.02)]}, duration=20.0, random_state=3)
+    )
     assert names(found) == ["end_stop at pitch"]
     yaw, pitch = (row["missing"] for row in found.diagnosis_.joints)
     assert pitch["before"] > 10 * pitch["after"]
@@ -382,7 +384,9 @@ def test_what_is_missing_at_a_joint_pulls_at_no_other(empty):
 
 def test_an_inertia_is_no_load_on_the_axis_of_the_next_joint(empty):
     found = GapFinder(empty.model).fit(
-        record(robot=dataclasses.replace(ARM, armature=ARM.armature + np.array([0.02, 0.0])), random_state=3)
+        record(
+            robot=dataclasses.replace(ARM, armature=ARM.armature + np.array([0.02, 0.0])), duration=20.0, random_state=3
+        )
     )
     assert (found.verdict_, names(found)) == ("named", ["joint_inertia at yaw"])
     assert "payload at pitch" not in [k.name for k in found.found_.steps[0].looks]
