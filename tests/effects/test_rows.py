@@ -11,6 +11,7 @@ import pytest
 from sklearn.utils import Bunch
 
 import whsklearn
+from benchmarks import house
 from tests.systems.torque import torque_along
 from whsklearn.effects import ContactStop, ParameterChange, codes, effect_names, get_effect
 from whsklearn.effects.equations import smooth_sign, tanh
@@ -187,7 +188,7 @@ def kernels():
     for file in sorted(PACKAGE.rglob("*.py")):
         if file.is_relative_to(PACKAGE / "effects"):
             continue
-        for node in ast.walk(ast.parse(file.read_text())):
+        for node in ast.walk(house.tree(file)):
             if isinstance(node, ast.FunctionDef) and any("njit" in ast.unparse(d) for d in node.decorator_list):
                 yield file.relative_to(PACKAGE), node
 
@@ -212,7 +213,7 @@ def test_no_module_outside_the_effects_has_a_table_of_them_by_code():
         f"{file.relative_to(PACKAGE)}:{node.lineno}"
         for file in sorted(PACKAGE.rglob("*.py"))
         if not file.is_relative_to(PACKAGE / "effects")
-        for node in ast.walk(ast.parse(file.read_text()))
+        for node in ast.walk(house.tree(file))
         if isinstance(node, ast.Dict)
         if any(isinstance(key, ast.Attribute) and key.attr in names for key in node.keys)
         and any(isinstance(part, ast.Call | ast.BinOp | ast.Attribute) for v in node.values for part in ast.walk(v))
@@ -237,7 +238,7 @@ def test_no_other_module_numbers_the_effects():
         f"{file.relative_to(PACKAGE)}: {target.id}"
         for file in sorted(PACKAGE.rglob("*.py"))
         if file.name != "codes.py"
-        for node in ast.walk(ast.parse(file.read_text()))
+        for node in ast.walk(house.tree(file))
         if isinstance(node, ast.Assign)
         for target in ast.walk(node.targets[0])
         if isinstance(target, ast.Name) and target.id in names - {"N_NUMBERS", "N_SHAPE", "TANH"}
