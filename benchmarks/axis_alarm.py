@@ -54,7 +54,7 @@ def streamed(kind: dict[str, Any], seed: int, raised: float) -> list[dict[str, A
     told: list[dict[str, Any]] = []
     monitor = StreamMonitor(
         RLSRegressor(InverseDynamicsLags(RATE, effects=EFFECTS, causal=True)), alarm_of_averages(),
-        Options(timed=True, max_step=2.5 / RATE, restart_after_hole=True, position=1), told.append,
+        Options(timed=True, max_step=2.5 / RATE, restart_after_hole=True, positions=(1,)), told.append,
     )  # fmt: skip
     monitor.take(np.concatenate(rows).tolist())
     return told

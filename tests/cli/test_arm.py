@@ -386,6 +386,32 @@ def test_a_stream_learns_the_joints_and_goes_on_where_it_stopped(folder):
     assert not records(out / "whole.jsonl", "alarm")
 
 
+def test_wrapped_positions_and_wrong_readings_of_a_joint_change_no_estimate_of_a_stream(folder, tmp_path):
+    out, _ = folder
+    sound = make_arm_log(duration=6.0, random_state=5).rename(columns={"yaw_position_rad": "yaw_position_deg"})
+    sound["yaw_position_deg"] = np.rad2deg(sound["yaw_position_deg"]) + 180.0
+    drive = sound["yaw_torque_nm"].to_numpy()
+    sound.loc[2000, "yaw_torque_nm"] = 0.5 * (drive[1999] + drive[2001])  # its noise cannot come back
+    spoilt = sound.copy()
+    spoilt["yaw_position_deg"] = (sound["yaw_position_deg"] + 180.0) % 360.0 - 180.0
+    spoilt.loc[1500, "pitch_position_rad"] = spoilt.loc[2000, "yaw_torque_nm"] = 1e9
+    last = {}
+    for name, table in (("sound", sound), ("spoilt", spoilt)):
+        table.to_csv(tmp_path / f"{name}.csv", index=False)
+        options = ["--robot", out / "model" / "model.json", "--time", "time_s", "--no-track"]
+        done = run(stream, tmp_path / f"{name}.csv", *options, "--out", tmp_path / f"{name}.jsonl")
+        assert done.exit_code == 0, done.output
+        last[name] = records(tmp_path / f"{name}.jsonl", "estimate")[-1]
+    told = {(r["cause"], r["line"], r["reason"].partition(":")[0]) for r in records(tmp_path / "spoilt.jsonl", "alarm")}
+    assert {("jump", 1502, "pitch"), ("jump", 2002, "yaw")} < told
+    assert {(cause, joint) for cause, _, joint in told} == {("wrap", "yaw"), ("jump", "pitch"), ("jump", "yaw")}
+    assert f"{len(told)} alarms" in " ".join(done.output.split())
+    assert not records(tmp_path / "sound.jsonl", "alarm")
+    for joint, value in last["sound"]["parameters"].items():
+        error = last["sound"]["standard_errors"][joint]
+        assert last["spoilt"]["parameters"][joint] == pytest.approx(value, abs=0.01 * error), joint
+
+
 @pytest.mark.parametrize(
     ("log", "more", "said"),
     [

@@ -14,7 +14,7 @@ TRUE = [0.02, 0.05, 0.3]
 def passed(path):
     """Numbers of the rows that go on, and those that are told."""
     jumps = Jumps()
-    out = [one for k, q in enumerate(path) for one in jumps.take([k, [q, 0.0]], 0)]
+    out = [one for k, q in enumerate(path) for one in jumps.take([k, [q, 0.0]], 0, 1)]
     return [one.row[0] for one in out], [one.row[0] for one in out if one.told], jumps
 
 

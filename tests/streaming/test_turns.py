@@ -15,7 +15,7 @@ from whsklearn.streaming.turns import Turns
 
 def streamed(path, t, u, unit, cut=1000):
     told = []
-    options = Options(timed=True, max_step=2.5 / RATE, position=1, turns=tuple(turns_of(unit)))
+    options = Options(timed=True, max_step=2.5 / RATE, positions=(1,), turns=(tuple(turns_of(unit)),))
     lags = InverseDynamicsLags(RATE, causal=True)
     monitor = StreamMonitor(RLSRegressor(lags), alarm_of_averages(), options, told.append)
     table = np.column_stack([t, path, u])

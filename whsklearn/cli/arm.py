@@ -149,6 +149,7 @@ def arm_stream(options: Mapping[str, Any]) -> Learnt:
     """
     from whsklearn import RigidBodyLags, RLSRegressor
     from whsklearn.compare import at_an_alarm_of
+    from whsklearn.logs.mend import turns_of
     from whsklearn.logs.units import seconds_of, unit_of
     from whsklearn.models import load_model
 
@@ -177,7 +178,10 @@ def arm_stream(options: Mapping[str, Any]) -> Learnt:
     clock = seconds_of(unit_of(time, "s")) if time else 1.0
     scale = (*([clock] if time else []), *(far for far, _ in factors), *(by for _, by in factors))
     compare = at_an_alarm_of(arm, None if time else dt)
+    turns = [() if slides else turns_of(unit_of(q)) for slides, (q, _) in zip(arm.slides, pairs, strict=True)]
+    at = tuple(range(int(bool(time)), len(pairs) + int(bool(time))))
     rows = without_holes(time, dt) | {"outputs": arm.joints, "factors": scale}
+    rows |= {"positions": at, "turns": tuple(map(tuple, turns))}
     return Learnt(model, columns, options["alarm_interval"], compare, rows)
 
 

@@ -130,7 +130,8 @@ def axis_stream(options: Mapping[str, Any], chosen: set[str], say: Any) -> Learn
         f"{2e3 * lags.spacing * dt:.3g} ms, none counts."
     )
     compare = at_an_alarm(columns, None if time else dt)
-    rows = without_holes(time, dt) | {"position": int(bool(time)), "turns": tuple(turns_of(unit_of(position)))}
+    rows = without_holes(time, dt) | {"positions": (int(bool(time)),)}
+    rows |= {"turns": (tuple(turns_of(unit_of(position))),)}
     return Learnt(model, columns, alarm, compare, rows)
 
 

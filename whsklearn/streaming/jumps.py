@@ -37,7 +37,7 @@ class Jumps:
     >>> path = [0.1 * k + 0.01 * (k % 2) for k in range(60)]
     >>> path[40] = 65535.0
     >>> for k, q in enumerate(path):
-    ...     out += jumps.take([k, [q]], 0)
+    ...     out += jumps.take([k, [q, 0.0]], 0, 1)
     >>> [(one.row[0], round(one.row[1][0], 2), one.anew) for one in out if one.told]
     [(40, 4.01, False)]
     """
@@ -50,19 +50,18 @@ class Jumps:
     high: float = -inf
     drive: float = 0.0  # of the last row that went on
     largest: float = 0.0  # drive so far
-    experiment: int = 0
 
-    def take(self, row: list[Any], at: int) -> list[Passed]:
+    def take(self, row: list[Any], at: int, by: int) -> list[Passed]:
         """The rows that may go on.
 
-        ``row``: its number and its values, of which the one ``at`` is the position and the last the drive.
+        ``row``: its number and its values, of which the one ``at`` is the position and the one ``by`` the drive.
         """
         self.waiting.append(row)
-        if len(self.waiting) == 1 and not self._leaps(row[1][at]) and not self._kicks(row[1][-1]):
-            return [self._go_on(at)]
+        if len(self.waiting) == 1 and not self._leaps(row[1][at]) and not self._kicks(row[1][by]):
+            return [self._go_on(at, by)]
         if len(self.waiting) <= AFTER:
             return []
-        return self._judged(at)
+        return self._judged(at, by)
 
     def end(self) -> list[list[Any]]:
         """The rows that wait, at the end of an experiment: what follows does not show what they are."""
@@ -82,10 +81,10 @@ class Jumps:
         """Whether a drive is far beyond all before it."""
         return abs(drive) > OUTSIDE * self.largest > 0.0
 
-    def _go_on(self, at: int) -> Passed:
+    def _go_on(self, at: int, by: int) -> Passed:
         """The first row that waits, as a part of the motion."""
         row = self.waiting.pop(0)
-        q, self.drive = row[1][at], row[1][-1]
+        q, self.drive = row[1][at], row[1][by]
         self.largest = max(self.largest, abs(self.drive))
         if len(self.path) == 2:
             self.fastest = max(self.fastest, abs(q - self.path[1]))
@@ -95,14 +94,14 @@ class Jumps:
         self.path = [*self.path[-1:], q]
         return Passed(row)
 
-    def _judged(self, at: int) -> list[Passed]:
+    def _judged(self, at: int, by: int) -> list[Passed]:
         """The rows that waited, once those after the first show what it was."""
         told, anew = self._leapt(at) if self._leaps(self.waiting[0][1][at]) else ("", False)
-        told = "; ".join(filter(None, (told, self._kicked(at))))
-        out = [self._go_on(at)._replace(anew=anew, told=told)]
+        told = "; ".join(filter(None, (told, self._kicked(at, by))))
+        out = [self._go_on(at, by)._replace(anew=anew, told=told)]
         rows, self.waiting = self.waiting, []
         for row in rows:
-            out += self.take(row, at)
+            out += self.take(row, at, by)
         return out
 
     def _leapt(self, at: int) -> tuple[str, bool]:
@@ -119,12 +118,12 @@ class Jumps:
             return f"the position is {q[2]:.6g} in one row and then goes on as before, as no axis moves", False
         return "", False
 
-    def _kicked(self, at: int) -> str:
+    def _kicked(self, at: int, by: int) -> str:
         """What is to be told of the drive in the first row, which is put right if it stands alone and moved nothing."""
         (_, first), (_, then), *_ = self.waiting
         steps = [b - a for a, b in pairwise([*self.path, *(row[1][at] for row in self.waiting)])]
         bend = max(abs(b - a) for a, b in pairwise(steps))
-        if not self._kicks(first[-1]) or self._kicks(then[-1]) or bend > ANSWERED * self.most:
+        if not self._kicks(first[by]) or self._kicks(then[by]) or bend > ANSWERED * self.most:
             return ""
-        self.waiting[0][1] = [*first[:-1], 0.5 * (self.drive + then[-1])]
-        return f"the drive is {first[-1]:.6g} in one row, and the motion does not answer"
+        self.waiting[0][1] = [*first[:by], 0.5 * (self.drive + then[by]), *first[by + 1 :]]
+        return f"the drive is {first[by]:.6g} in one row, and the motion does not answer"

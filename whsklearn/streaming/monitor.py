@@ -135,10 +135,11 @@ class Options:
     factors : tuple of float, default=()
         Factors by which the columns of a row (including its time) are multiplied, for example to convert degrees to
         rad; empty for no conversion.
-    position : int, optional
-        Index in a row of the position of an axis. Rows that repeat it while the axis moves are left out.
-    turns : tuple of float, default=()
-        Turns at which that position may be wrapped, in its unit.
+    positions : tuple of int, default=()
+        Indices in a row of the position of an axis, or of those of an arm's joints; their drives follow them, in the
+        same order. Wrong readings are put right. Rows that repeat the position of a moving axis are left out.
+    turns : tuple of tuple of float, default=()
+        Turns at which each of these positions may be wrapped, in its unit.
 
     References
     ----------
@@ -162,8 +163,8 @@ class Options:
     timed: bool = False
     outputs: tuple[str, ...] = ("",)
     factors: tuple[float, ...] = ()
-    position: int | None = None
-    turns: tuple[float, ...] = ()
+    positions: tuple[int, ...] = ()
+    turns: tuple[tuple[float, ...], ...] = ()
 
 
 class Refused(LogError):
@@ -262,7 +263,9 @@ class StreamMonitor:
         self.carried = Carried(poor=[False] * n)
         self._count_anew()
         self.clock = Clock()
-        self.turns, self.jumps, self.freeze = Turns(), Jumps(), Freeze()
+        self.turns = [Turns() for _ in options.positions]
+        self.jumps = [Jumps() for _ in options.positions]
+        self.freeze = Freeze()
         self._rows: list[list[float]] = []
         self._experiments: list[int] = []
         self._numbers: list[int] = []
@@ -368,41 +371,61 @@ class StreamMonitor:
             self.carried.time = row[0]
         c = self.carried
         c.last, c.repeated_run = row, 0
-        if self.options.position is None:
-            self._queue([[number, row]])
+        if self.freeze.experiment != c.experiment:
+            self._let_go(0)
+        self._past_jumps([number, self._unwrapped(row, number)])
+
+    def _past_jumps(self, row: list[Any], k: int = 0) -> None:
+        """Pass a row, with its number, on to the positions from the ``k``-th on, each of which may hold it back."""
+        c, positions = self.carried, self.options.positions
+        if k == len(positions):
+            self._unfrozen(row)
             return
-        if self.jumps.experiment != c.experiment:
-            self._queue([*self.freeze.end(), *self.jumps.end()], self.jumps.experiment)
-            self.freeze.experiment = c.experiment
-        for one in self.jumps.take([number, self._unwrapped(row, number)], self.options.position):
+        for one in self.jumps[k].take(row, positions[k], positions[k] + len(positions)):
             if one.told:
                 self._learn_taken()
                 c.jumps += 1
-                c.experiment += one.anew
+                if one.anew:
+                    self._let_go(k + 1)
+                    self.freeze.experiment = c.experiment = c.experiment + 1
                 if c.jumps <= TOLD:
                     then = NEW_EXPERIMENT if one.anew else "it is replaced by what lies between its neighbours"
-                    self._warn("jump", one.row[0], f"{one.told}; {then}")
-            self._unfrozen(one.row)
-        self.jumps.experiment = c.experiment
+                    self._warn("jump", one.row[0], f"{self._at_joint(k)}{one.told}; {then}")
+            self._past_jumps(one.row, k + 1)
+
+    def _let_go(self, k: int) -> None:
+        """Queue the rows that the positions from the ``k``-th on hold back, as the last of an experiment."""
+        rows = self.freeze.end()
+        for jumps in reversed(self.jumps[k:]):
+            rows += jumps.end()
+        self._queue(rows, self.freeze.experiment)
+        self.freeze.experiment = self.carried.experiment
+
+    def _at_joint(self, k: int) -> str:
+        """The joint of a position, in front of what is told of it; empty for the only one."""
+        return f"{self.options.outputs[k]}: " if len(self.options.positions) > 1 else ""
 
     def _unwrapped(self, row: list[float], number: int) -> list[float]:
-        """A row whose position goes on from turn to turn."""
-        at = self.options.position
-        assert at is not None
-        q, anew = self.turns.take(row[at], self.options.turns)
-        if anew:
-            self._learn_taken()
-            said = f"the position leaps from one end of a turn of {self.turns.turn:.6g} to the other: it is wrapped"
-            self._warn("wrap", number, f"{said}, and is continued from turn to turn")
-        return row if q == row[at] else [*row[:at], q, *row[at + 1 :]]
+        """A row whose positions go on from turn to turn."""
+        out = list(row)
+        for k, (at, turns) in enumerate(zip(self.options.positions, self.turns, strict=True)):
+            out[at], anew = turns.take(row[at], self.options.turns[k] if self.options.turns else ())
+            if anew:
+                self._learn_taken()
+                said = f"the position leaps from one end of a turn of {turns.turn:.6g} to the other: it is wrapped"
+                self._warn("wrap", number, f"{self._at_joint(k)}{said}, and is continued from turn to turn")
+        return out
 
     def _unfrozen(self, row: list[Any]) -> None:
-        """Queue a row, with its number, unless it repeats the position of a moving axis."""
+        """Queue a row, with its number, unless it repeats the position of a moving axis.
+
+        The joints of an arm are not looked at: one may rest while the others move.
+        """
         c, freeze = self.carried, self.freeze
-        if freeze.experiment != c.experiment:
-            self._queue(freeze.end(), freeze.experiment)
-            freeze.experiment = c.experiment
-        rows, lost, anew = freeze.take(row, row[1][self.options.position])
+        if len(self.options.positions) != 1:
+            self._queue([row])
+            return
+        rows, lost, anew = freeze.take(row, row[1][self.options.positions[0]])
         self._queue(rows)
         if anew:
             freeze.experiment = c.experiment = c.experiment + 1
@@ -463,6 +486,7 @@ class StreamMonitor:
 
     def _warn(self, cause: str, number: int, reason: str) -> None:
         """Emit an alarm about the rows themselves."""
+        self.carried.alarms += 1
         self.emit({"kind": "alarm", "cause": cause, "row": self.carried.rows, "line": number, "reason": reason})
 
     def _learn(self, rows: NDArray[np.float64], experiments: NDArray[np.int64], numbers: list[int]) -> None:
@@ -577,9 +601,9 @@ class StreamMonitor:
             "alarms": [a.get_state() if a.started else {} for a in self.alarms],
             "innovations": self.innovations.get_state() if fitted else {},
             "clock": self.clock.get_state(),
-            "turns": asdict(self.turns),
+            "turns": [asdict(turns) for turns in self.turns],
             "freeze": asdict(self.freeze),
-            "jumps": asdict(self.jumps),
+            "jumps": [asdict(jumps) for jumps in self.jumps],
             "sides": {} if self.sides is None else self.sides.get_state(),
         }
 
@@ -590,9 +614,10 @@ class StreamMonitor:
         """
         self.carried = Carried(**state["carried"])
         self.clock.set_state(state.get("clock", {}))
-        self.turns = Turns(**state.get("turns", {}))
-        self.freeze = Freeze(**state.get("freeze", {}))
-        self.jumps = Jumps(**state.get("jumps", {"experiment": self.carried.experiment}))
+        self.freeze = Freeze(**state.get("freeze", {"experiment": self.carried.experiment}))
+        n = len(self.options.positions)
+        self.turns = [Turns(**turns) for turns in _of_each(state.get("turns"), n)]
+        self.jumps = [Jumps(**jumps) for jumps in _of_each(state.get("jumps"), n)]
         if self.sides is not None and state.get("sides"):
             self.sides.set_state(state["sides"])
         if self.carried.rows:
@@ -620,16 +645,21 @@ class StreamMonitor:
         told = [said[k] for k, was in enumerate(self.carried.poor) if poor[k] and not was]
         return told + [senseless] * (cause != self.carried.senseless)
 
+    @property
+    def _of_an_axis(self) -> bool:
+        """Whether the numbers are those of one axis."""
+        return len(self.options.positions) == 1
+
     def lacking(self) -> str:
         """What must still come before a change can be told; empty if it can."""
         lags = getattr(self.model, "lags_", None)
         n = max(alarm.lacking_ for alarm in self.alarms) * getattr(lags, "every_", 1)
-        what = "rows" if self.options.position is None else "averages over motion"
+        what = "averages over motion" if self._of_an_axis else "rows"
         return f"no change can be told before {n} more {what}" if n else ""
 
     def _senseless(self) -> tuple[str, str]:
         """The cause and a sentence, if the numbers of an axis are such that none has."""
-        if self.options.position is None or not self.carried.rows:
+        if not self._of_an_axis or not self.carried.rows:
             return "", ""
         values, errors = estimates(self.model)
         inertia, error = values.get("inertia", 0.0), errors.get("inertia", math.nan)
@@ -722,6 +752,13 @@ OF_AVERAGES: dict[str, int] = {"n_settle": 100, "n_reference": 1000, "order": 0}
 def alarm_of_averages(interval: float = 1e6) -> ChangeAlarm:
     """The alarm on an axis's stream, whose innovations are those of averages; ``interval`` counts them."""
     return ChangeAlarm(interval, **OF_AVERAGES)
+
+
+def _of_each(states: Any, n: int) -> list[dict[str, Any]]:
+    """The states of ``n`` positions; an older checkpoint has that of one axis alone, or none."""
+    states = [states] if isinstance(states, dict) else states or []
+    kept = [{name: value for name, value in state.items() if name != "experiment"} for state in states]
+    return kept if len(kept) == n else [{}] * n
 
 
 def _finite(row: Any, width: int) -> list[float]:

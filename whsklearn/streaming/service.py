@@ -240,7 +240,7 @@ def _run(stream: StreamMonitor, files: Files, place: dict[str, Any], keeper: Kee
         if lines.left:
             keeper.say("The last line has no end and was not read; complete it, or wait for its end with --follow.")
     c, ahead = stream.carried, len(stream.clock.ahead) + len(stream.clock.back)
-    repeated, leapt = len(stream.freeze.waiting), len(stream.jumps.waiting)
+    repeated, leapt = len(stream.freeze.waiting), sum(len(j.waiting) for j in stream.jumps)
     waiting = (
         (ahead, "after a leap of the clock"), (repeated, "that repeat the position"), (leapt, "after a jump"),
     )  # fmt: skip
