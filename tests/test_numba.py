@@ -147,6 +147,16 @@ def test_a_part_is_compiled_within_its_kernel_alone_and_answers_python_too(tmp_p
     assert pickle.loads(pickle.dumps(is_stable)) is is_stable
 
 
+def test_kernels_are_kept_once_one_has_been_called(tmp_path, monkeypatch):
+    monkeypatch.setattr(_numba._settings, "CACHE_DIR", str(tmp_path))
+    kernel = _numba.njit(_quartered)
+    assert not _numba.is_kept(Path(__file__))
+    kernel(8.0)
+    assert _numba.is_kept(Path(__file__))
+    monkeypatch.setattr(_numba, "_folder", lambda _: None)
+    assert _numba.is_kept(Path(__file__)), "where nothing can be kept, nothing is compiled ahead"
+
+
 @part
 def _larger(x):
     return max(x[0], x[1])

@@ -433,6 +433,12 @@ def _folder(path: Path) -> Path | None:
     return None
 
 
+def is_kept(path: Path) -> bool:
+    """Whether compiled kernels of a file are in the cache, or none can be kept."""
+    folder = _folder(path)
+    return folder is None or any(folder.rglob("*.nbc"))
+
+
 def _bases() -> Iterator[Path]:
     """Folders to try, the best first; what Numba and NumPy of other versions compiled is theirs."""
     own = f"kernels-numba-{numba.__version__}-numpy-{numpy.__version__}"

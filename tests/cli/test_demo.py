@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import sys
+from types import SimpleNamespace
+
 import click
 import numpy as np
 import pandas as pd
@@ -23,6 +27,7 @@ def called(monkeypatch):
 
     for module in (simulated_example, gap):
         monkeypatch.setattr(module, "main", stands_for(module.__name__.rpartition(".")[2]))
+    monkeypatch.setattr(demo, "compiled_beside", contextlib.nullcontext)
     return calls
 
 
@@ -75,6 +80,25 @@ def test_a_record_that_is_lost_in_the_first_part_leaves_the_report_of_the_second
     assert [(name, options["track"]) for name, options in called] == [("gap", False)]
     assert done.exit_code == 1
     assert done.output.endswith("Error: The record cannot be written.\n")
+
+
+@pytest.mark.parametrize(("kept", "cores"), [(False, 2), (True, 2), (False, 1)])
+def test_what_is_not_compiled_is_compiled_beside_on_a_second_core_until_the_end(monkeypatch, kept, cores):
+    said = []
+
+    def started(arguments, **_):
+        said.append(arguments[1:])
+        assert arguments[0] == sys.executable
+        return SimpleNamespace(terminate=lambda: said.append("ended"), wait=lambda: said.append("gone"))
+
+    monkeypatch.setattr("whsklearn._numba.is_kept", lambda _: kept)
+    monkeypatch.setattr("joblib.cpu_count", lambda: cores)
+    monkeypatch.setattr(demo.subprocess, "Popen", started)
+    work = demo.compiled_beside()(lambda: said.append("work") or sys.exit(1))
+    with pytest.raises(SystemExit):
+        work()
+    beside = not kept and cores > 1
+    assert said == ([["-m", "whsklearn", "warm"], "work", "ended", "gone"] if beside else ["work"])
 
 
 # --- the log --------------------------------------------------------------------------------------------------

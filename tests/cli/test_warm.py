@@ -20,5 +20,5 @@ def test_what_was_compiled_is_told_line_by_line(monkeypatch):
 
 
 @pytest.mark.slow
-def test_an_axis_is_simulated_identified_and_searched():
-    assert list(warm.axes()) == ["simulation of an axis", "identify", "gap"]
+def test_an_axis_is_simulated_searched_and_identified():
+    assert list(warm.axes()) == ["simulation of an axis", "gap", "identify"]

@@ -21,9 +21,9 @@ def fits() -> Iterator[str]:
     lags = WienerHammersteinLags()
     models = {
         "the default fit": estimators.RMILSRegressor(lags, random_state=0),
+        "the batch fit": estimators.PEMRegressor(lags, n_starts=1, random_state=0),
         "the published method": estimators.RMILSRegressor(lags, gradient="pseudolinear"),
         "least squares on rows": estimators.RLSRegressor(),
-        "the batch fit": estimators.PEMRegressor(lags, n_starts=1, random_state=0),
     }
     for name, model in models.items():
         model.fit(X[:500], y[:500]).predict(X)
@@ -33,18 +33,18 @@ def fits() -> Iterator[str]:
 
 
 def axes() -> Iterator[str]:
-    """A servo axis: simulated, identified and searched for missing effects."""
+    """A servo axis: simulated, searched for missing effects and identified."""
     from whsklearn.datasets import make_servo_log
     from whsklearn.gap.finder import GapFinder
     from whsklearn.identification import identify
 
     log = make_servo_log("cogging", duration=10.0, sample_rate=200.0)
     yield "simulation of an axis"
+    GapFinder("servo").fit(log)
+    yield "gap"
     part = log.iloc[:800]
     identify(part["torque_nm"].to_numpy(), part["position_rad"].to_numpy(), dt=0.005)
     yield "identify"
-    GapFinder("servo").fit(log)
-    yield "gap"
 
 
 @command
