@@ -25,7 +25,7 @@ def axis(n, seed=0):
 
 def streamed(table, cut=1000):
     told = []
-    options = Options(timed=True, max_step=2.5 / RATE, positions=(1,))
+    options = Options(timed=True, max_step=2.5 / RATE, step=1.0 / RATE, positions=(1,), restart_after_hole=True)
     monitor = StreamMonitor(
         RLSRegressor(InverseDynamicsLags(RATE, causal=True)), alarm_of_averages(), options, told.append
     )

@@ -151,7 +151,7 @@ def without_holes(time: str | None, dt: float) -> dict[str, Any]:
     from whsklearn.logs.units import seconds_of, unit_of
 
     clock = seconds_of(unit_of(time, "s")) if time else 1.0
-    return {"restart_after_hole": True, "max_step": LONGEST_STEP * dt / clock}
+    return {"restart_after_hole": True, "max_step": LONGEST_STEP * dt / clock, "step": dt / clock if time else 0.0}
 
 
 def chain_stream(options: Mapping[str, Any]) -> Learnt:

@@ -26,6 +26,7 @@ from whsklearn.plot import flat_parameters
 from whsklearn.streaming.clock import Clock, Verdict
 from whsklearn.streaming.freeze import Freeze
 from whsklearn.streaming.jumps import Jumps
+from whsklearn.streaming.pace import Pace
 from whsklearn.streaming.rows import BadRow, OtherHeader
 from whsklearn.streaming.sides import Compare, Sides
 from whsklearn.streaming.turns import Turns
@@ -105,6 +106,7 @@ TAKEN_OVER = 480  # rows after which the first models of a memory take over
 SURE = 5.0  # standard deviations of a ratio of two variances by which an NMSE must exceed one
 DRIFT_LEVEL = 0.01  # probability that a drift is ever reported although there is none
 NEW_EXPERIMENT, NEIGHBOURS = "a new experiment begins", "the rows on both sides are taken as neighbours"
+FILLED = "the row that is lost is replaced by what lies between its neighbours"
 TOLD = 10  # bad rows in a row, pauses, and jumps, with a record of their own: enough to see what is wrong with them
 
 
@@ -135,9 +137,13 @@ class Options:
     factors : tuple of float, default=()
         Factors by which the columns of a row (including its time) are multiplied, for example to convert degrees to
         rad; empty for no conversion.
+    step : float, default=0.0
+        Time between rows for which the model was begun (unit of the time column); rows at another rate are told and
+        not learnt. Zero if it has none.
     positions : tuple of int, default=()
         Indices in a row of the position of an axis, or of those of an arm's joints; their drives follow them, in the
-        same order. Wrong readings are put right. Rows that repeat the position of a moving axis are left out.
+        same order. Wrong readings are put right, and a row that is missing alone is filled in. Rows that repeat the
+        position of a moving axis are left out.
     turns : tuple of tuple of float, default=()
         Turns at which each of these positions may be wrapped, in its unit.
 
@@ -163,6 +169,7 @@ class Options:
     timed: bool = False
     outputs: tuple[str, ...] = ("",)
     factors: tuple[float, ...] = ()
+    step: float = 0.0
     positions: tuple[int, ...] = ()
     turns: tuple[tuple[float, ...], ...] = ()
 
@@ -200,6 +207,7 @@ class Carried:
     jumps: int = 0
     times: list[float] = field(default_factory=list)
     last: list[float] = field(default_factory=list)
+    path: list[list[float]] = field(default_factory=list)  # the last two rows of a motion, whose turns are counted
     counted: int = 0  # innovations since the last estimate
     squares: list[float] = field(default_factory=list)  # their sum of squares, by output
     output_sum: list[float] = field(default_factory=list)  # sum of the outputs over the same rows
@@ -265,7 +273,7 @@ class StreamMonitor:
         self.clock = Clock()
         self.turns = [Turns() for _ in options.positions]
         self.jumps = [Jumps() for _ in options.positions]
-        self.freeze = Freeze()
+        self.freeze, self.pace = Freeze(), Pace()
         self._rows: list[list[float]] = []
         self._experiments: list[int] = []
         self._numbers: list[int] = []
@@ -328,13 +336,16 @@ class StreamMonitor:
         what, number, row, reason, missed = verdict
         if what == "row":
             before = self.carried.experiment
-            if self.options.timed:
+            fills = bool(self.options.positions) and missed == 1 and len(self.carried.path) == 2
+            fills = fills and row[0] - self.carried.time <= self.options.max_step
+            fills = fills and bool(self.carried.bad_run or (reason and self._shows_a_loss(row)))
+            if self.options.timed and not fills:
                 self._replace(number, min(self.carried.bad_run, missed))
             self._end_of_bad_rows(number)
             if reason:
                 begins = self.carried.experiment > before or row[0] - self.carried.time > self.options.max_step
-                self._pause(number, f"{reason}; {NEW_EXPERIMENT if begins else NEIGHBOURS}")
-            self._take(row, number)
+                self._pause(number, f"{reason}; {NEW_EXPERIMENT if begins else FILLED if fills else NEIGHBOURS}")
+            self._take(row, number, fills)
             self.carried.held = 0
             return
         self._learn_taken()  # so that the order of the records does not depend on how rows arrive
@@ -363,17 +374,36 @@ class StreamMonitor:
         if self.carried.pauses <= TOLD:
             self._warn("pause", number, reason)
 
-    def _take(self, row: list[float], number: int) -> None:
-        """Queue a row to be learnt; a pause longer than ``max_step`` begins a new experiment."""
-        if self.options.timed:
-            if row[0] - self.carried.time > self.options.max_step and self.carried.time > -np.inf:
-                self.carried.experiment += 1
-            self.carried.time = row[0]
+    def _shows_a_loss(self, row: list[float]) -> bool:
+        """Whether the motion covers two steps before this row; if it covers one, only its stamp is late."""
+        (first, last), two_less_one = self.carried.path, 0.0
+        for at, jumps, turns in zip(self.options.positions, self.jumps, self.turns, strict=True):
+            before, step = last[at] - first[at], row[at] - turns.logged[-1]
+            if 2.0 * abs(step) > turns.turn > 0.0:
+                step -= math.copysign(turns.turn, step)
+            two_less_one += before * (3.0 * before - 2.0 * step) / (jumps.fastest**2 or math.inf)
+        return two_less_one < 0.0  # its squared distance from two steps, less that from one
+
+    def _take(self, row: list[float], number: int, fills: bool = False) -> None:
+        """Queue a row to be learnt, behind one that it ``fills`` in; a long pause begins a new experiment."""
         c = self.carried
+        if self.options.timed:
+            took, c.time = row[0] - c.time, row[0]
+            if self.options.step and took < np.inf and (told := self.pace.take(took, self.options.step)):
+                self._learn_taken()
+                self._warn("rate", number, told)
+            c.experiment += self.pace.off or self.options.max_step < took < np.inf
+            if self.pace.off:
+                c.bad += 1
+                return
         c.last, c.repeated_run = row, 0
         if self.freeze.experiment != c.experiment:
             self._let_go(0)
-        self._past_jumps([number, self._unwrapped(row, number)])
+            c.path, fills = [], False
+        c.path = [*c.path[-1:], self._unwrapped(row, number)]
+        if fills:
+            self._past_jumps([number, [0.5 * (a + b) for a, b in zip(*c.path, strict=True)]])
+        self._past_jumps([number, c.path[-1]])
 
     def _past_jumps(self, row: list[Any], k: int = 0) -> None:
         """Pass a row, with its number, on to the positions from the ``k``-th on, each of which may hold it back."""
@@ -603,6 +633,7 @@ class StreamMonitor:
             "clock": self.clock.get_state(),
             "turns": [asdict(turns) for turns in self.turns],
             "freeze": asdict(self.freeze),
+            "pace": asdict(self.pace),
             "jumps": [asdict(jumps) for jumps in self.jumps],
             "sides": {} if self.sides is None else self.sides.get_state(),
         }
@@ -615,6 +646,7 @@ class StreamMonitor:
         self.carried = Carried(**state["carried"])
         self.clock.set_state(state.get("clock", {}))
         self.freeze = Freeze(**state.get("freeze", {"experiment": self.carried.experiment}))
+        self.pace = Pace(**state.get("pace", {}))
         n = len(self.options.positions)
         self.turns = [Turns(**turns) for turns in _of_each(state.get("turns"), n)]
         self.jumps = [Jumps(**jumps) for jumps in _of_each(state.get("jumps"), n)]
