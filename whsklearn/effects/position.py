@@ -39,7 +39,7 @@ class Cogging(Effect):
     place = "position"
     equation = "A cos(k q + phi)"
     signature = "a wave over position that does not depend on speed, direction or drive"
-    needs = "a period of travel at two speeds"
+    needs = "half a period of travel, at two speeds"
     reference = "Jahns, Soong 1996, IEEE Trans. Ind. Electron. 43(2), 321-330"
     phased = True
     repeats = True

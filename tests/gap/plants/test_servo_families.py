@@ -53,6 +53,15 @@ def test_a_dominant_effect_is_judged_beside_itself_and_a_weak_one_beside_the_who
     assert by["cogging"].p_value == common["cogging"]
 
 
+def test_a_cogging_over_half_of_its_period_is_neither_gravity_nor_a_spring():
+    view, looks = looks_at([Cogging(0.4, 6.0, 1.0)], amplitude=0.3)
+    assert 0.5 < 6.0 * 2.0 * view.scene.reach / (2.0 * np.pi) < 0.6
+    first, *others = (k for k in looks if k.name)
+    assert first.name == "cogging"
+    assert first.start.q[2] == pytest.approx(6.0, rel=0.1)
+    assert first.score > others[0].score + 20.0
+
+
 def test_every_effect_that_a_torque_can_show_is_asked_for_or_needs_another_first():
     _, looks = looks_at([])
     asked = {k.name for k in looks}
@@ -91,7 +100,7 @@ def test_next_to_nothing_is_told_where_the_sign_of_the_velocity_is_not_known():
     true = base.with_term(ServoTerm(candidate("stribeck"), (0.3, 0.05, 2.0)))
     assert view.told(true) is None  # as long as no own record shows what the filters leave
     view.own, _ = servo_own.own(view, true, np.random.default_rng(0))
-    told, turning = view.told(true), view.undirected() == 0.0
+    told, turning = view.told(true), view.undirected(true) == 0.0
     assert np.all(told[turning] == 1.0)
     assert np.all((told[~turning] > 0.0) & (told[~turning] < 1.0))
     assert 0.0 < np.mean(told < 0.5) < 0.05
