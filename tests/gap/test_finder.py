@@ -170,6 +170,7 @@ def test_a_search_interrupted_in_its_first_round_does_not_say_that_nothing_is_mi
     [
         (lambda f: f.iloc[:300], "data-too-short"),
         (lambda f: f.assign(position_rad=0.3), "data-not-moving"),
+        (lambda f: f.assign(position_rad=1e-5 * np.random.default_rng(0).standard_normal(len(f))), "data-not-moving"),
         (lambda f: f.assign(torque_nm=1.0), "data-no-drive"),
         (lambda f: f.assign(position_rad=f.position_rad.clip(-1, 1)), "data-clipped-position"),
         (lambda f: f.assign(time_s=f.time_s * 1000), "data-time-unit"),

@@ -115,6 +115,12 @@ def _motion_problems(r: ServoRecord) -> list[DataProblem]:
     if travel == 0 or np.mean(np.abs(np.diff(r.position)) > 0) < MOVING:
         text = "The position does not change; pick the measured position, or a record in which the axis moves."
         return [DataProblem("data-not-moving", "The axis does not move", text)]
+    if np.mean(np.diff(r.position) ** 2) > np.var(r.position):  # white noise changes by twice its variance
+        text = (
+            "More than half of what the position changes by is noise from one sample to the next; pick the measured "
+            "position, or a record in which the axis moves."
+        )
+        return [DataProblem("data-not-moving", "The axis hardly moves", text)]
     if np.ptp(r.drive) == 0:
         return [
             DataProblem("data-no-drive", "The drive is constant", "The drive column never changes; pick the drive.")
