@@ -10,7 +10,7 @@ import pytest
 
 from tests.gap.plants.example_servo import INERTIA, RATE, TIME, opened, record_of, shaken
 from whsklearn.datasets import make_servo_log
-from whsklearn.effects import ActuatorLag, Coulomb, EarlyReversal, GravityImbalance, InputDelay, Viscous
+from whsklearn.effects import ActuatorLag, Coulomb, EarlyReversal, GravityImbalance, InputDelay, InputOffset, Viscous
 from whsklearn.gap import GapFinder
 from whsklearn.gap.plants import servo_start
 from whsklearn.gap.plants.servo import servo_plant
@@ -151,11 +151,32 @@ def test_friction_that_reverses_with_the_velocity_is_not_called_early():
     assert [e.name for e in finder.model_.effects] == []
 
 
-@pytest.mark.parametrize(("share", "early"), [(0.45, True), (0.6, False)])
-def test_friction_is_early_if_that_is_most_of_the_gap(views, share, early):
+@pytest.mark.parametrize("rate", [100.0, 500.0])
+@pytest.mark.parametrize(("effects", "expected"), [([EarlyReversal(9.5e-3)], True), ([], False)])
+def test_an_axis_creeps_at_rest_only_if_its_friction_reverses_early(rate, effects, expected):
+    """Also with a load that the model lacks, as far as that is steady."""
+    axis = ServoAxis(
+        inertia=INERTIA, law=[Viscous(0.12), Coulomb(0.3)], effects=[*effects, InputOffset(0.02)], sample_rate=rate
+    )
+    t = np.arange(int(16.0 * rate)) / rate
+    steps = np.random.default_rng(1).uniform(-0.6, 0.6, 17)
+    k, moved = np.floor(t).astype(int), np.clip((t % 1.0) / 0.7, 0.0, 1.0)
+    r = axis.simulate(reference=steps[k] + (steps[k + 1] - steps[k]) * moved**2 * (3.0 - 2.0 * moved), random_state=1)
+    view, model = start_of(ServoRecord(r.time, r.drive, r.position), ("viscous", "coulomb"), 0.004)
+    assert servo_start.creeps(view, model, EarlyReversal(9.5e-3), model.terms[1].q[0]) is expected
+    few = ServoRecord(r.time[: r.time.size // 4], r.drive[: r.time.size // 4], r.position[: r.time.size // 4])
+    view, model = start_of(few, ("viscous", "coulomb"), 0.004)
+    assert servo_start.creeps(view, model, EarlyReversal(9.5e-3), model.terms[1].q[0]) is None
+
+
+@pytest.mark.parametrize(
+    ("share", "creeps", "early"),
+    [(0.45, None, True), (0.6, None, False), (0.6, True, True), (1.1, True, False), (0.1, False, False)],
+)
+def test_friction_is_early_if_that_is_most_of_the_gap_or_the_axis_creeps(views, share, creeps, early):
     """Beside the edges of a contact it took a quarter of the rest, 3.4 ms for 1 ms, and a coupling was named beside it.
 
-    ``share``: of the gap's power, what is left with the best lead.
+    ``share``: of the gap's power, what is left with the best lead. ``creeps``: what rests show, if there are enough.
     """
 
     class View:
@@ -175,6 +196,7 @@ def test_friction_is_early_if_that_is_most_of_the_gap(views, share, early):
     nothing = SimpleNamespace(mean=0.0)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(servo_start, "own", lambda *_: (nothing, None))
+        patch.setattr(servo_start, "creeps", lambda *_: creeps)
         assert bool(servo_start.reversing_early(View(), model).early) == early
 
 

@@ -143,9 +143,15 @@ class InverseView:
         keep &= ~(holes := self.record.near_a_hole(2 * half, 2 * half))
         return keep[:: self.every], ~holes[:: self.every]
 
-    def undirected(self) -> Array:
-        """Share of the filter's window in which the sign of the velocity is unknown, at the judged samples."""
-        still = np.abs(self.motion.velocity) < self.unknown
+    def undirected(self, model: ServoHypothesis) -> Array:
+        """Share of the filter's window in which the direction of dry friction is unknown, at the judged samples.
+
+        That is where the sign of the velocity is, and between an early reversal of friction and that of the velocity.
+        """
+        speed = self.motion.velocity
+        still = np.abs(speed) < self.unknown
+        if model.early:
+            still |= speed * (speed + model.early.lead * self.motion.acceleration) < 0.0
         return self.blur(still.astype(float))[self.at] / self.g.sum()
 
     @property

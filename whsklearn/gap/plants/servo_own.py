@@ -133,7 +133,7 @@ def weights(view: Any, model: ServoHypothesis, rest: Array) -> Array:
     while something larger is missing: half of a pendulum's swings had been left out, and with them its gravity.
     """
     dry = sum(max(0.0, t.q[0]) for t in model.terms if t.name == "coulomb")
-    unknown, noise = (view.undirected() * dry) ** 2 / 3.0, (model.inertia * view.acceleration_noise + 1e-300) ** 2
+    unknown, noise = (view.undirected(model) * dry) ** 2 / 3.0, (model.inertia * view.acceleration_noise + 1e-300) ** 2
     told = np.sqrt(noise / (noise + unknown))
     columns, _ = np.linalg.qr(told[:, None] * view.linearised(model).jacobian)
     left = told * rest
