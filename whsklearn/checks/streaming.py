@@ -8,12 +8,14 @@ a refused call leaves no trace.
 
 from __future__ import annotations
 
+import copy
 import pickle
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import joblib
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import clone
@@ -193,13 +195,13 @@ def _check_state_is_a_copy(estimator: Any, X: NDArray[np.float64], y: NDArray[np
     _assert_same(taken, pickle.loads(kept), "state_is_a_copy: partial_fit changed a state taken before")
 
 
-def _goes_on(model: Any, copy: Any, X: NDArray[np.float64], y: NDArray[np.float64], what: str) -> None:
+def _goes_on(model: Any, other: Any, X: NDArray[np.float64], y: NDArray[np.float64], what: str) -> None:
     """Both take the remaining rows and end in bit-identical states."""
-    _assert_same(model.get_state(), copy.get_state(), f"{what}: right after")
+    _assert_same(model.get_state(), other.get_state(), f"{what}: right after")
     model.partial_fit(X, y)
-    copy.partial_fit(X, y)
-    _assert_same(model.get_state(), copy.get_state(), f"{what}: after going on")
-    np.testing.assert_array_equal(model.predict(X), copy.predict(X), err_msg=f"{what}: predictions differ")
+    other.partial_fit(X, y)
+    _assert_same(model.get_state(), other.get_state(), f"{what}: after going on")
+    np.testing.assert_array_equal(model.predict(X), other.predict(X), err_msg=f"{what}: predictions differ")
 
 
 def _check_same_seed_same_bits(estimator: Any, X: NDArray[np.float64], y: NDArray[np.float64]) -> None:
@@ -221,8 +223,15 @@ def _check_clone_starts_clean(estimator: Any, X: NDArray[np.float64], y: NDArray
 
 
 def _check_pickle_goes_on(estimator: Any, X: NDArray[np.float64], y: NDArray[np.float64]) -> None:
-    """A pickled copy, taken mid-stream, goes on identically."""
+    """A pickled copy, taken mid-stream, goes on identically, and so does one whose arrays are mapped read-only.
+
+    So joblib hands large arrays to its workers.
+    """
     model = _streamed(estimator, X[:40], y[:40], [])
+    with tempfile.TemporaryDirectory() as folder:
+        joblib.dump(model, Path(folder, "model.joblib"))
+        mapped = joblib.load(Path(folder, "model.joblib"), mmap_mode="r")
+        _goes_on(copy.deepcopy(model), mapped, X[40:], y[40:], "pickle_goes_on: mapped by joblib")
     _goes_on(model, pickle.loads(pickle.dumps(model)), X[40:], y[40:], "pickle_goes_on")
 
 

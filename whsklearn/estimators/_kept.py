@@ -42,6 +42,12 @@ class KeptModel(FittedModel):
         state.pop("_own_lock", None)
         return state
 
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        super().__setstate__(state)
+        if "state_" in state:  # joblib maps large arrays from a file, read-only, and a stream changes its own in place
+            held = state["state_"].items()
+            self.state_ = {k: v.copy() if isinstance(v, np.ndarray) and not v.flags.writeable else v for k, v in held}
+
     def get_state(self) -> dict[str, Any]:
         """Return a copy of the learned state as a dict of arrays and numbers."""
         check_is_fitted(self, "state_")
