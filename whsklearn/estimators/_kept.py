@@ -44,9 +44,9 @@ class KeptModel(FittedModel):
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         super().__setstate__(state)
-        if "state_" in state:  # joblib maps large arrays from a file, read-only, and a stream changes its own in place
-            held = state["state_"].items()
-            self.state_ = {k: v.copy() if isinstance(v, np.ndarray) and not v.flags.writeable else v for k, v in held}
+        held: dict[str, Any] = state.get("state_", {})
+        for name, value in held.items():  # joblib maps large arrays from a file, read-only; a stream changes its own
+            held[name] = value.copy() if isinstance(value, np.ndarray) and not value.flags.writeable else value
 
     def get_state(self) -> dict[str, Any]:
         """Return a copy of the learned state as a dict of arrays and numbers."""
