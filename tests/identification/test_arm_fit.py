@@ -21,12 +21,16 @@ from whsklearn.systems import Arm
 
 DT = 0.002
 ARM = default_arm()
-Q, TORQUE = make_arm_log(duration=20.0, return_arrays=True)
 
 
 @pytest.fixture(scope="module")
-def found():
-    return identify_arm(Q, TORQUE, dt=DT, robot=ARM)
+def log():
+    return make_arm_log(duration=20.0, return_arrays=True)
+
+
+@pytest.fixture(scope="module")
+def found(log):
+    return identify_arm(*log, dt=DT, robot=ARM)
 
 
 def test_numbers_are_those_of_the_arm(found):
@@ -51,11 +55,11 @@ def test_links_stay_those_of_the_file_and_a_motor_is_what_exceeds_them(motors):
     np.testing.assert_allclose(fitted.model.arm.inertial[:, [0, 9]], ARM.inertial[:, [0, 9]], rtol=0.05)
 
 
-def test_the_model_is_physical_and_gives_the_drives(found):
+def test_the_model_is_physical_and_gives_the_drives(found, log):
     arm = found.model.arm
     assert (arm.inertial[:, 0] > 0).all()
     assert [e.name for e in arm.effects[0]] == ["viscous", "coulomb", "input_offset"]
-    phi, target, keep = found.lags.joint_rows(Q, TORQUE)
+    phi, target, keep = found.lags.joint_rows(*log)
     error = np.where(keep, target - phi @ found.lags.weights_of(arm), 0.0)
     assert (error.std(axis=0) < 0.03 * target.std(axis=0)).all()
 
@@ -128,9 +132,9 @@ def test_friction_that_reverses_after_the_velocity_is_no_reversal_of_a_solver():
     assert reversals_of(records_of(RigidBodyLags(arm, RATE), q, torque)) == {}
 
 
-def test_nothing_is_nominal_where_the_file_names_no_mass(found):
+def test_nothing_is_nominal_where_the_file_names_no_mass(log):
     bare = dataclasses.replace(ARM, inertial=None)
-    assert identify_arm(Q[:5000], TORQUE[:5000], dt=DT, robot=bare).nominal == {}
+    assert identify_arm(*(x[:5000] for x in log), dt=DT, robot=bare).nominal == {}
 
 
 def test_weights_of_an_arm_and_the_arm_of_weights_are_inverse():
@@ -150,10 +154,10 @@ def test_what_is_nothing_but_rounding_is_zero():
     assert [k for k, x in numbers.items() if 0.0 < abs(x) < 1e-9] == []
 
 
-def test_experiments_are_filtered_on_their_own():
+def test_experiments_are_filtered_on_their_own(log):
     other, drive = make_arm_log(duration=6.0, random_state=8, return_arrays=True)
-    groups = np.repeat([0, 1], [len(Q), len(other)])
-    found = identify_arm(np.vstack([Q, other]), np.vstack([TORQUE, drive]), dt=DT, robot=ARM, groups=groups)
+    groups = np.repeat([0, 1], [len(log[0]), len(other)])
+    found = identify_arm(np.vstack([log[0], other]), np.vstack([log[1], drive]), dt=DT, robot=ARM, groups=groups)
     assert max(found.missing.values()) < 0.02  # the jump between them is no motion
 
 

@@ -396,7 +396,7 @@ def test_a_held_drive_is_told_from_a_smooth_one():
 def test_an_axis_without_a_spring_is_not_put_on_one_that_samples_cannot_show():
     """Its fit used to end at no inertia, whose oscillation needs fine steps without end."""
     with pytest.raises(ValueError, match="faster than half the sampling rate"):
-        fit_sprung_axis(view(U, plain_velocity(), 0.005, "output"), 1)
+        fit_sprung_axis(view(U[:1500], plain_velocity()[:1500], 0.005, "output"), 1)
 
 
 def test_what_is_no_mass_on_a_spring_is_refused():

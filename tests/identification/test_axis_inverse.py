@@ -12,12 +12,16 @@ from whsklearn.recursion.batch.axis_free_run import AxisForm, axis_motion
 
 U = slow_drive(3000, 1)
 LOG = axis_log(U)
-VELOCITY = axis_motion(TRUTH, LOG)
 RIGID = AxisForm()
 
 
-def test_starts_are_near_the_truth():
-    for start in inverse_starts(view(U, VELOCITY, 0.005, "velocity"), RIGID)[:2]:
+@pytest.fixture(scope="module")
+def velocity():
+    return axis_motion(TRUTH, LOG)
+
+
+def test_starts_are_near_the_truth(velocity):
+    for start in inverse_starts(view(U, velocity, 0.005, "velocity"), RIGID)[:2]:
         assert start.theta[:4] == pytest.approx(TRUTH[:4], rel=0.2, abs=0.02)
         assert start.holds(start.theta)
         assert not start.holds(np.r_[20.0 * start.theta[0], start.theta[1:]])
@@ -31,15 +35,15 @@ def test_a_fit_that_has_lost_its_inertia_is_no_axis():
         assert not start.holds(np.r_[1e-9 * start.theta[0], start.theta[1:]])
 
 
-def test_a_drive_that_works_the_other_way_is_no_axis():
+def test_a_drive_that_works_the_other_way_is_no_axis(velocity):
     with pytest.raises(ValueError, match=r"not a rigid axis; with the sign of the drive inverted .*--invert-drive"):
-        inverse_starts(view(-U, VELOCITY, 0.005, "velocity"), RIGID)
+        inverse_starts(view(-U, velocity, 0.005, "velocity"), RIGID)
 
 
-def test_a_drive_that_explains_no_motion_either_way_is_not_called_inverted():
+def test_a_drive_that_explains_no_motion_either_way_is_not_called_inverted(velocity):
     other = np.random.default_rng(0).permutation(U)
     with pytest.raises(ValueError, match="not a rigid axis") as found:
-        inverse_starts(view(other, VELOCITY - VELOCITY.mean(), 0.005, "velocity"), RIGID)
+        inverse_starts(view(other, velocity - velocity.mean(), 0.005, "velocity"), RIGID)
     assert "inverted" not in str(found.value)
 
 

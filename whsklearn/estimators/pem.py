@@ -272,7 +272,7 @@ class PEMRegressor(ChainRegressor):
 
     >>> import numpy as np
     >>> from scipy.signal import lfilter
-    >>> u = np.random.default_rng(0).standard_normal(2000)
+    >>> u = np.random.default_rng(0).standard_normal(400)
     >>> y = lfilter([0.5], [1.0, -0.4], np.minimum(lfilter([0.3], [1.0, -0.7], u), 0.3))
     >>> model = PEMRegressor(criterion="simulation").fit(u[:, None], y)
     >>> bool(np.std(y - model.predict(u[:, None])) < 0.02 * np.std(y))
