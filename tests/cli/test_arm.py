@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner
 
-from whsklearn.cli.arm import arm_stream
+from whsklearn.cli.arm import arm_stream, gap_log, keep_gains
 from whsklearn.cli.arm_log import gains_of, guessed_columns, joint_columns
 from whsklearn.cli.compare import main as compare
 from whsklearn.cli.export import main as export
@@ -41,6 +41,9 @@ def folder(tmp_path_factory):
     done = run(identify, out / "arm.csv", "--robot", out / "arm.xml", "--out", out / "model", "--no-track")
     assert done.exit_code == 0, done.output
     return out, done.output
+
+
+OF_GAP = dict.fromkeys(("time_column", "rate", "joints", "gains", "load", "loaded", "law")) | {"units": ()}
 
 
 def run(command, *arguments):
@@ -427,6 +430,33 @@ def test_what_a_stream_of_an_arm_cannot_take_is_told(folder, log, more, said):
     assert done.exit_code != 0
     assert said in " ".join(done.output.split())
     assert "Traceback" not in done.output
+
+
+def test_a_model_keeps_the_gains_that_it_was_identified_with(folder, tmp_path):
+    """What comes after `identify --gains` takes the same currents without asking again, and torques as they are."""
+    out, _ = folder
+    log = pd.read_csv(out / "arm.csv")
+    currents = log.rename(columns=lambda c: c.replace("torque_nm", "current_ma"))
+    for joint, gain in (("yaw", 11.0), ("pitch", 8.0)):
+        currents[f"{joint}_current_ma"] *= 1e3 / gain
+    currents.to_csv(tmp_path / "currents.csv", index=False)
+    gains = ["--gains", "yaw:11+-0.2;pitch:8", "--no-track"]
+    done = run(identify, tmp_path / "currents.csv", "--robot", out / "arm.xml", "--out", tmp_path / "m", *gains)
+    assert done.exit_code == 0, done.output
+    model = tmp_path / "m" / "model.json"
+    simulated = []
+    for table in (tmp_path / "currents.csv", out / "arm.csv"):
+        done = run(simulate, model, table, "--out", tmp_path / "simulated.csv")
+        assert done.exit_code == 0, done.output
+        assert ("yaw:11+-0.2; pitch:8" in done.output) == (table.parent == tmp_path)
+        simulated.append(pd.read_csv(tmp_path / "simulated.csv"))
+    np.testing.assert_allclose(simulated[0], simulated[1], atol=1e-6)
+    options = {"robot": str(model), "source": str(tmp_path / "currents.csv"), "time_column": "time_s"}
+    found = arm_stream({**options, "joints": None, "gains": None, "forgetting": 1.0, "alarm_interval": 1e6})
+    assert found.rows["factors"] == pytest.approx([1.0, 1.0, 1.0, 0.011, 0.008])
+    (tmp_path / "repaired.json").write_text((out / "model" / "model.json").read_text())
+    keep_gains(tmp_path, gap_log(OF_GAP | {"log_file": str(tmp_path / "currents.csv"), "robot": str(model)}))
+    assert load_model(tmp_path / "repaired.json").gains == load_model(model).gains
 
 
 def test_currents_without_gains_ask_for_them(folder, tmp_path):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,9 +13,8 @@ import click
 import numpy as np
 
 from whsklearn.cli.arm_log import (
-    checked_gains,
     columns_of,
-    gains_of,
+    gains_used,
     note_friction,
     note_locked,
     read_arm,
@@ -67,10 +67,18 @@ def gap_log(options: dict[str, Any]) -> Bunch:
         options["known"] = identified(long_segments(log), arm).model
         log = read_arm(options["loaded"], options, arm)
     whole, log = log, long_segments(log)
-    errors = [e / g for g, e in gains_of(options["gains"] or "").values() if g]
+    errors = [e / g for g, e in log.gains.values() if g]
     log.update(units={"drive": "Nm", "position": "rad"}, rows=rows_of(log, whole))
     log.drive_error = max(errors, default=0.0)
     return log
+
+
+def keep_gains(folder: Path, log: Bunch) -> None:
+    """Write the gains that a log was read with into the repaired model, for the logs that it will be used with."""
+    from whsklearn.models import load_model, save_model
+
+    if log.gains and (path := folder / "repaired.json").exists():
+        save_model(replace(load_model(path), gains=log.gains), path)
 
 
 def gains_by_load(options: dict[str, Any], arm: Arm) -> str:
@@ -125,7 +133,7 @@ def identify(options: dict[str, Any]) -> None:
     folder = writable_folder(options["out"])
     tracker = tracker_for("identify", options["track"], data=Path(options["train"]).stem)
     found = identified(log, arm, **({"law": options["law"]} if options["law"] else {}))
-    save_model(found.model, folder / "model.json")
+    save_model(replace(found.model, gains=log.gains), folder / "model.json")
     told = document(found, log.stated)
     atomic_write(folder / "identify.json", json.dumps(told, indent=1, allow_nan=False).encode() + b"\n")
     tables = f"{joints_table(found)}\n\n{numbers_table(told)}"
@@ -162,8 +170,9 @@ def arm_stream(options: Mapping[str, Any]) -> Learnt:
         raise ColumnError('Lines on stdin have no column names; give them with --joints "NAME:POSITION,DRIVE;...".')
     names, step = head_of(source, time)
     dt = step or dt
-    given, gains = columns_of(options, arm, names), checked_gains(options, arm)
+    given = columns_of(options, arm, names)
     pairs = [given[j] for j in arm.joints]
+    gains = gains_used(options, arm, {j: unit_of(given[j][1]) for j in arm.joints})
     factors = [
         to_si(j, bool(slides), unit_of(q), unit_of(u), gains)
         for j, slides, (q, u) in zip(arm.joints, arm.slides, pairs, strict=True)

@@ -176,6 +176,27 @@ def checked_gains(options: Mapping[str, Any], arm: Arm) -> dict[str, tuple[float
     return gains
 
 
+def gains_used(options: Mapping[str, Any], arm: Arm, units: Mapping[str, str]) -> dict[str, tuple[float, float]]:
+    """The gains of ``--gains``; without it those that the robot's model was identified with, for drives in amperes.
+
+    ``units``: unit of the drive by joint.
+    """
+    from whsklearn.logs.current import AMPERES
+    from whsklearn.logs.units import factor_of
+    from whsklearn.models import load_model
+
+    path = str(options.get("robot") or options.get("model") or "")
+    currents = [j for j, unit in units.items() if factor_of(unit)[1] in AMPERES]
+    gains = checked_gains(options, arm)
+    if gains or not currents or not path.endswith(".json"):
+        return gains
+    kept = getattr(load_model(path), "gains", {})
+    if known := {j: (kept[j][0], kept[j][1]) for j in currents if j in kept}:
+        said = "; ".join(f"{j}:{gain:g}" + f"+-{error:g}" * bool(error) for j, (gain, error) in known.items())
+        note(f"Gains of {path}: {said} (--gains gives others).")
+    return known
+
+
 def to_si(joint: str, slides: bool, position: str, drive: str, gains: Mapping[str, Any]) -> tuple[float, float]:
     """Factors that convert the position and drive of a joint from these units to rad and Nm, or m and N.
 
@@ -233,8 +254,8 @@ def read_arm(path: str, options: Mapping[str, Any], arm: Arm) -> Bunch:
     """A log by the robot's joints, in rad, m, Nm and N.
 
     Its fields are those of other logs: ``time`` (n,), ``X`` and ``y`` (n, n_joints), the drives and positions,
-    ``groups`` (n,), the segment of each row, and ``sample_rate``; ``columns`` holds position and drive by joint, and
-    ``stated`` is False if drives are currents without gains.
+    ``groups`` (n,), the segment of each row, and ``sample_rate``; ``columns`` holds position and drive by joint,
+    ``gains`` those that were used, and ``stated`` is False if drives are currents without gains.
     """
     from sklearn.utils import Bunch
 
@@ -245,14 +266,16 @@ def read_arm(path: str, options: Mapping[str, Any], arm: Arm) -> Bunch:
     source = open_source(path)
     time = options["time_column"] or (None if options.get("rate") or source.clocked else guess(source, "time"))
     given = columns_of(options, arm, source.names)
-    gains = checked_gains(options, arm)
+    read_logs: list[Bunch] = []
+    quiet = PER_JOINT
+    for position, drive in (given[joint] for joint in arm.joints):
+        read_logs.append(read(source, options, quiet, time=time, position=position, drive=drive))
+        quiet = (*quiet, *read_logs[-1].report.codes)
+    gains = gains_used(options, arm, {j: log.units["drive"] for j, log in zip(arm.joints, read_logs, strict=True)})
     logs: list[tuple[Bunch, float, float]] = []
     unstated: list[str] = []
-    quiet = PER_JOINT
-    for joint, slides in zip(arm.joints, arm.slides, strict=True):
+    for joint, slides, log in zip(arm.joints, arm.slides, read_logs, strict=True):
         position, drive = given[joint]
-        log = read(source, options, quiet, time=time, position=position, drive=drive)
-        quiet = (*quiet, *log.report.codes)
         unstated += [position] * (log.units["position"] in UNSTATED)
         unstated += [drive] * (log.units["drive"] in UNSTATED and joint not in gains)
         far, by = to_si(joint, bool(slides), log.units["position"], log.units["drive"], gains)
@@ -278,7 +301,7 @@ def read_arm(path: str, options: Mapping[str, Any], arm: Arm) -> Bunch:
         X=np.column_stack([by * log.X[at, 0] for (log, _, by), at in zip(logs, rows, strict=True)]),
         y=np.column_stack([far * log.y[at] for (log, far, _), at in zip(logs, rows, strict=True)]),
         groups=np.cumsum(np.append(False, np.any(np.diff(parts, axis=0) != 0, axis=1))),
-        sample_rate=first.sample_rate, columns=given, notes=(), stated=not unknown,
+        sample_rate=first.sample_rate, columns=given, notes=(), stated=not unknown, gains=gains,
     )  # fmt: skip
 
 

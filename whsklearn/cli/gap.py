@@ -193,6 +193,10 @@ def diagnose(options: dict[str, Any], log: Bunch, second: Bunch | None, folder: 
             click.echo(wrapped(tested))
         with records.warnings_as_notes():
             page = finder.report(folder)
+        if options["robot"]:
+            from whsklearn.cli.arm import keep_gains
+
+            keep_gains(folder, log)
         if d.interrupted:
             click.echo("Interrupted: the report holds the rounds that were finished.")
         click.echo(f"Report: {page}")

@@ -31,6 +31,8 @@ class ArmModel(IdentifiedModel):
         For each joint, the standard deviation of its drive in that record (Nm or N).
     reversals : mapping of str to (float, float), optional
         How dry friction reverses, as `RigidBodyLags` takes it.
+    gains : mapping of str to (float, float), optional
+        Nm (N) per ampere of the drives that were logged as currents, and its standard error, by joint.
 
     References
     ----------
@@ -53,6 +55,7 @@ class ArmModel(IdentifiedModel):
     unexplained: Mapping[str, float] = field(default_factory=dict)
     varied: Mapping[str, float] = field(default_factory=dict)
     reversals: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    gains: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     kind: ClassVar[str] = "arm"
 
     @property
