@@ -26,6 +26,7 @@ from whsklearn.plot import flat_parameters
 from whsklearn.streaming.clock import Clock, Verdict
 from whsklearn.streaming.freeze import Freeze
 from whsklearn.streaming.jumps import Jumps
+from whsklearn.streaming.lone import BEYOND, Lone
 from whsklearn.streaming.pace import Pace
 from whsklearn.streaming.rows import BadRow, OtherHeader
 from whsklearn.streaming.sides import Compare, Sides
@@ -273,7 +274,7 @@ class StreamMonitor:
         self.clock = Clock()
         self.turns = [Turns() for _ in options.positions]
         self.jumps = [Jumps() for _ in options.positions]
-        self.freeze, self.pace = Freeze(), Pace()
+        self.freeze, self.pace, self.lone = Freeze(), Pace(), Lone()
         self._rows: list[list[float]] = []
         self._experiments: list[int] = []
         self._numbers: list[int] = []
@@ -396,14 +397,36 @@ class StreamMonitor:
             if self.pace.off:
                 c.bad += 1
                 return
-        c.last, c.repeated_run = row, 0
+        c.repeated_run = 0
         if self.freeze.experiment != c.experiment:
             self._let_go(0)
             c.path, fills = [], False
+        if not self.options.positions:
+            self._past_lone([number, row])
+            return
+        c.last = row
         c.path = [*c.path[-1:], self._unwrapped(row, number)]
         if fills:
             self._past_jumps([number, [0.5 * (a + b) for a, b in zip(*c.path, strict=True)]])
         self._past_jumps([number, c.path[-1]])
+
+    def _past_lone(self, row: list[Any]) -> None:
+        """Queue a row, with its number; the last sample takes the place of one with a value beyond all others."""
+        c = self.carried
+        for (number, values), wrong in [(row, [])] if self.options.refuse else self.lone.take(row):
+            if not wrong:
+                c.last = values
+                self._queue([[number, values]])
+                continue
+            self._learn_taken()
+            c.bad += 1
+            said = f"a value of {values[wrong[0]]:.6g} stands alone, over {BEYOND:g} times any before it"
+            self.emit({"kind": "bad_row", "line": number, "row": c.rows, "reason": said})
+            if self.options.restart_after_hole:
+                self.freeze.experiment = c.experiment = c.experiment + 1
+            else:
+                timed = int(self.options.timed)
+                self._queue([[number, [*values[:timed], *c.last[timed:]]]])
 
     def _past_jumps(self, row: list[Any], k: int = 0) -> None:
         """Pass a row, with its number, on to the positions from the ``k``-th on, each of which may hold it back."""
@@ -425,7 +448,7 @@ class StreamMonitor:
 
     def _let_go(self, k: int) -> None:
         """Queue the rows that the positions from the ``k``-th on hold back, as the last of an experiment."""
-        rows = self.freeze.end()
+        rows = [*self.freeze.end(), *self.lone.end()]
         for jumps in reversed(self.jumps[k:]):
             rows += jumps.end()
         self._queue(rows, self.freeze.experiment)
@@ -634,6 +657,7 @@ class StreamMonitor:
             "turns": [asdict(turns) for turns in self.turns],
             "freeze": asdict(self.freeze),
             "pace": asdict(self.pace),
+            "lone": asdict(self.lone),
             "jumps": [asdict(jumps) for jumps in self.jumps],
             "sides": {} if self.sides is None else self.sides.get_state(),
         }
@@ -646,7 +670,7 @@ class StreamMonitor:
         self.carried = Carried(**state["carried"])
         self.clock.set_state(state.get("clock", {}))
         self.freeze = Freeze(**state.get("freeze", {"experiment": self.carried.experiment}))
-        self.pace = Pace(**state.get("pace", {}))
+        self.pace, self.lone = Pace(**state.get("pace", {})), Lone(**state.get("lone", {}))
         n = len(self.options.positions)
         self.turns = [Turns(**turns) for turns in _of_each(state.get("turns"), n)]
         self.jumps = [Jumps(**jumps) for jumps in _of_each(state.get("jumps"), n)]

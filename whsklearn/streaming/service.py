@@ -243,6 +243,7 @@ def _run(stream: StreamMonitor, files: Files, place: dict[str, Any], keeper: Kee
     repeated, leapt = len(stream.freeze.waiting), sum(len(j.waiting) for j in stream.jumps)
     waiting = (
         (ahead, "after a leap of the clock"), (repeated, "that repeat the position"), (leapt, "after a jump"),
+        (len(stream.lone.waiting), "with a value beyond all before it"),
     )  # fmt: skip
     for n, what in waiting:
         if n:
