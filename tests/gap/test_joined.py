@@ -14,8 +14,8 @@ from whsklearn.gap.joined import joined
 from whsklearn.identification.drive_lead import earlier
 
 
-def record(*effects, seed=0, offset=0.0, late=0):
-    log = make_servo_log(effects, duration=12.0, random_state=seed)
+def record(*effects, seed=0, offset=0.0, late=0, rate=1000.0):
+    log = make_servo_log(effects, duration=12.0, sample_rate=rate, random_state=seed)
     made = ServoRecord.from_frame(log)
     return replace(made, drive=earlier(made.drive, -late) + offset, reference=None)
 
@@ -38,12 +38,13 @@ def test_segments_are_kept_and_time_goes_on():
 
 
 def test_another_offset_in_each_record_is_no_gap():
-    finder = GapFinder("servo").fit([record(seed=1, offset=-0.1), record(seed=2, offset=0.1)])
+    finder = GapFinder("servo").fit([record(seed=1, offset=-0.1, rate=250.0), record(seed=2, offset=0.1, rate=250.0)])
     assert finder.verdict_ == "no_gap"
 
 
 def test_what_both_lack_is_named_with_one_size():
-    finder = GapFinder("servo").fit([record(Cogging(0.1, 12.0), seed=1), record(Cogging(0.1, 12.0), seed=2, late=3)])
+    logs = [record(Cogging(0.1, 12.0), seed=seed, late=late, rate=250.0) for seed, late in ((1, 0), (2, 1))]
+    finder = GapFinder("servo").fit(logs)
     assert [e.name for e in finder.effects_] == ["cogging"]
     assert finder.effects_[0].parameters["amplitude_nm"] == pytest.approx(0.1, rel=0.05)
 
