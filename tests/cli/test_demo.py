@@ -91,7 +91,7 @@ def test_what_is_not_compiled_is_compiled_beside_on_a_second_core_until_the_end(
         assert arguments[0] == sys.executable
         return SimpleNamespace(terminate=lambda: said.append("ended"), wait=lambda: said.append("gone"))
 
-    monkeypatch.setattr("whsklearn._numba.is_kept", lambda _: kept)
+    monkeypatch.setattr("whsklearn.systems.servo.is_compiled", lambda: kept)
     monkeypatch.setattr("joblib.cpu_count", lambda: cores)
     monkeypatch.setattr(demo.subprocess, "Popen", started)
     work = demo.compiled_beside()(lambda: said.append("work") or sys.exit(1))

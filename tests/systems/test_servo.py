@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tests.systems.signals import DRIVE, REFERENCE, T
+from whsklearn import _numba
 from whsklearn.effects import (
     Cogging,
     Coulomb,
@@ -30,7 +31,14 @@ from whsklearn.effects import (
 )
 from whsklearn.effects.base import signals_of
 from whsklearn.systems import Drive, PIDController, Sensor, ServoAxis, Transmission, record_frame, simulate_many
-from whsklearn.systems.servo import pack, parts_of
+from whsklearn.systems.servo import is_compiled, pack, parts_of
+
+
+def test_an_axis_is_compiled_once_one_has_been_simulated(tmp_path, monkeypatch):
+    ServoAxis().simulate(np.zeros(10))
+    assert is_compiled()
+    monkeypatch.setattr(_numba._settings, "CACHE_DIR", str(tmp_path))
+    assert not is_compiled()
 
 
 def test_open_loop_repeats_the_closed_loop():

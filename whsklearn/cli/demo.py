@@ -43,10 +43,9 @@ def compiled_beside() -> Iterator[None]:
     """Have a second process compile ahead, if there is a core for it: compiling is half of a first run."""
     from joblib import cpu_count
 
-    from whsklearn._numba import is_kept
-    from whsklearn.systems import _servo_kernel  # which the second part needs, and whoever has run it has all
+    from whsklearn.systems.servo import is_compiled  # what the second part needs, and whoever has run it has all
 
-    if cpu_count() == 1 or is_kept(Path(_servo_kernel.__file__)):
+    if cpu_count() == 1 or is_compiled():
         yield
         return
     silent = subprocess.DEVNULL

@@ -12,12 +12,14 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.utils import Bunch
 
+from whsklearn._numba import is_kept
 from whsklearn.effects import Coulomb, Effect, FrictionLaw, Viscous, as_law, codes
 from whsklearn.systems import _servo_kernel as kernel
 from whsklearn.systems._servo_kernel import DELAY, AxisNumbers, plant_of
@@ -52,6 +54,11 @@ class Conditions(NamedTuple):
     velocity: ArrayLike | None = None
     resync: float | None = None
     hold: str = "zero"
+
+
+def is_compiled() -> bool:
+    """Whether an axis is simulated without compiling anything, or nothing that is compiled can be kept."""
+    return is_kept(Path(kernel.__file__))
 
 
 def record_frame(record: Bunch) -> pd.DataFrame:
