@@ -415,6 +415,18 @@ def test_wrapped_positions_and_wrong_readings_of_a_joint_change_no_estimate_of_a
         assert last["spoilt"]["parameters"][joint] == pytest.approx(value, abs=0.01 * error), joint
 
 
+def test_a_joint_whose_drive_counts_in_the_opposite_direction_is_an_alarm_of_a_stream(folder, tmp_path):
+    out, _ = folder
+    log = make_arm_log(duration=12.0, random_state=5)
+    log["pitch_torque_nm"] *= -1.0
+    log.to_csv(tmp_path / "inverted.csv", index=False)
+    options = ["--robot", out / "model" / "model.json", "--time", "time_s", "--no-track"]
+    done = run(stream, tmp_path / "inverted.csv", *options, "--out", tmp_path / "inverted.jsonl")
+    assert done.exit_code == 0, done.output
+    [told] = [r for r in records(tmp_path / "inverted.jsonl", "alarm") if r["cause"] == "negative_friction"]
+    assert "friction drives pitch where it should brake (pitch.viscous is -" in told["reason"]
+
+
 @pytest.mark.parametrize(
     ("log", "more", "said"),
     [

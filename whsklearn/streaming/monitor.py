@@ -104,6 +104,7 @@ Record = dict[str, Any]
 PAST = 50.0  # weight, in samples, that all rows before an alarm keep
 ADAPTING_ROWS = 200 * BLOCK  # after an alarm; by then the forgetting factor has settled to within 5e-5
 TAKEN_OVER = 480  # rows after which the first models of a memory take over
+BRAKES = "viscous", "coulomb"  # effects that are negative together in no joint; beside Stribeck's one may be
 SURE = 5.0  # standard deviations of a ratio of two variances by which an NMSE must exceed one
 DRIFT_LEVEL = 0.01  # probability that a drift is ever reported although there is none
 NEW_EXPERIMENT, NEIGHBOURS = "a new experiment begins", "the rows on both sides are taken as neighbours"
@@ -714,10 +715,16 @@ class StreamMonitor:
         return f"no change can be told before {n} more {what}" if n else ""
 
     def _senseless(self) -> tuple[str, str]:
-        """The cause and a sentence, if the numbers of an axis are such that none has."""
-        if not self._of_an_axis or not self.carried.rows:
+        """The cause and a sentence, if the numbers of an axis or of a joint are such that none has."""
+        if not self.options.positions or not self.carried.rows:
             return "", ""
         values, errors = estimates(self.model)
+        if not self._of_an_axis:
+            brakes = {j: [n for e in BRAKES if (n := f"{j}.{e}") in values] for j in self.options.outputs}
+            driven = [j for j, of in brakes.items() if of and all(values[n] < -SURE * errors[n] for n in of)]
+            told = ", ".join(f"{n} is {values[n]:.4g} +- {errors[n]:.2g}" for j in driven for n in brakes[j])
+            said = f"friction drives {', '.join(driven)} where it should brake ({told}); check the sign of the drive"
+            return ("negative_friction", f"{said} and that of the position") if driven else ("", "")
         inertia, error = values.get("inertia", 0.0), errors.get("inertia", math.nan)
         if inertia < -SURE * error:
             return "negative_inertia", (
