@@ -55,6 +55,15 @@ def test_it_writes_drive_output_and_measurement_and_judges_what_was_asked_for(fi
     assert "the longest segment has 300 samples" in wrong.output
 
 
+def test_a_log_that_stands_still_is_simulated_and_has_no_nmse(files):
+    log = pd.read_csv(files / "log.csv").assign(position_rad=0.3)
+    log.to_csv(files / "log.csv", index=False)
+    done = run(files)
+    assert done.exit_code == 0, done.output
+    assert "the measured output never changes, so it has no NMSE; RMSE " in done.output
+    assert table_of(files).measured.eq(0.3).all()
+
+
 def test_an_axis_with_gravity_starts_where_the_log_does(files):
     gravity = (GravityImbalance(1.5, phase=-1.0),)
     model = AxisModel(0.05, as_law("viscous").reweighted([0.3]), gravity, dt=0.01, logged="position")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -75,8 +76,10 @@ def main(**options: Any) -> None:
     )
     told = [f"{names} in {u}" for names, u in (("drive", drive), ("simulated and measured", unit)) if u not in UNSTATED]
     unit = f" {unit}" if unit else ""
-    index = nmse(log.y[kept], y[kept])
-    click.echo(f"Free run: NMSE {index:.3g}, RMSE {rmse(log.y[kept], y[kept]):.4g}{unit}.")
+    still = bool(np.ptp(log.y[kept]) == 0.0)
+    index = math.nan if still else nmse(log.y[kept], y[kept])
+    share = "the measured output never changes, so it has no NMSE; " if still else f"NMSE {index:.3g}, "
+    click.echo(f"Free run: {share}RMSE {rmse(log.y[kept], y[kept]):.4g}{unit}.")
     if bad := worse_than_mean({Path(options["model"]).name: index}):
         grows = (
             " Or its error only grew: without its loop an axis drifts, or gravity tips it, in a free run over a whole "
