@@ -49,6 +49,15 @@ def test_joints_without_one_column_of_each_kind_are_to_be_named(names):
         guessed_columns(JOINTS, names)
 
 
+def test_a_unit_tells_the_column_of_a_joint_beside_others_that_a_word_tells():
+    names = ["t", "hip_pos_rad", "lift_pos_mm", "hip_tq_Nm", "lift_force_N"]
+    found = guessed_columns(["hip", "lift"], names)
+    assert found == {"hip": ("hip_pos_rad", "hip_tq_Nm"), "lift": ("lift_pos_mm", "lift_force_N")}
+    for beside in ("hip_gravity_Nm", "hip_current_A"):  # two that may be it; a word, but one of another kind
+        with pytest.raises(ColumnError, match="of hip"):
+            guessed_columns(["hip", "lift"], [*names, beside])
+
+
 @pytest.mark.parametrize("text", ["hip:q1", "hip:", ":q1,i1", "hip:q1,i1;hip:q2,i2", "hip:q1,i1;knee:q1,i2"])
 def test_a_joint_is_named_once_with_two_columns_of_its_own(text):
     with pytest.raises(ValueError, match="--joints"):

@@ -75,7 +75,10 @@ def guessed_columns(joints: Sequence[str], names: Sequence[str], exactly: bool =
 def _one_kind(
     joints: Sequence[str], names: Sequence[str], ranks: Sequence[Sequence[str]], kind: str, exactly: bool
 ) -> dict[str, str]:
-    """The column of this kind for every joint, by the most reliable words that every joint has, or else by its unit."""
+    """The column of this kind for every joint, by the most reliable words that every joint has, or else by its unit.
+
+    A joint of which no word tells any column of this kind has that whose unit does.
+    """
     from whsklearn.logs.units import factor_of, unit_of
 
     found: dict[tuple[bool, int, bool], dict[str, list[str]]] = {}
@@ -101,8 +104,10 @@ def _one_kind(
             for joint, column in zip(joints, columns, strict=False):
                 found.setdefault((measured, rank, False), {}).setdefault(joint, []).append(column)
     count = 0
+    said = {j for (_, rank, _), of in found.items() if rank >= 0 for j in of}
     for key in sorted(found, reverse=True):
-        of = found[key]
+        by_unit = found.get((key[0], -1, True), {})  # of a joint that no word tells, beside others that one does
+        of = {j: c for j, c in by_unit.items() if j not in said} | found[key]
         missing = [j for j in joints if len(of.get(j, ())) != 1]
         if not missing:
             return {j: of[j][0] for j in joints}
