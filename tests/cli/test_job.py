@@ -14,7 +14,7 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from whsklearn.cli.job import Ended, job, root, table, writable_file
+from whsklearn.cli.job import Ended, job, root, table, writable_file, writable_folder
 from whsklearn.effects.base import ArgumentError
 from whsklearn.logs import ColumnError, LogError
 from whsklearn.logs.files import atomic_write
@@ -123,6 +123,22 @@ def test_an_output_is_looked_at_before_the_work(tmp_path):
     with pytest.raises(ValueError, match="is a folder"):
         writable_file(tmp_path)
     assert list((tmp_path / "new").iterdir()) == []
+
+
+@pytest.mark.parametrize("writes", [False, True])
+def test_a_folder_in_which_nothing_was_written_is_removed(tmp_path, writes):
+    def refused(out, **_):
+        folder = writable_folder(out)
+        if writes:
+            (folder / "page.html").write_text("")
+        raise LogError("the log is empty")
+
+    command = job(click.argument("out")(refused))
+    (tmp_path / "there").mkdir()
+    for out in ("new/model", "there"):
+        assert CliRunner().invoke(command, [str(tmp_path / out), "--no-track"]).exit_code == 3
+    assert (tmp_path / "there").is_dir()
+    assert (tmp_path / "new").exists() == writes
 
 
 def test_a_file_that_does_not_fit_is_told_and_none_is_left(tmp_path):

@@ -106,8 +106,8 @@ def _one_kind(
     count = 0
     said = {j for (_, rank, _), of in found.items() if rank >= 0 for j in of}
     for key in sorted(found, reverse=True):
-        by_unit = found.get((key[0], -1, True), {})  # of a joint that no word tells, beside others that one does
-        of = {j: c for j, c in by_unit.items() if j not in said} | found[key]
+        alone = found.get((key[0], -1, True), {})  # of a joint that no word tells, beside others that one does
+        of = {j: c for j, c in alone.items() if j not in said} | found[key]
         missing = [j for j in joints if len(of.get(j, ())) != 1]
         if not missing:
             return {j: of[j][0] for j in joints}

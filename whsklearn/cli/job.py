@@ -153,18 +153,30 @@ def root() -> Path:
 def writable_folder(path: str | os.PathLike[str]) -> Path:
     """Create the folder if necessary and check that files can be written to it, before the work and not after.
 
+    If the command then writes nothing into it, it is removed at the end.
+
     Raises OSError if nothing can be written there.
     """
     folder = Path(path)
     probe = folder / f".whsklearn-{os.getpid()}"
     try:
+        made = [f for f in (folder, *folder.parents) if not f.exists()]
         folder.mkdir(parents=True, exist_ok=True)
+        if context := click.get_current_context(silent=True):
+            context.call_on_close(functools.partial(_remove_empty, made))
         probe.write_bytes(b"")
         probe.unlink()
     except OSError as error:
         reason = error.strerror or str(error)
         raise OSError(f"Cannot write to {folder} ({reason}); name another folder.") from None
     return folder
+
+
+def _remove_empty(folders: list[Path]) -> None:
+    """Remove folders, the innermost first, that hold nothing."""
+    with contextlib.suppress(OSError):
+        for folder in folders:
+            folder.rmdir()
 
 
 def writable_file(path: str | os.PathLike[str], *read: str | os.PathLike[str]) -> Path:
