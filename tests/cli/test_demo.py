@@ -87,8 +87,9 @@ def test_what_is_not_compiled_is_compiled_beside_on_a_second_core_until_the_end(
     said = []
 
     def started(arguments, **_):
-        said.append(arguments[1:])
-        assert arguments[0] == sys.executable
+        said.append("begun")
+        assert arguments[:2] == [sys.executable, "-c"]
+        compile(arguments[2], "a program", "exec")
         return SimpleNamespace(terminate=lambda: said.append("ended"), wait=lambda: said.append("gone"))
 
     monkeypatch.setattr("whsklearn.systems.servo.is_compiled", lambda: kept)
@@ -98,7 +99,7 @@ def test_what_is_not_compiled_is_compiled_beside_on_a_second_core_until_the_end(
     with pytest.raises(SystemExit):
         work()
     beside = not kept and cores > 1
-    assert said == ([["-m", "whsklearn", "warm"], "work", "ended", "gone"] if beside else ["work"])
+    assert said == (["begun", "work", "ended", "gone"] if beside else ["work"])
 
 
 # --- the log --------------------------------------------------------------------------------------------------

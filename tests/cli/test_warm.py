@@ -11,7 +11,8 @@ from whsklearn.cli import warm
 
 
 def test_what_was_compiled_is_told_line_by_line(monkeypatch):
-    monkeypatch.setattr(warm, "axes", lambda: iter(["an axis"]))
+    monkeypatch.setattr(warm, "searches", lambda: iter(["a search"]))
+    monkeypatch.setattr(warm, "identifications", lambda: iter(["an axis"]))
     done = CliRunner().invoke(warm.main, [], catch_exceptions=False)
     lines = done.output.splitlines()
     assert lines[0].startswith("the default fit: ")
@@ -21,4 +22,4 @@ def test_what_was_compiled_is_told_line_by_line(monkeypatch):
 
 @pytest.mark.slow
 def test_an_axis_is_simulated_searched_and_identified():
-    assert list(warm.axes()) == ["simulation of an axis", "gap", "identify"]
+    assert [*warm.searches(), *warm.identifications()] == ["simulation of an axis", "gap", "identify"]

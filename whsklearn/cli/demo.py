@@ -49,7 +49,8 @@ def compiled_beside() -> Iterator[None]:
         yield
         return
     silent = subprocess.DEVNULL
-    ahead = subprocess.Popen([sys.executable, "-m", "whsklearn", "warm"], stdin=silent, stdout=silent, stderr=silent)
+    needed = "from whsklearn.cli import warm; [*warm.fits(), *warm.searches()]"
+    ahead = subprocess.Popen([sys.executable, "-c", needed], stdin=silent, stdout=silent, stderr=silent)
     try:
         yield
     finally:

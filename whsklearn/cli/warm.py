@@ -32,18 +32,24 @@ def fits() -> Iterator[str]:
         yield name
 
 
-def axes() -> Iterator[str]:
-    """A servo axis: simulated, searched for missing effects and identified."""
+def searches() -> Iterator[str]:
+    """A servo axis, simulated and searched for missing effects."""
     from whsklearn.datasets import make_servo_log
     from whsklearn.gap.finder import GapFinder
-    from whsklearn.identification import identify
 
     log = make_servo_log("cogging", duration=10.0, sample_rate=200.0)
     yield "simulation of an axis"
     GapFinder("servo").fit(log)
     yield "gap"
-    part = log.iloc[:800]
-    identify(part["torque_nm"].to_numpy(), part["position_rad"].to_numpy(), dt=0.005)
+
+
+def identifications() -> Iterator[str]:
+    """A servo axis, identified."""
+    from whsklearn.datasets import make_servo_log
+    from whsklearn.identification import identify
+
+    log = make_servo_log("cogging", duration=10.0, sample_rate=200.0).iloc[:800]
+    identify(log["torque_nm"].to_numpy(), log["position_rad"].to_numpy(), dt=0.005)
     yield "identify"
 
 
@@ -55,7 +61,7 @@ def main() -> None:
 
     Example: whsklearn warm
     """
-    for work in (fits, axes):
+    for work in (fits, searches, identifications):
         began = time.perf_counter()
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # warnings about short records do not matter here
