@@ -9,7 +9,8 @@ import pandas as pd
 import pytest
 
 from tests.cli.fleet_folder import MODEL, source, write_axis
-from whsklearn.cli.fleet_axis import axes_of, identify_axes, outliers, read_axis
+from whsklearn import InverseDynamicsLags, RLSRegressor
+from whsklearn.cli.fleet_axis import axes_of, identify_axes, identify_axis, outliers, read_axis
 
 
 def test_rows_are_put_in_the_order_of_time(fleet):
@@ -36,6 +37,13 @@ def test_failures_of_an_axis_are_a_row(tmp_path):
     said = {"text": "not numbers", "short": "samples?", "missing": "no column y", "twice": "is repeated", "nan": "NaN"}
     for name, pattern in (said | {"empty": "no Parquet file"}).items():
         assert re.search(pattern, rows[name]["failure"]), rows[name]
+
+
+def test_a_servo_axis_whose_log_is_too_short_for_the_filters_is_told_so():
+    model = RLSRegressor(InverseDynamicsLags(1000.0, effects="input_offset,input_delay", causal=True))
+    t = np.arange(20) / 1000.0
+    with pytest.raises(ValueError, match="0 independent rows for 5 parameters"):
+        identify_axis(model, np.column_stack([np.sin(t), np.cos(t)]), np.cos(t), 0.25)
 
 
 @pytest.mark.parametrize("n", [3, 5, 10, 40])

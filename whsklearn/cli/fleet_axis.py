@@ -87,18 +87,27 @@ def read_servo(folder: Path, axis: str, name: str, inputs: list[str], output: st
 def identify_axis(
     model: Any, X: NDArray[np.float64], y: NDArray[np.float64], test_share: float, groups: Any = None
 ) -> Row:
-    """Fit a clone on the first part of the record, judge its free run on the rest; of a servo axis, its drive."""
+    """Fit a clone on the first part of the record, judge its free run on the rest; of a servo axis, its drive.
+
+    Raises ValueError, with what `fit` warned of, if the filters of an axis leave no row to judge.
+    """
     from whsklearn.lags.axis_rows import rows_and_samples
     from whsklearn.metrics import mu_e, nmse, rmse
     from whsklearn.plot import flat_parameters
 
     stop = len(y) - int(len(y) * test_share)
     whole, first = ({}, {}) if groups is None else ({"groups": groups}, {"groups": groups[:stop]})
-    fitted = clone(model).fit(X[:stop], y[:stop], **first)
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always", UserWarning)
+        fitted = clone(model).fit(X[:stop], y[:stop], **first)
     y_hat = fitted.predict(X, **whole)  # from the start, so that the transient is over before the test part
     row: Row = {f"{name}": value for name, value in flat_parameters(fitted.parameters_).items()}
     rows, samples = rows_and_samples(getattr(fitted, "lags_", None), groups, len(y))
     judged = samples >= (stop if test_share else 0)
+    if not judged.any():
+        raise ValueError(" ".join(str(w.message) for w in said) or "No row is left to judge; give a longer record.")
+    for warning in said:
+        warnings.warn(warning.message, warning.category, stacklevel=2)
     for index in (nmse, mu_e, rmse):
         row[index.__name__] = index(y[samples[judged]], y_hat[rows[judged]])
     return row
