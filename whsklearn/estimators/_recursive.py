@@ -454,10 +454,11 @@ class RecursiveRegressor(AxisRegressor):
             if name in PER_MODEL and len(np.shape(fresh["theta"])) == 2:
                 expected = (*shape[:1], *expected[1:])
             if name not in state or np.shape(state[name]) != expected:
-                got = np.shape(state.get(name, 0))
+                got, by = np.shape(state.get(name, 0)), {"recent": "p or order", "memory": "memory"}
                 raise ValueError(
-                    f"The state of this {type(self).__name__} has {name} of shape {got}, and its "
-                    f"parameters need {expected}; use the parameters it was begun with, or call fit."
+                    f"This {type(self).__name__} was begun with another {by.get(name.partition('_')[0], 'structure')}: "
+                    f"its state has {name} of shape {got}, and its parameters need {expected}; use the parameters it "
+                    "was begun with, or call fit."
                 )
             if isinstance(value, int) and (type(state[name]) is not int or state[name] < 0):
                 raise ValueError(f"The state has {name} {state[name]!r}, expected a count; go back to an earlier one.")
