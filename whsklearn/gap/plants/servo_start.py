@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -40,6 +42,8 @@ GRID_AS_NOISE = 0.2
 # s, leads of dry friction that are tried, each a factor of `WIDE` apart, and the relative error of the one found.
 # MuJoCo's default is 9.5 ms; its time constants reach from two of its steps, 4 ms, to some tens of ms.
 EARLY, WIDE, FINE = (0.002, 0.005, 0.0125, 0.03), 2.5, 0.02
+# Factor within which a lead that own records show is from the one found first (1.33 was the most), and trials of it.
+NEAR, REFINED = 1.6, 5
 HELD = 0.8  # share of the dry friction at which an axis is at rest and does not slide slowly
 FEWEST_RESTS = 8  # that tell whether an axis creeps at rest: a slope is known from three, and half may be none
 DISSIPATED = ("viscous", "coulomb")  # friction that any axis may have
@@ -170,7 +174,9 @@ def reversing_early(view: InverseView, model: ServoHypothesis) -> ServoHypothesi
     A log with few rests does not tell.  There it must explain `HALF` of the gap's power.  In the logs of a solver of
     contacts it explains half and more, unless something larger is missing; in those of 44 real axes 8 % at most.  The
     filters smooth a step of friction that comes with the velocity's sign, which looks like an early one, so the two are
-    compared with the artefacts of their own records taken off.
+    compared with the artefacts of their own records taken off, and the lead is found in the same way: in rows of 10 ms
+    the one that leaves least with the artefacts was 2 ms too long.  So compared, 12 logs of MuJoCo were left with 46 %
+    at most, and 34 of axes that stick exactly with 64 % at least.
     """
 
     def led(lead: float) -> ServoHypothesis:
@@ -185,26 +191,28 @@ def reversing_early(view: InverseView, model: ServoHypothesis) -> ServoHypothesi
         fitted, left = bare.fit_with_gap(some)
         return bare.rms(left - own(bare, fitted, np.random.default_rng(0))[0].mean) ** 2
 
-    def enough(after: float, before: float) -> bool:
-        return after <= HALF * before
+    def nearest(of: Callable[[ServoHypothesis], float], lead: float, wide: float, **options: float) -> Any:
+        limits = lead / wide, lead * wide
+        return minimize_scalar(lambda x: of(led(x)), bounds=limits, method="bounded", options=options)
 
     dry = sum(max(0.0, t.q[0]) for t in model.terms if t.name == "coulomb")
     abrupt = dataclasses.replace(model, early=None)
     if dry == 0.0:
         return abrupt
+    if model.early:  # once shown, it needs no more records of its own: they cost as much as a round of looks
+        return led(model.early.lead)
     best, least = min(EARLY, key=lambda lead: power(led(lead))), power(abrupt)
     if power(led(best)) >= least:
         return abrupt
-    limits = best / WIDE, best * WIDE
-    found = minimize_scalar(lambda x: power(led(x)), bounds=limits, method="bounded", options={"xatol": FINE * best})
-    lead = float(found.x)
-    early, seen = led(lead), creeps(view, model, EarlyReversal(lead), dry)
-    if seen is not None:
-        return early if seen and found.fun < least else abrupt
-    if not enough(found.fun, least):
+    found = nearest(power, best, WIDE, xatol=FINE * best)
+    seen = creeps(view, model, EarlyReversal(float(found.x)), dry)
+    if seen is False or found.fun >= least or not (seen or found.fun <= HALF * least):
         return abrupt
-    # once shown, it needs no more records of its own: they cost as much as a round of looks
-    return early if model.early or enough(unexplained(early), unexplained(abrupt)) else abrupt
+    rest = unexplained(abrupt)
+    if not seen and unexplained(led(float(found.x))) > rest / HALF:  # no lead near this one explains half
+        return abrupt
+    found = nearest(unexplained, float(found.x), NEAR, maxiter=REFINED)
+    return led(float(found.x)) if seen or found.fun <= HALF * rest else abrupt
 
 
 def creep_of(law: EarlyReversal, model: ServoHypothesis) -> float:
