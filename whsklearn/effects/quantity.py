@@ -83,10 +83,8 @@ class Scales:
         return float(getattr(self, name)), self.centre if unit == "rad" and name == "reach" else 0.0
 
 
-ONE_PERIOD = math.pi  # rad of a wave over half the travel
-# A slower wave is a line over position: its order and its size are one number.  Sought from one period on only, a
-# cogging over a third of its period was given the names of gravity and a hardening spring, with certainty.
-A_QUARTER = 0.25 * ONE_PERIOD
+ONE_PERIOD = math.pi  # rad of a wave over half the travel; a shorter piece is a line and a parabola
+A_QUARTER = 0.25 * ONE_PERIOD  # a slower wave is a line over position: its order and its size are one number
 N_STARTS = 5  # of a number without a setting of its own; a decade of a logarithmic range is about two of them
 
 
@@ -168,7 +166,8 @@ class Quantity:
         (0.01, 0.6)
         """
         if self.scan == "position":  # orders grow as the travel shrinks
-            least = max(self.low, A_QUARTER / scales.reach)
+            # a wave that is itself below its range needs less than a period to be told from the rest of the law
+            least = max(self.low, (A_QUARTER if self.open_below else ONE_PERIOD) / scales.reach)
             return least, max(self.high, self.high / scales.reach, 10.0 * least)
         unit, origin = scales.of(self.unit, self.scale)
         if unit is None:

@@ -344,6 +344,13 @@ class Plant(Protocol):
         """Whether nothing that a model leaves, wherever it is, is worth naming: by default this is not known either."""
         return False
 
+    def too_little(self, model: Any) -> str:
+        """Why the last effect of a settled model is no name beside all that is still missing: by default for no reason.
+
+        ``model``: fitted, the effect its last term.
+        """
+        return ""
+
     def p_of_all(self, model: Any, rng: np.random.Generator) -> float:
         """p-value of the hypothesis that a model, settled, is all there is: zero where own records may hide the rest.
 

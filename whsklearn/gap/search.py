@@ -194,7 +194,8 @@ class Search:
                 for grown in self.plant.family(taken.model):
                     more.append(self._named(more[-1].model, taken.look, grown))
             model = self.plant.settled(more[-1].model)
-            if taken.name in names or self.plant.rms(self.plant.errors(model)) < left:
+            failed = self.plant.too_little(model)
+            if not failed and (taken.name in names or self.plant.rms(self.plant.errors(model)) < left):
                 model, rivals = self.plant.told_by_run(model, more[-1].rivals)
                 more[-1] = replace(more[-1], rivals=rivals)
                 found.model, found.taken = self.plant.along_the_run(model), found.taken + more
@@ -202,7 +203,7 @@ class Search:
                 step.taken = found.taken[-1]
                 break
             found.model = self.plant.settled(found.model)
-            failed = "with all numbers fitted, the residual is no smaller than without it"
+            failed = failed or "with all numbers fitted, the residual is no smaller than without it"
             step.fitted = [replace(f, reason=failed) if f.look is taken.look else f for f in step.fitted]
         if taken is None and step.fitted is not fitted:
             found.remainder = self.plant.looks(found.model, self.rng)
@@ -449,7 +450,8 @@ class Search:
             kept = next((f for f in fitted if f.name == found.taken[i].name and not f.reason), None)
             if best is not None and kept is not None and kept.name in best.rivals:
                 best = replace(kept, rivals=[best.name, *(r for r in best.rivals if r != kept.name)], same=best.same)
-            if best is None:  # beside the others it is no longer significant; it stays as it is
+            # beside the others it is no longer significant and stays as it is; so it does for one that is too little
+            if best is None or self.plant.too_little(best.model):
                 continue
             here, other = (self.plant.rms(self.plant.errors(m)) for m in (found.model, best.model))
             # polished anew beside the others, the present one may be no longer sound that is so as it stands

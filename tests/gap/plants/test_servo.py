@@ -382,6 +382,22 @@ def test_a_model_has_no_more_numbers_than_the_record_has_independent_samples():
     assert "more numbers" in plant.objection(base, grown)
 
 
+@pytest.mark.parametrize(("name", "periods", "silent", "too_little"), [
+    ("cogging", 0.4, False, True), ("cogging", 0.4, True, False), ("cogging", 1.2, False, False),
+    ("position_friction", 0.4, False, False),
+])  # fmt: skip
+def test_a_part_of_a_wave_is_a_name_only_if_nothing_else_is_missing(name, periods, silent, too_little, monkeypatch):
+    """Any smooth function of the place was one: it was named for the gravity of three joints of an arm."""
+    plant = object.__new__(ServoPlant)
+    monkeypatch.setattr(ServoPlant, "silent", lambda *_: silent)
+    scene = Scales(reach=0.2)
+    kind = candidate(name)
+    wave = ServoTerm(kind, (*(0.1,) * kind.linear, periods * np.pi / scene.reach))
+    said = plant.too_little(base_model(("viscous", "coulomb"), scene).with_term(wave))
+    assert bool(said) is too_little
+    assert plant.too_little(base_model(("viscous", "coulomb"), scene)) == ""
+
+
 def test_a_fit_along_the_run_starts_with_the_friction_of_a_load_on_its_motor_too(monkeypatch):
     """Behind a filter that hides the resonance the two are nearly one, and the run has a minimum at either."""
     coupling = ServoTerm(candidate("flexible_coupling"), (8.7e-4, 0.335, 0.022, 0.145))

@@ -50,6 +50,17 @@ def test_what_holds_the_drive_is_asked_of_the_equation():
     assert driven == {"load_friction", "torque_ripple", "parameter_change[gain]"}
 
 
+@pytest.mark.parametrize("reach", [0.05, 0.5, 3.0])
+def test_a_wave_over_the_place_is_sought_from_a_quarter_of_its_period_on(reach):
+    """Over less it is a line. From a whole one on, a cogging over half of one was gravity and a hardening spring."""
+    scales = Scales(reach=reach)
+    for name in ("cogging", "encoder_eccentricity", "position_friction"):
+        low, high = candidate(name).ranged(scales)[0]
+        assert low * 2.0 * reach >= 0.5 * np.pi * (1.0 - 1e-12)
+        assert low < 1.01 * max(0.25 * np.pi / reach, candidate(name).cls.quantities["order"].low)
+        assert high > low
+
+
 def test_what_modifies_friction_waits_for_it():
     names = {c.name for c in usable([])}
     assert "coulomb" in names

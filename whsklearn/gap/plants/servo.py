@@ -434,6 +434,16 @@ class ServoPlant(Plant):
         floor = self.own.floor * min(1.0, model.inertia / self.corrected.inertia)
         return bool(quiet(self.rms(self.errors(model)), floor, self.tolerance * self.scale))
 
+    def too_little(self, model: ServoHypothesis) -> str:
+        """A part of a wave may be any smooth function of the place, as long as something else is missing.
+
+        It was named for the gravity of three joints of an arm, which other joints pull at.
+        """
+        last = model.terms[-1]
+        if not last.kind.of_part(last.q, model.scene) or self.silent(model):
+            return ""
+        return "the travel shows less than a period of such a wave, and something else is missing beside it"
+
     def enough(self, model: ServoHypothesis) -> bool:
         """Whether the record says enough for a name to be certain.
 

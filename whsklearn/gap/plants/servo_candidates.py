@@ -15,6 +15,7 @@ import numpy as np
 
 from whsklearn.effects import Effect, Scales, codes, effect_names, get_effect
 from whsklearn.effects.base import shapes_of
+from whsklearn.effects.quantity import A_QUARTER, ONE_PERIOD
 from whsklearn.gap.plants.variant import EffectVariant
 from whsklearn.gap.record import Array
 
@@ -137,6 +138,12 @@ class Candidate(EffectVariant):
         """(low, high) of every shape number in one record."""
         return _ranged(self, scales)
 
+    def of_part(self, q: tuple[float, ...], scales: Scales) -> bool:
+        """Whether it is less than a period over the travel of a wave that is something else if it is too slow."""
+        if self.scanned != "position" or self.cls.quantities[self.cls.scanned()].open_below:
+            return False
+        return bool(q[self.linear] * scales.reach < ONE_PERIOD)
+
     def starts(self, scales: Scales) -> list[tuple[float, ...]]:
         """Shape numbers from which the search on one record begins."""
         return self.cls.starts(scales)
@@ -170,7 +177,11 @@ class Candidate(EffectVariant):
 
 @lru_cache(maxsize=1024)
 def _ranged(candidate: Candidate, scales: Scales) -> list[tuple[float, float]]:
-    return candidate.cls.bounds(scales)
+    rows = candidate.cls.bounds(scales)
+    if candidate.scanned == "position":  # its order comes first
+        least = candidate.cls.quantities[candidate.cls.scanned()].low
+        rows = [(max(least, A_QUARTER / scales.reach), rows[0][1]), *rows[1:]]
+    return rows
 
 
 @lru_cache(maxsize=1024)
