@@ -7,7 +7,7 @@ import pytest
 
 from tests.gap.plants.test_arm_view import ARM, kind_of, view_of
 from whsklearn.effects import Cogging, ContactStop
-from whsklearn.gap.plants.arm_families import families, nameless_at, polished
+from whsklearn.gap.plants.arm_families import _varies, families, nameless_at, polished
 from whsklearn.gap.plants.arm_terms import JointTerm, candidates
 from whsklearn.gap.tangent import Tangent
 
@@ -74,3 +74,11 @@ def test_nameless_families_are_of_single_joints(waved):
         assert family.name == ""
         assert len(family.place) == 1
         assert family.rows.step == view.n_joints
+
+
+def test_the_limit_of_a_joint_that_stands_still_changes_nothing():
+    """No sample of it is judged."""
+    tangent = Tangent(np.ones(200), np.zeros((1, 200)), np.eye(200, 3), 100.0, np.ones(200))
+    drive, lost = np.random.default_rng(0).standard_normal((2, 100))
+    assert _varies(tangent, drive, lost, np.ones(100))
+    assert not _varies(tangent, drive, lost, np.zeros(100))

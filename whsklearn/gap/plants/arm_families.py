@@ -171,7 +171,8 @@ def _varies(tangent: Tangent, drive: Array, lost: Array, weight: Array) -> bool:
     A controller that winds up may ask for a hundred times what the motor gives.
     """
     flat = np.abs(np.diff(drive - lost)) <= 1e-9 * np.abs(np.diff(drive))
-    return bool(tangent.n * (1.0 - np.mean(flat[weight[1:] > 0.0])) > tangent.plane.shape[1])
+    judged = flat[weight[1:] > 0.0]  # none of a joint that stands still
+    return bool(judged.size and tangent.n * (1.0 - np.mean(judged)) > tangent.plane.shape[1])
 
 
 def _orders(view: ArmView, kind: AtJoint) -> Blocks:
