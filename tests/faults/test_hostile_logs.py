@@ -95,7 +95,7 @@ def test_an_interruption_before_the_report_leaves_no_half_of_one(frame, tmp_path
     monkeypatch.setattr("whsklearn.gap.report.render", lambda d: (_ for _ in ()).throw(KeyboardInterrupt))
     done = run(tmp_path / "a.csv", "--report", tmp_path / "gap")
     assert done.exit_code == 130
-    assert list((tmp_path / "gap").iterdir()) == []
+    assert not (tmp_path / "gap").exists()  # an empty folder goes with it
 
 
 def test_a_database_locked_at_the_end_is_one_sentence_after_the_result(mlflow_root, monkeypatch, caplog):

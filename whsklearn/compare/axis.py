@@ -206,7 +206,7 @@ def looks_of(view: InverseView, model: ServoHypothesis, rng: np.random.Generator
     left, null, weight = (view.gap(model) - own.mean)[every], own.null[:N_NULL, every], own.weight[every]
     view = copy(view)
     view.at = view.at[every]
-    scene = Scene(view, model)
+    scene = Scene(view, model, whole_waves=True)
     time = view.time[:: view.every][view.at]
     slow, _ = drifting(np.ones((time.size, 1)), ("input_offset",), time, slowest_of(path_of(view), time))
     tangent = Tangent(left, null, np.column_stack([x[view.at], slow]), own.n_effective, weight)

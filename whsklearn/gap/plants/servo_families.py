@@ -61,11 +61,15 @@ Blocks = Iterator[tuple[Any, Array, Array | float]]
 class Scene:
     """One view under one model, with everything that all families share.
 
-    The torque is the model's; if that is not good enough, it is the torque of ``beside``.
+    The torque is the model's; if that is not good enough, it is the torque of ``beside``.  With ``whole_waves``, a wave
+    over the place has a period in the travel at least: a part of one may be any smooth function of the place, which
+    only `ServoPlant.too_little` refuses.
     """
 
-    def __init__(self, view: Any, model: ServoHypothesis, beside: ServoHypothesis | None = None):
-        self.view, self.model = view, model
+    def __init__(
+        self, view: Any, model: ServoHypothesis, beside: ServoHypothesis | None = None, *, whole_waves: bool = False
+    ):
+        self.view, self.model, self.whole_waves = view, model, whole_waves
         self.torque = view.torque(model)
         if self.torque is None and beside is not None:
             self.torque = view.torque(beside)
@@ -297,7 +301,7 @@ def orders(scene: Scene, kind: Candidate) -> Blocks:
     """
     view = scene.view
     present = [t.q[kind.linear] for t in scene.model.terms if t.kind == kind]
-    low = kind.ranged(view.scene)[0][0]
+    low = max(kind.ranged(view.scene)[0][0], ONE_PERIOD / view.scene.reach if scene.whole_waves else 0.0)
     # the highest order that the filter passes in the share of the samples that a name must explain
     speed = max(float(np.quantile(np.abs(scene.speed), LEAST_SHARE)), 1e-9)
     high = float(np.clip(2 * np.pi * 1.5 * view.cutoff / speed, 4.0 * max(low, 1.0), highest_order(view)))
