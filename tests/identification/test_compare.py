@@ -22,6 +22,7 @@ from whsklearn.identification.compare import (
 )
 from whsklearn.identification.linear_fit import fit_arx, fit_output_error
 from whsklearn.identification.view import view
+from whsklearn.logs import LogError
 from whsklearn.models import AxisModel, ChainModel, LinearModel
 from whsklearn.recursion.batch.axis_free_run import axis_motion
 
@@ -363,3 +364,15 @@ def test_a_chain_is_not_fitted_where_an_axis_is_far_better_than_a_linear_model(a
     tried += [] if axis is None else [Compared("axis, viscous and Coulomb", "axis", {}, "simulation", score=axis)]
     tried.append(Compared("without its sign", "wiener-hammerstein", {}, "simulation", score=0.01))
     assert _no_chain(tried) == needless
+
+
+def test_the_log_that_holds_no_motion_is_named_before_anything_is_fitted():
+    rng = np.random.default_rng(0)
+    u = np.cumsum(rng.standard_normal(600)) / 10
+    y = np.r_[np.cumsum(np.cumsum(u[:300])) * 1e-4, 1e-4 * rng.standard_normal(300)]
+    units, fits = {"input": "Nm", "output": "rad"}, []
+    with pytest.raises(LogError, match=r"^tuesday: The axis hardly moves"):
+        identify(u, y, dt=0.01, units=units, records=np.repeat(["monday", "tuesday"], 300), progress=fits.append)
+    with pytest.raises(LogError, match=r"^The axis hardly moves"):
+        identify(u[:300], y[:300], dt=0.01, units=units, test=(u[300:], y[300:]), progress=fits.append)
+    assert not fits

@@ -97,3 +97,16 @@ def test_too_short_a_record_is_not_said_to_have_holes():
         view(np.arange(10.0), np.arange(10.0) ** 2, 0.01, "auto", groups=np.zeros(10, dtype=int))
     with pytest.raises(LogError, match="Holes cut the record into 2 segments"):
         view(np.arange(20.0), np.arange(20.0) ** 2, 0.01, "auto", groups=np.repeat([0, 1], 10))
+
+
+@pytest.mark.parametrize("grid", [0.0, 1e-3])
+def test_a_position_without_travel_is_no_record_of_an_axis(grid):
+    """The judgement of `whsklearn gap`; an output that need not be a position may be white."""
+    noise = 1e-4 * np.random.default_rng(1).standard_normal(2000)
+    still = np.round((noise + 5e-4) / grid) * grid if grid else noise
+    torque, angle = (1.0, "Nm"), (1.0, "rad")
+    for settings in ({"logged": "auto", "si": (torque, angle)}, {"logged": "position"}):
+        with pytest.raises(LogError, match=r"^The axis hardly moves: .* or a record in which the axis moves\.$"):
+            view(U, still, 0.01, **settings)
+    assert view(U, still, 0.01, "auto").logged == "output"
+    assert view(U, POSITION + noise, 0.01, "auto", si=(torque, angle)).logged == "position"

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from whsklearn.gap.record import ServoRecord
+from whsklearn.logs.check import stillness
 from whsklearn.logs.timebase import LONG_GAP, SLOWEST
 
 # s: a third of a record is lost to restarts and filters, and the rest must hold several reversals.
@@ -15,8 +16,6 @@ FEWEST_SAMPLES = 300
 # Share of steps that may differ from the typical one by more than the second share of it; the same share of a step by
 # which the rates of two records may differ.
 UNEVEN, UNEVEN_STEP = 0.01, 0.5
-# Share of samples at which the position must change.
-MOVING = 0.002
 # Changes of the drive: a torque step has two.
 FEWEST_CHANGES = 4
 # Share of samples at an extreme that is worth mentioning; runs of at least so many samples count.
@@ -111,16 +110,8 @@ def _shape_problems(r: ServoRecord) -> list[DataProblem]:
 
 
 def _motion_problems(r: ServoRecord) -> list[DataProblem]:
-    travel = np.ptp(r.position)
-    if travel == 0 or np.mean(np.abs(np.diff(r.position)) > 0) < MOVING:
-        text = "The position does not change; pick the measured position, or a record in which the axis moves."
-        return [DataProblem("data-not-moving", "The axis does not move", text)]
-    if np.mean(np.diff(r.position) ** 2) > np.var(r.position):  # white noise changes by twice its variance
-        text = (
-            "More than half of what the position changes by is noise from one sample to the next; pick the measured "
-            "position, or a record in which the axis moves."
-        )
-        return [DataProblem("data-not-moving", "The axis hardly moves", text)]
+    if still := stillness(r.position, r.by_piece(np.diff, r.position)):
+        return [DataProblem("data-not-moving", *still)]
     if np.ptp(r.drive) == 0:
         return [
             DataProblem("data-no-drive", "The drive is constant", "The drive column never changes; pick the drive.")

@@ -296,6 +296,11 @@ def identify(
     whole, own = together(logs, si=(drive[0], output[0]))
     cut = held_out_from(whole.y)
     fitting, held_out = whole.part(0, cut), whole.part(cut, whole.u.size)
+    judged = held_out  # by the models that were fitted to what is before it, as the choice was made
+    if test is not None:
+        cuts = test[2] if len(test) == 3 else None
+        judged = replace(view(test[0], test[1], dt, whole.logged, cuts), si=whole.si)
+        judged = moved(judged, own[0].lead if len(own) == 1 else skew(judged.in_si))
     past = whole.u[whole.bounds[whole.bounds <= cut].max() : cut]
     trivial = Compared("constant velocity" if whole.logged == "position" else "constant output", "trivial", {}, "-")
     _score(trivial, held_out)
@@ -317,11 +322,6 @@ def identify(
     chosen.model = _better(chosen, _fitted(replace(chosen), fit_again, whole, units), whole)
     chosen.model = _with_drive_error(chosen.model, drive_error)
     reason += _at_its_speed(chosen.model, whole) if _steady(trivial, held_out) else ""
-    judged = held_out  # by the models that were fitted to what is before it, as the choice was made
-    if test is not None:
-        cuts = test[2] if len(test) == 3 else None
-        judged = replace(view(test[0], test[1], dt, whole.logged, cuts), si=whole.si)
-        judged = moved(judged, own[0].lead if len(own) == 1 else skew(judged.in_si))
     for compared in tried:
         compared.train = _indices(compared.model, fitting, 0)
         if judged is not held_out:
@@ -423,7 +423,10 @@ def _logs(
     out = {}
     for label in dict.fromkeys(of.tolist()):
         at = of == label
-        record = view(u[at], y[at], dt, whole.logged, segment[at], si)
+        try:
+            record = view(u[at], y[at], dt, whole.logged, segment[at], si)
+        except ValueError as error:
+            raise type(error)(f"{label}: {error}") from None
         out[str(label)] = replace(record, settles=whole.settles)
     return out
 

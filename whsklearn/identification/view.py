@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from whsklearn.effects.base import Array
 from whsklearn.filtering.records import fine_drive
+from whsklearn.logs.check import stillness
 from whsklearn.logs.errors import LogError
 from whsklearn.logs.units import UNKNOWN
 from whsklearn.recursion.batch.best_linear import IOData, Ratio, filter_rows, least_squares_arx
@@ -162,6 +163,9 @@ def view(
     if not (np.isfinite(dt) and dt > 0):
         raise ValueError(f"dt is {dt!r}, expected a sampling time above zero in s.")
     drive, output = (unit for _, unit in si)
+    if logged == "position" or (logged == "auto" and output in PLACES):
+        if still := stillness(y, _differences(y, 1, bounds)):
+            raise LogError(": ".join(still))
     # the motion of an axis under a torque is a position whether it hangs or not; a rate never is one
     placed = output in PLACES and drive in DRIVES
     settles = logged in ("auto", "position") and not integrates(u, y, bounds)

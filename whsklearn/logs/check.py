@@ -20,6 +20,7 @@ ON_GRID, MOSTLY = 0.02, 0.99
 NEAREST = 0.25
 # Distinct values per sample: above this, nearly every value occurs once, and a grid is no coarser than the noise.
 DISTINCT = 0.9
+MOVING = 0.002  # share of samples at which the position of an axis that moves must change
 
 
 def check_log(time: Array, signals: dict[str, Array], rows: NDArray[np.intp] | None = None) -> LogReport:
@@ -59,6 +60,25 @@ def check_log(time: Array, signals: dict[str, Array], rows: NDArray[np.intp] | N
             found.append(Finding("LOG007", "info", text, value=quantum))
     found.sort(key=lambda f: -SEVERITIES.index(f.severity))
     return LogReport(tuple(found), skipped, jitter(time), quantum)
+
+
+def stillness(position: Array, steps: Array) -> tuple[str, str] | None:
+    """Why a position shows no motion of an axis, as a title and what to do; None if it does.
+
+    ``steps``: its differences from sample to sample, without those across holes.
+
+    >>> import numpy as np
+    >>> noise = np.random.default_rng(0).standard_normal(1000)
+    >>> stillness(noise, np.diff(noise))[0], stillness(np.cumsum(noise), noise[1:])
+    ('The axis hardly moves', None)
+    """
+    instead = "pick the measured position, or a record in which the axis moves."
+    if not np.ptp(position) or np.mean(steps != 0) < MOVING:
+        return "The axis does not move", f"The position does not change; {instead}"
+    if np.mean(steps**2) > np.var(position):  # white noise changes by twice its variance
+        text = "More than half of what the position changes by is noise from one sample to the next"
+        return "The axis hardly moves", f"{text}; {instead}"
+    return None
 
 
 def runs(flags: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
