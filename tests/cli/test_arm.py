@@ -76,6 +76,9 @@ def test_simulate_and_export_take_the_model(folder):
     done = run(export, model, "--to", "mjcf", "--out", out / "again.xml")
     assert done.exit_code == 0, done.output
     assert "armature" in (out / "again.xml").read_text()
+    done = run(export, model, "--to", "table", "--out", out / "tables")
+    assert done.exit_code == 2
+    assert "An arm of 2 joints is exported to mjcf, urdf or c, not to table." in done.output
 
 
 def test_a_law_given_to_identify_is_all_the_friction_of_the_joints(folder):
@@ -415,6 +418,26 @@ def test_wrapped_positions_and_wrong_readings_of_a_joint_change_no_estimate_of_a
         assert last["spoilt"]["parameters"][joint] == pytest.approx(value, abs=0.01 * error), joint
 
 
+def test_a_frozen_encoder_of_a_joint_is_an_alarm_of_a_stream_and_changes_no_estimate(folder, tmp_path):
+    out, _ = folder
+    log = make_arm_log(duration=4.0, random_state=5)
+    q = log["pitch_position_rad"].to_numpy().copy()
+    first = 1000 + int(np.abs(np.diff(q))[1000:1300].argmax())
+    q[first : first + 60] = q[first]
+    q[1800:] = q[1800]
+    log.assign(pitch_position_rad=q).to_csv(tmp_path / "frozen.csv", index=False)
+    options = ["--robot", out / "model" / "model.json", "--time", "time_s", "--every", "500", "--no-track"]
+    done = run(stream, tmp_path / "frozen.csv", *options, "--out", tmp_path / "frozen.jsonl")
+    assert done.exit_code == 0, done.output
+    [told] = records(tmp_path / "frozen.jsonl", "alarm")
+    assert (told["cause"], told["reason"].partition(" for ")[0]) == ("held_rows", "pitch: the position repeats")
+    assert "199 rows that repeat the position of pitch are still waiting" in " ".join(done.output.split())
+    last = records(tmp_path / "frozen.jsonl", "estimate")[-1]
+    assert last["row"] > first + 60
+    for name, truth in (("pitch.coulomb", 0.2), ("yaw.coulomb", 0.3), ("pitch.viscous", 0.1)):
+        assert abs(last["parameters"][name] - truth) < 4.0 * last["standard_errors"][name] + 0.005
+
+
 def test_a_joint_whose_drive_counts_in_the_opposite_direction_is_an_alarm_of_a_stream(folder, tmp_path):
     out, _ = folder
     log = make_arm_log(duration=12.0, random_state=5)
@@ -433,10 +456,12 @@ def test_a_joint_whose_drive_counts_in_the_opposite_direction_is_an_alarm_of_a_s
         ("arm.csv", ["--orders", "1,1,1,1"], "to which orders does not apply"),
         ("arm.csv", ["--joints", "yaw:a,b"], "does not name 'pitch'"),
         ("-", [], "give them with --joints"),
+        ("sheet.xlsx", [], "is not text in UTF-8, which a stream reads as it is written; export the log as CSV"),
     ],
 )
 def test_what_a_stream_of_an_arm_cannot_take_is_told(folder, log, more, said):
     out, _ = folder
+    (out / "sheet.xlsx").write_bytes(b"PK\x03\x04\x14\x00\x00\nxl")
     log = log if log == "-" else out / log
     done = run(stream, log, "--robot", out / "model" / "model.json", "--no-track", *more)
     assert done.exit_code != 0

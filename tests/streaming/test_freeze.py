@@ -23,12 +23,17 @@ def axis(n, seed=0):
     return t, q + rng.normal(0, 1e-6, n), u, v
 
 
-def streamed(table, cut=1000):
+def monitor_of(turns=()):
     told = []
-    options = Options(timed=True, max_step=2.5 / RATE, step=1.0 / RATE, positions=(1,), restart_after_hole=True)
-    monitor = StreamMonitor(
-        RLSRegressor(InverseDynamicsLags(RATE, causal=True)), alarm_of_averages(), options, told.append
+    options = Options(
+        timed=True, max_step=2.5 / RATE, step=1.0 / RATE, positions=(1,), turns=turns, restart_after_hole=True
     )
+    model = RLSRegressor(InverseDynamicsLags(RATE, causal=True))
+    return StreamMonitor(model, alarm_of_averages(), options, told.append), told
+
+
+def streamed(table, cut=1000, turns=()):
+    monitor, told = monitor_of(turns)
     for k in range(0, len(table), cut):
         monitor.take(table[k : k + cut], first=k + 1)
     return monitor, told
@@ -65,10 +70,44 @@ def test_an_axis_that_stops_and_goes_is_not_frozen(step):
     q = np.round(q / step) * step if step else q
     freeze, out = Freeze(), []
     for k, place in enumerate(q.tolist()):
-        rows, lost, anew = freeze.take([k], place)
-        assert lost == 0
+        rows, told, anew = freeze.take([k], place)
+        assert not told
         out += [*rows, *anew]
     assert [*out, *freeze.end()] == [[k] for k in range(t.size)]
+
+
+def test_a_reading_that_stays_for_good_is_told_once_unless_the_axis_was_slow():
+    path = np.cumsum([*np.linspace(0.0, 0.1, 100), *[0.1] * 50, *[0.0] * 2 * MOST_WAITING])
+    for count, times in ((1e-6, 1), (0.1, 0)):
+        freeze = Freeze()
+        taken = [freeze.take([k], q) for k, q in enumerate(count * np.round(path / count))]
+        said = [told for _, told, _ in taken if told]
+        assert sum(len(anew) > 0 for *_, anew in taken) == 1
+        assert len(said) == times
+        assert all(f"stopped within one row and repeats for {MOST_WAITING + 1} rows" in one for one in said)
+
+
+@pytest.mark.parametrize("cut", [1.3, 3.15])
+def test_a_checkpoint_of_before_there_were_arms_is_taken(cut):
+    """Its turns, jumps and repeated readings were those of one axis; at the second cut some rows wait."""
+    t, q, u, _ = axis(3000)
+    q[300:360], q[1500:1600] = q[299], q[1499]
+    table = np.column_stack([t, (q + 0.2) % 0.9, u])
+    whole, told = streamed(table, 3000, turns=((0.9,),))
+    monitor, first = streamed(table[: int(cut * RATE)], 3000, turns=((0.9,),))
+    state = monitor.get_state()
+    experiment = state["carried"].pop("held_back")
+    assert experiment == 1
+    for name in ("turns", "jumps", "freeze"):
+        [state[name]] = state[name]
+    state["freeze"]["experiment"] = state["jumps"]["experiment"] = experiment
+    assert bool(state["freeze"]["waiting"]) == (cut > 3.0)
+    after, then = monitor_of(turns=((0.9,),))
+    after.set_state(state)
+    after.take(table[int(cut * RATE) :], first=int(cut * RATE) + 1)
+    assert first + then == told
+    assert {"wrap", "held_rows"} <= {r.get("cause") for r in told}
+    np.testing.assert_array_equal(after.model.theta_, whole.model.theta_)
 
 
 def test_rows_that_wait_are_bounded_and_come_out_in_order():

@@ -35,6 +35,8 @@ class Learnt(NamedTuple):
 def head_of(source: str, time: str | None) -> tuple[list[str], float | None]:
     r"""Names of a file's columns, and the usual step (s) of its time; no names of stdin, and no step without a time.
 
+    Raises LogError if the first line is no text.
+
     >>> from tempfile import NamedTemporaryFile
     >>> with NamedTemporaryFile("w+") as file:
     ...     _ = file.write("t_ms;q\n0;0\n2;0\n4;0\n")
@@ -47,9 +49,12 @@ def head_of(source: str, time: str | None) -> tuple[list[str], float | None]:
 
     from whsklearn.logs.timebase import usual_step
     from whsklearn.logs.units import seconds_of, unit_of
+    from whsklearn.streaming.rows import CsvParser
 
     if source == "-":
         return [], None
+    with open(source, "rb") as start:
+        CsvParser(start.readline().rstrip(b"\r\n"), [])
     with open(source, encoding="utf-8", errors="replace") as file:
         mark = max(",;\t", key=file.readline().count)
     try:

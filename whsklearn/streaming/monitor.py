@@ -206,6 +206,7 @@ class Carried:
     repeated: int = 0
     repeated_run: int = 0
     held: int = 0
+    held_back: int = 0  # experiment of the rows that are held back
     jumps: int = 0
     times: list[float] = field(default_factory=list)
     last: list[float] = field(default_factory=list)
@@ -275,7 +276,8 @@ class StreamMonitor:
         self.clock = Clock()
         self.turns = [Turns() for _ in options.positions]
         self.jumps = [Jumps() for _ in options.positions]
-        self.freeze, self.pace, self.lone = Freeze(), Pace(), Lone()
+        self.freezes = [Freeze() for _ in options.positions]
+        self.pace, self.lone = Pace(), Lone()
         self._rows: list[list[float]] = []
         self._experiments: list[int] = []
         self._numbers: list[int] = []
@@ -399,7 +401,7 @@ class StreamMonitor:
                 c.bad += 1
                 return
         c.repeated_run = 0
-        if self.freeze.experiment != c.experiment:
+        if c.held_back != c.experiment:
             self._let_go(0)
             c.path, fills = [], False
         if not self.options.positions:
@@ -424,7 +426,7 @@ class StreamMonitor:
             said = f"a value of {values[wrong[0]]:.6g} stands alone, over {BEYOND:g} times any before it"
             self.emit({"kind": "bad_row", "line": number, "row": c.rows, "reason": said})
             if self.options.restart_after_hole:
-                self.freeze.experiment = c.experiment = c.experiment + 1
+                c.held_back = c.experiment = c.experiment + 1
             else:
                 timed = int(self.options.timed)
                 self._queue([[number, [*values[:timed], *c.last[timed:]]]])
@@ -433,7 +435,7 @@ class StreamMonitor:
         """Pass a row, with its number, on to the positions from the ``k``-th on, each of which may hold it back."""
         c, positions = self.carried, self.options.positions
         if k == len(positions):
-            self._unfrozen(row)
+            self._past_freezes(row)
             return
         for one in self.jumps[k].take(row, positions[k], positions[k] + len(positions)):
             if one.told:
@@ -441,19 +443,21 @@ class StreamMonitor:
                 c.jumps += 1
                 if one.anew:
                     self._let_go(k + 1)
-                    self.freeze.experiment = c.experiment = c.experiment + 1
+                    c.held_back = c.experiment = c.experiment + 1
                 if c.jumps <= TOLD:
                     then = NEW_EXPERIMENT if one.anew else "it is replaced by what lies between its neighbours"
                     self._warn("jump", one.row[0], f"{self._at_joint(k)}{one.told}; {then}")
             self._past_jumps(one.row, k + 1)
 
     def _let_go(self, k: int) -> None:
-        """Queue the rows that the positions from the ``k``-th on hold back, as the last of an experiment."""
-        rows = [*self.freeze.end(), *self.lone.end()]
+        """Queue the rows held back behind the jumps of the ``k``-th position, as the last of an experiment."""
+        rows = self.lone.end()
+        for freeze in reversed(self.freezes):
+            rows += freeze.end()
         for jumps in reversed(self.jumps[k:]):
             rows += jumps.end()
-        self._queue(rows, self.freeze.experiment)
-        self.freeze.experiment = self.carried.experiment
+        self._queue(rows, self.carried.held_back)
+        self.carried.held_back = self.carried.experiment
 
     def _at_joint(self, k: int) -> str:
         """The joint of a position, in front of what is told of it; empty for the only one."""
@@ -470,24 +474,24 @@ class StreamMonitor:
                 self._warn("wrap", number, f"{self._at_joint(k)}{said}, and is continued from turn to turn")
         return out
 
-    def _unfrozen(self, row: list[Any]) -> None:
-        """Queue a row, with its number, unless it repeats the position of a moving axis.
-
-        The joints of an arm are not looked at: one may rest while the others move.
-        """
-        c, freeze = self.carried, self.freeze
-        if len(self.options.positions) != 1:
+    def _past_freezes(self, row: list[Any], k: int = 0) -> None:
+        """Queue a row, with its number, unless it repeats a position, from the ``k``-th on, that was moving."""
+        c, positions = self.carried, self.options.positions
+        if k == len(positions):
             self._queue([row])
             return
-        rows, lost, anew = freeze.take(row, row[1][self.options.positions[0]])
-        self._queue(rows)
+        rows, told, anew = self.freezes[k].take(row, row[1][positions[k]])
+        for one in rows:
+            self._past_freezes(one, k + 1)
         if anew:
-            freeze.experiment = c.experiment = c.experiment + 1
-        if lost:
+            for other in reversed(self.freezes[k + 1 :]):
+                self._queue(other.end())
+            c.held_back = c.experiment = c.experiment + 1
+        if told:
             self._learn_taken()
-            said = f"the position repeats for {lost} rows and then leaps on, as no axis moves; they show no motion"
-            self._warn("held_rows", anew[0][0], f"{said}, and {NEW_EXPERIMENT}")
-        self._queue(anew)
+            self._warn("held_rows", anew[0][0], f"{self._at_joint(k)}{told}; they show no motion, and {NEW_EXPERIMENT}")
+        for one in anew:
+            self._past_freezes(one, k + 1)
 
     def _queue(self, rows: list[list[Any]], experiment: int | None = None) -> None:
         """Queue rows, each with its number, of an experiment: the present one, or another."""
@@ -656,7 +660,7 @@ class StreamMonitor:
             "innovations": self.innovations.get_state() if fitted else {},
             "clock": self.clock.get_state(),
             "turns": [asdict(turns) for turns in self.turns],
-            "freeze": asdict(self.freeze),
+            "freeze": [asdict(freeze) for freeze in self.freezes],
             "pace": asdict(self.pace),
             "lone": asdict(self.lone),
             "jumps": [asdict(jumps) for jumps in self.jumps],
@@ -668,11 +672,14 @@ class StreamMonitor:
 
         ``state``: state of a monitor with the same model and options.
         """
-        self.carried = Carried(**state["carried"])
+        freeze, carried = state.get("freeze", {}), state["carried"]
+        if isinstance(freeze, dict):  # of an older checkpoint, as in `_of_each`
+            carried = {"held_back": freeze.get("experiment", carried["experiment"])} | carried
+        self.carried = Carried(**carried)
         self.clock.set_state(state.get("clock", {}))
-        self.freeze = Freeze(**state.get("freeze", {"experiment": self.carried.experiment}))
         self.pace, self.lone = Pace(**state.get("pace", {})), Lone(**state.get("lone", {}))
         n = len(self.options.positions)
+        self.freezes = [Freeze(**freeze) for freeze in _of_each(state.get("freeze"), n)]
         self.turns = [Turns(**turns) for turns in _of_each(state.get("turns"), n)]
         self.jumps = [Jumps(**jumps) for jumps in _of_each(state.get("jumps"), n)]
         if self.sides is not None and state.get("sides"):

@@ -240,9 +240,11 @@ def _run(stream: StreamMonitor, files: Files, place: dict[str, Any], keeper: Kee
         if lines.left:
             keeper.say("The last line has no end and was not read; complete it, or wait for its end with --follow.")
     c, ahead = stream.carried, len(stream.clock.ahead) + len(stream.clock.back)
-    repeated, leapt = len(stream.freeze.waiting), sum(len(j.waiting) for j in stream.jumps)
+    repeated, leapt = (sum(len(one.waiting) for one in each) for each in (stream.freezes, stream.jumps))
+    held = [name for name, one in zip(stream.options.outputs, stream.freezes, strict=False) if one.waiting and name]
+    of = f" of {', '.join(held)}" if held else ""
     waiting = (
-        (ahead, "after a leap of the clock"), (repeated, "that repeat the position"), (leapt, "after a jump"),
+        (ahead, "after a leap of the clock"), (repeated, f"that repeat the position{of}"), (leapt, "after a jump"),
         (len(stream.lone.waiting), "with a value beyond all before it"),
     )  # fmt: skip
     for n, what in waiting:
