@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 from sklearn.base import clone
 
+from tests.foreign_frame import ForeignFrame
 from whsklearn import PEMRegressor, RLSRegressor, RMILSRegressor, StreamingPEMRegressor, WienerHammersteinLags
 from whsklearn.checks import state_difference
 from whsklearn.datasets import make_wiener_hammerstein
@@ -58,9 +59,10 @@ def test_every_record_of_a_list_begins_anew_in_a_stream(records, name):
     assert state_difference(a, b) == 0.0
 
 
-def test_frames_keep_their_names(records):
+@pytest.mark.parametrize("frame", [pd.DataFrame, ForeignFrame])
+def test_frames_keep_their_names(records, frame):
     Xs, ys = records
-    model = clone(MODELS["published"]).fit([pd.DataFrame(X, columns=["u"]) for X in Xs], [pd.Series(y) for y in ys])
+    model = clone(MODELS["published"]).fit([frame({"u": X[:, 0]}) for X in Xs], [pd.Series(y) for y in ys])
     assert model.feature_names_in_.tolist() == ["u"]
     np.testing.assert_array_equal(model.theta_, clone(MODELS["published"]).fit(Xs, ys).theta_)
 

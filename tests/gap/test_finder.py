@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 
 from benchmarks.blind_logs.servo import COLUMNS, make_case
+from tests.foreign_frame import ForeignFrame
 from tests.gap.plants.example_servo import shaken
 from whsklearn.datasets import make_servo_log
 from whsklearn.effects import Coulomb, PositionFriction, Quantization, Viscous
@@ -197,6 +198,15 @@ def test_a_drive_at_its_limit_and_a_rest_at_the_extreme_are_no_reason_to_refuse(
     assert "data-drive-at-limit" in [p.code for p in found]
     step = check_servo(ServoRecord(t, np.where((t // 1.0) % 2 > 0, 1.0, -1.0), np.sin(t) + 1e-3 * t))
     assert [p.code for p in step if p.fatal] == []
+
+
+@pytest.mark.parametrize("model", ["servo", "wiener-hammerstein"])
+def test_a_frame_of_another_library_is_read_by_its_columns(model):
+    t = np.arange(100) / 1000
+    frame = ForeignFrame({"time_s": t, "torque_nm": t, "position_rad": t, "u": t, "y": t})
+    finder = GapFinder(model).fit(frame)
+    assert finder.verdict_ == "data_problem"
+    np.testing.assert_array_equal(finder.plant_.record.time if model == "servo" else finder.plant_.u, t)
 
 
 def test_missing_column_is_told():

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from tests.foreign_frame import ForeignFrame
 from whsklearn.gap.data_check import check_servo
 from whsklearn.gap.plants.servo_sensors import coarse_encoder
 from whsklearn.gap.record import ServoRecord, held_out_blocks, noise_level, reading_noise
@@ -112,7 +113,7 @@ def test_noise_level_sees_through_motion(sigma):
     ],
 )
 def test_a_record_is_in_si_whatever_the_columns_are_in(columns, scale, units):
-    frame = pd.DataFrame({c: s * x for c, s, x in zip(columns, scale, (T, np.sin(T), PATH), strict=True)})
+    frame = ForeignFrame({c: s * x for c, s, x in zip(columns, scale, (T, np.sin(T), PATH), strict=True)})
     names = dict(zip(("time", "drive", "position"), columns, strict=True))
     record = ServoRecord.from_frame(frame, **names, reference=columns[2])
     assert record.units == units

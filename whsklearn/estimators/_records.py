@@ -55,7 +55,7 @@ def fold_of_a_search() -> dict[str, Any] | None:
 
 def is_list_of_records(X: Any) -> bool:
     """Whether X is a list or tuple of two-dimensional arrays or frames, and not of rows."""
-    return isinstance(X, (list, tuple)) and bool(X) and all(getattr(x, "ndim", 0) == 2 for x in X)
+    return isinstance(X, (list, tuple)) and bool(X) and all(len(getattr(x, "shape", ())) == 2 for x in X)
 
 
 def joined(
@@ -94,10 +94,11 @@ def joined(
 
 def _stacked(X: Any) -> Any:
     """Frames keep the names of their columns."""
-    if all(hasattr(x, "columns") and hasattr(x, "iloc") for x in X):
-        from pandas import concat
+    if all(hasattr(x, "columns") for x in X):
+        from pandas import DataFrame, concat
 
-        return concat(list(X), ignore_index=True)
+        frames = [x if hasattr(x, "iloc") else DataFrame(np.asarray(x), columns=list(x.columns)) for x in X]
+        return concat(frames, ignore_index=True)
     widths = {np.shape(x)[1] for x in X}
     if len(widths) > 1:
         raise ValueError(f"The records have {sorted(widths)} columns, expected the same number; give the same inputs.")

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from typing import Any, Self
 
 import numpy as np
-import pandas as pd
 from sklearn.base import BaseEstimator
 from threadpoolctl import threadpool_limits
 
@@ -17,7 +16,7 @@ from whsklearn.gap.joined import joined
 from whsklearn.gap.plant import DEFAULT_TOLERANCE
 from whsklearn.gap.plants import Base, make_plant
 from whsklearn.gap.plants.from_log import servo_record
-from whsklearn.gap.record import ServoRecord
+from whsklearn.gap.record import ServoRecord, as_frame
 from whsklearn.gap.search import Search, Step
 from whsklearn.logs.load import Log
 
@@ -131,8 +130,10 @@ class GapFinder(BaseEstimator):
         began = time.perf_counter()
         rng = np.random.default_rng(self.random_state)
         self._say("check")
-        if isinstance(log, list) and log and isinstance(log[0], ServoRecord | pd.DataFrame | Log):
+        if isinstance(log, list) and log and (hasattr(log[0], "columns") or isinstance(log[0], ServoRecord | Log)):
             log = joined([servo_record(r, columns) for r in log])
+        elif hasattr(log, "columns") and not isinstance(log, Log):
+            log = as_frame(log)
         plant = make_plant(
             self.model, log, y, Base(self.law, self.orders, self.direct), tolerance=self.tolerance, columns=columns
         )

@@ -33,6 +33,12 @@ LEAST_WHITE = 0.3
 NEIGHBOURS, ENOUGH_ROWS = 6, 20_000
 
 
+def as_frame(log: Any) -> pd.DataFrame:
+    """The frame of a log; of one of another library, such as Polars, the columns are taken by their names."""
+    named = hasattr(log, "columns") and not isinstance(log, pd.DataFrame)
+    return pd.DataFrame({c: np.asarray(log[c]) for c in log.columns} if named else log)
+
+
 SPLIT = "60 % of the record in five parts is used for fitting, the 40 % between them for judging."
 KINDS = {"time": ("s",), "drive": ("Nm", "N", "V", "A", "Arms", "Apk", "Vrms", "%", "counts")}  # SI symbols of a role
 MOTIONS = ("rad", "m", "counts")
@@ -194,7 +200,7 @@ class ServoRecord(Segmented):
         >>> record.time, record.position, record.units
         (array([0.   , 0.001]), array([0.        , 3.14159265]), ('N', 'rad'))
         """
-        picked, units = {}, {}
+        picked, units, frame = {}, {}, as_frame(frame)
         wanted = {"time": (time, "s"), "drive": (drive, "Nm"), "position": (position, "rad")}
         if reference is not None:
             wanted["reference"] = (reference, _unit("position", position, "rad"))

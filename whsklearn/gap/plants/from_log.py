@@ -75,7 +75,7 @@ def servo_record(log: Any, columns: dict[str, Any]) -> ServoRecord:
     if isinstance(log, Log):
         record: ServoRecord = taken_from(log, "servo")[0]
         return record
-    return ServoRecord.from_frame(pd.DataFrame(log), **columns)
+    return ServoRecord.from_frame(log, **columns)
 
 
 def _with_error_for_drive(record: ServoRecord) -> ServoRecord:
