@@ -83,7 +83,7 @@ def test_every_long_segment_of_a_log_counts(log, tmp_path):
     ("arguments", "status", "message"),
     [
         (["--drive", "volts"], 2, "no column 'volts'"),
-        (["--columns", "0,1,2,3,4"], 1, "expected two"),
+        (["--columns", "0,1,2,3,4"], 2, "expected two"),
         (["--columns", "1,2"], 2, "names no time; add --rate"),
         (["--unit", "position"], 2, "expected ROLE=UNIT"),
         (["--unit", "position=counts/0"], 2, "The unit of position is 'counts/0'; expected one of"),
@@ -213,6 +213,13 @@ def test_two_logs_are_one_diagnosis_and_one_log_twice_is_none(tmp_path):
     assert "1.csv is used too" in (tmp_path / "report" / "gap.html").read_text(encoding="utf-8")
     assert run(logs[0], logs[0], "--report", tmp_path, "--no-track").exit_code == 3
     assert run(*logs, "--model", "wiener-hammerstein", "--report", tmp_path, "--no-track").exit_code == 2
+
+
+def test_logs_of_two_rates_cannot_be_used_together(log, tmp_path):
+    pd.read_csv(log)[1::2].to_csv(tmp_path / "half.csv", index=False)
+    done = run(log, tmp_path / "half.csv", "--report", tmp_path / "r", "--no-track")
+    assert done.exit_code == 3
+    assert "The records have 500 and 250 samples a second; resample them to one rate." in " ".join(done.output.split())
 
 
 def test_a_clipped_drive_is_told_where_something_is_missing(tmp_path):

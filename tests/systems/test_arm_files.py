@@ -92,6 +92,7 @@ def test_gravity_may_be_another():
             urdf(joint("a", "base", "one"), joint("b", "one", "two", inner='<mimic joint="a"/>')),
             "follows joint 'a'",
         ),
+        (urdf(joint("a", "base", "one"), joint("a", "one", "two")), "2 joints named 'a', expected a name for each"),
         (urdf(joint("a", "base", "one", "fixed")), "no joint"),
         (BALL, "ball or a free joint"),
         ("<robot><link", "cannot be read"),
@@ -103,6 +104,15 @@ def test_what_is_no_tree_of_hinges_and_slides_is_refused_in_one_sentence(text, s
     with pytest.raises(ValueError, match=said) as error:
         Arm.from_file(text)
     assert "\n" not in str(error.value)
+
+
+def test_a_joint_that_leads_another_is_refused_and_those_that_may_be_named_are_told():
+    text = urdf(
+        joint("a", "base", "one"), joint("b", "one", "two"), joint("c", "two", "three", inner='<mimic joint="b"/>')
+    )
+    with pytest.raises(ValueError, match=r"Joint 'c' follows joint 'b' .* name the others alone, --joints .a.\."):
+        Arm.from_file(text, joints=["a", "b"])
+    assert Arm.from_file(text, joints=["a"]).joints == ("a",)
 
 
 def test_a_joint_that_is_not_there_is_told_with_those_that_are():

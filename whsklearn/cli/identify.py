@@ -153,15 +153,17 @@ def track(run: Run, found: Identification, folder: Path, column: str) -> None:
 def together(logs: list[Bunch]) -> Bunch:
     """Join the logs into one with holes between them, in the units of the first.
 
-    Raises ValueError if rates or kinds of units differ, or two logs hold the same samples.
+    Raises LogError if rates or kinds of units differ, or two logs hold the same samples.
     """
+    from whsklearn.logs.errors import LogError
+
     first = logs[0]
     signals = [(first.X[:, 0], first.y, first.groups)]
     for k, log in enumerate(logs[1:], 1):
         if (log.units["time"] == "samples") != (first.units["time"] == "samples"):
-            raise ValueError(f"Only one of {first.name} and {log.name} has a time; give --rate or --time for both.")
+            raise LogError(f"Only one of {first.name} and {log.name} has a time; give --rate or --time for both.")
         if abs(log.sample_rate / first.sample_rate - 1.0) > UNEVEN:
-            raise ValueError(
+            raise LogError(
                 f"{first.name} has {first.sample_rate:.6g} samples a second and {log.name} {log.sample_rate:.6g}; "
                 "resample them to one rate."
             )
@@ -179,6 +181,7 @@ def together(logs: list[Bunch]) -> Bunch:
 
 def as_train(test: Bunch, train: Bunch) -> tuple[Any, Any, Any]:
     """Drive and output of a test log in the units of the first, and its segments."""
+    from whsklearn.logs.errors import LogError
     from whsklearn.logs.units import factor_between
 
     out = []
@@ -186,7 +189,7 @@ def as_train(test: Bunch, train: Bunch) -> tuple[Any, Any, Any]:
         try:
             out.append(signal * factor_between(test.units[role], train.units[role]))
         except ValueError as error:
-            raise ValueError(f"The two logs differ in their {role}: {error}; give logs of one kind.") from None
+            raise LogError(f"The two logs differ in their {role}: {error}; give logs of one kind.") from None
     return out[0], out[1], test.groups
 
 

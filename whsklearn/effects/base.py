@@ -528,7 +528,9 @@ def _code_of(field: dataclasses.Field[Any]) -> property:
 
 
 class ArgumentError(ValueError):
-    """A name that no effect has, or whose effect cannot be where it is asked for: on the command line a wrong option.
+    """An argument that does not fit: on the command line a wrong option.
+
+    Such as a name that no effect has, or a format that cannot hold the model.
 
     Examples
     --------

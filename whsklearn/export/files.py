@@ -7,6 +7,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+from whsklearn.effects.base import ArgumentError
 from whsklearn.export.arm_code import arm_losses, c_of_arm
 from whsklearn.export.code import c_files, code_losses, identifier, st_file, write_sources
 from whsklearn.export.fmu import write_fmu
@@ -111,7 +112,7 @@ def export_model(
     if what not in ("model", "compensator"):
         raise ValueError(f"what is {what!r}, expected 'model' or 'compensator'.")
     if what == "compensator" and to not in ("c", "st"):
-        raise ValueError(f"A compensator is code: export it to c or st, not to {to}.")
+        raise ArgumentError(f"A compensator is code: export it to c or st, not to {to}.")
     if real not in ("double", "float"):
         raise ValueError(f"real is {real!r}, expected 'double' or 'float'.")
     path = Path(out)
@@ -140,6 +141,6 @@ def _export_arm(arm: Arm, to: str, path: Path, real: str) -> Export:
     if to == "c":
         return Export(write_sources(path, lambda name: c_of_arm(arm, name, real)[0]), arm_losses(arm))
     if to not in ("mjcf", "urdf"):
-        raise ValueError(f"An arm of {arm.n_joints} joints is exported to mjcf, urdf or c, not to {to}.")
+        raise ArgumentError(f"An arm of {arm.n_joints} joints is exported to mjcf, urdf or c, not to {to}.")
     text, losses = (arm_mjcf if to == "mjcf" else arm_urdf)(arm)
     return Export([write_text(text, path, _FILES[to])], losses)

@@ -17,6 +17,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from whsklearn.effects import Coulomb, Effect, FrictionLaw, LearnedTorque, LoadSideViscous, SpeedHinge, Viscous
+from whsklearn.effects.base import ArgumentError
 from whsklearn.export.chain_code import CodedChain
 from whsklearn.logs.current import AMPERES
 from whsklearn.logs.files import atomic_write
@@ -235,7 +236,7 @@ class Exported:
     def need_axis(self, what: str) -> ServoAxis:
         """The axis; raises with a reason if there is none."""
         if self.axis is None:
-            raise ValueError(
+            raise ArgumentError(
                 f"{what} describes a mechanical axis, and this model is a chain; export it to c, st or fmu."
             )
         return self.axis

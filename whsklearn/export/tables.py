@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from whsklearn.effects import Effect
-from whsklearn.effects.base import Array, rms
+from whsklearn.effects.base import ArgumentError, Array, rms
 from whsklearn.export.axis_code import compensated
 from whsklearn.export.model import ROUNDED, Exported, Loss, losses_of, of_a_whole_order, parts_of, rigid
 from whsklearn.logs.current import AMPERES
@@ -97,7 +97,7 @@ def write_tables(model: Exported, out: Path, ratings: Ratings) -> tuple[list[Pat
     axis = model.need_axis("A table for a drive")
     unit, length = model.si
     if ratings.speed is None and length not in ("rad", "m"):
-        raise ValueError(f"The model moves in {length}; give the highest speed in {length}/s with --speed.")
+        raise ArgumentError(f"The model moves in {length}; give the highest speed in {length}/s with --speed.")
     asked, friction, _ = divided(rigid(axis))  # steady motion takes the friction of a load behind a play as well
     rest = divided(axis)[2]
     if not asked and not friction:

@@ -13,6 +13,7 @@ from whsklearn.gap.record import ServoRecord
 from whsklearn.identification.drive_lead import earlier, moved, same_age
 from whsklearn.identification.logs_together import own_offsets
 from whsklearn.identification.view import view
+from whsklearn.logs.errors import LogError
 
 APART = 1.0  # s between the end of a record and the start of the next; the value does not matter
 
@@ -22,7 +23,8 @@ def joined(records: Sequence[ServoRecord]) -> ServoRecord:
 
     ``records``: records of one axis, in the order of time. The result has ``starts`` at every record's
     first sample.
-    Raises ValueError if there is none, if one cannot be used, or if sampling rates or kinds of drive and motion differ.
+    Raises ValueError if there is none, LogError if one cannot be used or if sampling rates or kinds of drive and motion
+    differ.
 
     >>> from whsklearn.datasets import make_servo_log
     >>> logs = [make_servo_log(duration=10.0, random_state=k) for k in (0, 1)]
@@ -36,15 +38,15 @@ def joined(records: Sequence[ServoRecord]) -> ServoRecord:
     if len(records) == 1:
         return first
     if len({r.units for r in records}) > 1:
-        raise ValueError(f"The records' units are {', '.join(str(r.units) for r in records)}; give one kind of them.")
+        raise LogError(f"The records' units are {', '.join(str(r.units) for r in records)}; give one kind of them.")
     steps = np.array([r.dt for r in records])
     if np.ptp(steps) > UNEVEN * steps.min():
-        rates = ", ".join(f"{1.0 / s:.6g}" for s in steps)
-        raise ValueError(f"The records have {rates} samples a second; resample them to one rate.")
+        rates = " and ".join(f"{1.0 / s:.6g}" for s in steps)
+        raise LogError(f"The records have {rates} samples a second; resample them to one rate.")
     for k, r in enumerate(records):
         for problem in check_servo(r):
             if problem.fatal:
-                raise ValueError(f"Record {k + 1}: {problem.title}. {problem.explanation}")
+                raise LogError(f"Record {k + 1}: {problem.title}. {problem.explanation}")
     records = alike(records)
     begins = np.cumsum([0.0] + [float(r.time[-1] - r.time[0]) + APART for r in records])
     sizes = np.cumsum([0] + [len(r) for r in records])

@@ -156,7 +156,7 @@ def by_number(numbers: str, chain: bool = False) -> dict[str, str]:
         2: ("drive", "position"), 3: ("time", "drive", "position"), 4: ("time", "drive", "position", "reference"),
     }  # fmt: skip
     if len(given) not in orders or (chain and len(given) == 4):
-        raise ValueError(
+        raise ColumnError(
             f"--columns is {numbers!r}; expected two (drive, position), three (time, drive, position) or four with the "
             "reference last, by number from 0 or by name, such as --columns 0,1,2."
         )

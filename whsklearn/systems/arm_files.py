@@ -132,6 +132,9 @@ def _compiled(mujoco: Any, source: str | os.PathLike[str]) -> tuple[Any, dict[st
     if root.tag != "robot":
         spec = mujoco.MjSpec.from_string(text) if text == str(source) else mujoco.MjSpec.from_file(str(source))
         return spec.compile(), {}
+    names = [joint.get("name") for joint in root.findall("joint")]
+    if twice := [name for name in names if names.count(name) > 1]:  # MuJoCo drops the name of the second
+        raise ValueError(f"it has {names.count(twice[0])} joints named {twice[0]!r}, expected a name for each.")
     for link in root.iter("link"):  # meshes are often missing and do not affect the dynamics
         for kind in ("visual", "collision"):
             for element in link.findall(kind):
@@ -249,15 +252,20 @@ def _passive(model: Any, i: int) -> tuple[Effect, ...]:
 def _refuse_loops(mujoco: Any, model: Any, names: list[str], wanted: list[str], link_of: list[int]) -> None:
     """Raise if joints that were asked for are coupled to each other."""
     kinds = mujoco.mjtEq
+    follows = {
+        i: [names[k] for k in (int(model.eq_obj1id[i]), int(model.eq_obj2id[i])) if k >= 0]
+        for i in np.flatnonzero(model.eq_type == int(kinds.mjEQ_JOINT)).tolist()
+    }
     for i in range(model.neq):
         kind, one, other = int(model.eq_type[i]), int(model.eq_obj1id[i]), int(model.eq_obj2id[i])
-        if kind == int(kinds.mjEQ_JOINT):
-            bound = [names[k] for k in (one, other) if k >= 0]
+        if bound := follows.get(i):
             if set(bound) & set(wanted):
                 leader = f"joint {bound[1]!r}" if bound[1:] else "an equation"
+                free = [n for n in wanted if not any(n in pair for pair in follows.values())]
+                rest = f'name the others alone, --joints "{";".join(free)}"' if free else "the robot has no others"
                 raise ValueError(
-                    f"Joint {bound[0]!r} follows {leader} (mimic), expected independent joints; name the joints that "
-                    "are not bound to each other with --joints."
+                    f"Joint {bound[0]!r} follows {leader} (mimic), expected joints that move alone, as neither a "
+                    f"joint that follows nor one that leads does; {rest}."
                 )
         elif kind in (int(kinds.mjEQ_CONNECT), int(kinds.mjEQ_WELD)):
             if int(model.eq_objtype[i]) == int(mujoco.mjtObj.mjOBJ_SITE):
