@@ -10,7 +10,7 @@ import pytest
 
 from whsklearn.effects import effect_names, get_effect
 from whsklearn.gap.plant import Plant
-from whsklearn.gap.search import Found, Named, Search
+from whsklearn.gap.search import MOST_FITTED, Found, Named, Search
 from whsklearn.gap.tangent import Family, Look, Tangent, with_p_values
 
 N = 800
@@ -122,6 +122,13 @@ def test_a_look_is_compared_with_looks_and_not_with_what_a_polished_shape_explai
 def test_what_two_columns_say_alike_is_ambiguous():
     found = run(Columns({"a": 0.5}))
     assert {found.taken[0].name, *found.taken[0].rivals} == {"a", "twin"}
+
+
+def test_what_physics_forbids_takes_no_place_among_those_that_are_fitted():
+    forbidden = tuple("bcdefgh")
+    plant = Columns({"a": 0.3} | dict.fromkeys(forbidden, 0.5), names="abcdefgh", forbidden=forbidden)
+    assert len(forbidden) > MOST_FITTED
+    assert [t.name for t in run(plant).taken] == ["a"]
 
 
 def test_what_physics_forbids_is_not_taken_and_sets_no_scale():

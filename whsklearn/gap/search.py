@@ -15,8 +15,9 @@ from whsklearn.gap.calibration import gain, least_lead, n_effective, p_value, se
 from whsklearn.gap.record import Array
 from whsklearn.gap.tangent import Look
 
-# Largest number of looks, among those that chance does not explain, that are fitted jointly with the model. A fit takes
-# a few tenths of a second, so this limits the cost. Whether the right one is ever below the sixth was not measured.
+# Largest number of sound fits of looks, jointly with the model. A fit takes a few tenths of a second, so this limits
+# the cost. Refused fits do not count: a slow cogging that physics forbids took the place of SO-101's cable spring, and
+# three wrong names were certain. Whether the right one is ever below the sixth was not measured.
 MOST_FITTED = 6
 # Share of what the strongest look explains, below which polishing its shapes cannot make a look a rival: backlash and
 # Stribeck curves double what their first shape explains.
@@ -266,8 +267,8 @@ class Search:
         most = max((k.size for k in nameless), default=0.0)
         strongest = 0.0
         for look in looks:
-            # only sound fits make others not worth fitting: one that physics forbids is no standard of comparison
-            if len(out) == MOST_FITTED or look.size**2 < WORTH_FITTING * strongest**2:
+            # only sound fits make others not worth fitting: one that is refused is no standard of comparison
+            if sum(not f.reason for f in out) == MOST_FITTED or look.size**2 < WORTH_FITTING * strongest**2:
                 continue
             f = self._named(model, look, self.plant.refine(model, look))
             size, reason = f.size * self.plant.scale, ""

@@ -63,10 +63,6 @@ from whsklearn.systems.arm import Arm
 from whsklearn.systems.arm_files import STANDARD_GRAVITY
 from whsklearn.systems.servo import fine_steps
 
-# Largest ratio, at one joint, of the torque of an effect to the residual that it removes.  With a larger one, like that
-# of a spring against gravity, the effect only cancels other terms.  The sum is then below one part in twenty, and the
-# columns of a real arm are no better than that (4 to 10 % on held-out blocks, `python -m benchmarks.arms`).
-CANCELS = 20.0
 UNTOLD = 1e6  # m: the standard error of a centre that no drive tells, in place of infinity
 # What joints may lack beside what reverses: without the others, dry friction seems to reverse slowly.
 FRICTIONS = Viscous(), Coulomb(), LoadFriction()
@@ -492,11 +488,15 @@ class ArmPlant(Plant):
             if np.any(worse := after > QUIET * usual):
                 joint = view.arm.joints[int(np.argmax(worse))]
                 return f"on blocks of the record that were not fitted, it makes the error of {joint} larger"
-        asked = view.by_joint(view.contribution(t))  # all joints carry a mass, and gravity is always large
+        # What is removed by an effect that other terms nearly cancel, such as a spring against gravity, is the error of
+        # columns unless it is a larger part of the effect than what stays is of the drive, on real arms 4 to 10 %.  All
+        # joints carry a mass, and gravity is always large.
+        asked = view.by_joint(view.contribution(t))
         closed = view.by_joint(view.left(view.fit(model))) ** 2 - view.by_joint(view.left(grown)) ** 2
         j = int(np.argmax(closed / np.maximum(view.drive_rms**2, 1e-300)))  # a joint at rest has no rows
-        if t.kind.place and asked[j] > CANCELS * np.sqrt(max(closed[j], 0.0)):
-            return f"it would add {asked[j]:.3g} to remove {np.sqrt(max(closed[j], 0.0)):.3g}: other terms cancel it"
+        removed = float(np.sqrt(max(closed[j], 0.0)))
+        if t.kind.place and asked[j] * self._shares(self.errors(grown))[j] > removed:
+            return f"it would add {asked[j]:.3g} to remove {removed:.3g}: other terms cancel it"
         return ""
 
     def _beside_it(self, grown: ArmState) -> Surroundings:
