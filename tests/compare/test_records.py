@@ -79,7 +79,7 @@ SECONDS = 20.0
 
 
 def record(*effects, seed=0, **changed):
-    log = make_servo_log(effects, duration=SECONDS, random_state=seed)
+    log = make_servo_log(effects, duration=SECONDS, sample_rate=500.0, random_state=seed)
     made = ServoRecord.from_frame(log, time="time_s", drive="torque_nm", position="position_rad")
     return replace(made, **changed)
 

@@ -38,7 +38,7 @@ def axis_record():
 
 @pytest.mark.parametrize("logged", ["velocity", "position"])
 def test_an_axis_is_recommended_for_an_axis(axis_record, logged):
-    u, velocity, position = (signal[:2000] for signal in axis_record)
+    u, velocity, position = (signal[:1200] for signal in axis_record)
     y = velocity if logged == "velocity" else position
     y = y + (1e-2 if logged == "velocity" else 1e-5) * RNG.standard_normal(y.size)
     found = identify(u, y, dt=0.005, logged="auto" if logged == "position" else "velocity")
@@ -52,7 +52,7 @@ def test_an_axis_is_recommended_for_an_axis(axis_record, logged):
 
 
 def test_gravity_is_recommended_for_a_pendulum_and_only_where_the_output_is_an_angle():
-    u, theta = 2.0 * slow_drive(1200, 1), np.array([0.05, 0.1, 0.2, 0.02, 1.5, 0.4])
+    u, theta = 2.0 * slow_drive(800, 1), np.array([0.05, 0.1, 0.2, 0.02, 1.5, 0.4])
     y = axis_motion(theta, axis_log(u, hangs=True)._replace(of_position=True)) + 1e-4 * RNG.standard_normal(u.size)
     found = identify(u, y, dt=0.005)
     assert found.recommended.name == "axis with gravity", found.reason
@@ -237,7 +237,7 @@ def test_gravity_over_little_travel_is_not_replaced_by_a_cubic_that_imitates_it(
     ("force", "name"), [(lambda q: 1.5 * q, "axis on a spring"), (lambda q: 1.5 * np.sin(q + 0.4), "axis with gravity")]
 )
 def test_a_spring_is_no_weight_and_where_the_travel_is_too_short_it_is_said(force, name, travel, told):
-    t = 0.01 * np.arange(400)
+    t = 0.01 * np.arange(280)
     waves = ((0.6, 3.0), (0.4, 7.1))
     q, v, a = (travel * sum(s * w**k * np.sin(w * t + k * np.pi / 2) for s, w in waves) for k in range(3))
     u = 0.08 * a + 0.2 * v + 0.1 * np.sign(v) + force(q)

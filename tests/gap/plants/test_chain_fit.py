@@ -143,7 +143,7 @@ def test_a_linear_base_names_the_saturation_between_its_blocks_and_the_model_has
 
 
 def test_a_free_law_leaves_nothing_of_a_bend_that_no_effect_has():
-    frame, _ = static_record(lambda x: np.where(x > 0, x, 0.3 * x) + 0.1 * x**2, n=800, noise=0.02)
+    frame, _ = static_record(lambda x: np.where(x > 0, x, 0.3 * x) + 0.1 * x**2, n=500, noise=0.02)
     settings = {"orders": (2, 2, 2, 1), "direct": 1, "max_effects": 1}
     u, y = frame["u"].to_numpy(), frame["y"].to_numpy()
     plant = ChainPlant(u, y, ("piecewise_linear:10", (2, 2, 2, 1), 1), tolerance=0.004)

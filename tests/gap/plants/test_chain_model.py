@@ -198,7 +198,7 @@ def test_what_its_class_says_of_the_search_counts(bump):
 
 def test_it_is_named_where_it_is_and_not_where_it_is_not(bump):
     rng = np.random.default_rng(1)
-    u = rng.normal(size=1000)
+    u = rng.normal(size=600)
     hidden = WienerHammersteinSystem(**PARTS, effects=[bump(0.6, 2.0, 1.5)])
     y = hidden.simulate(u, 0.02 * rng.normal(size=u.size))
     finder = GapFinder("wiener-hammerstein").fit(pd.DataFrame({"u": u, "y": y}))

@@ -24,9 +24,10 @@ STOPS = {
 }
 
 
-def log_of(*effects):
-    axis = ServoAxis(inertia=0.05, effects=effects, sample_rate=RATE)
-    return axis.simulate(reference=REFERENCE, random_state=1)
+def log_of(*effects, every=1):
+    """A log under a controller that runs, as the log does, at ``RATE / every``."""
+    axis = ServoAxis(inertia=0.05, effects=effects, sample_rate=RATE / every)
+    return axis.simulate(reference=REFERENCE[::every], random_state=1)
 
 
 def found(r, law="viscous,coulomb"):
@@ -36,7 +37,7 @@ def found(r, law="viscous,coulomb"):
 
 @pytest.mark.parametrize("side", list(STOPS))
 def test_a_stop_is_named_with_its_side_and_its_end(side):
-    finder = found(log_of(STOPS[side]))
+    finder = found(log_of(STOPS[side], every=2))
     assert [e.name for e in finder.effects_] == ["end_stop"]
     assert finder.effects_[0].effect.side == side
     np.testing.assert_allclose(finder.effects_[0].effect.ends, STOPS[side].ends, atol=0.02)
