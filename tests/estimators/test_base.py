@@ -111,12 +111,6 @@ def test_experiments_are_predicted_from_rest(fitted, record, name):
     np.testing.assert_array_equal(fitted[name].predict_ahead(X, y, groups=groups), np.concatenate(ahead))
 
 
-@pytest.mark.parametrize("estimator", [RLSRegressor, MILSRegressor, RMILSRegressor, StreamingPEMRegressor])
-def test_a_wrong_argument_is_told_of_the_class_that_was_called(estimator):
-    with pytest.raises(TypeError, match=rf"^{estimator.__name__}\.__init__.* 'foo'"):
-        estimator(foo=1)
-
-
 def test_grid_search_over_window_prior_and_orders_by_the_library_s_scorers(record):
     X, y = record
     search = GridSearchCV(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import html
 import warnings
 from dataclasses import dataclass
-from types import FunctionType
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -114,16 +113,6 @@ class FittedModel(BaseEstimator):
     A subclass learns in ``fit`` and leaves ``state_``, a dict of arrays, from which `_theta` and `_covariance` read the
     estimate in the paper's order, or `_natural` and `_natural_covariance` that of the natural parameters.
     """
-
-    def __init_subclass__(cls, **kwargs: Any) -> None:
-        """Let a wrong argument's error name this class and not the one whose ``__init__`` it inherits."""
-        super().__init_subclass__(**kwargs)
-        above = cls.__init__
-        if "__init__" not in cls.__dict__ and isinstance(above, FunctionType):
-            own = FunctionType(above.__code__, above.__globals__, "__init__", above.__defaults__, above.__closure__)
-            own.__kwdefaults__, own.__annotations__ = above.__kwdefaults__, above.__annotations__
-            own.__module__, own.__qualname__ = cls.__module__, f"{cls.__qualname__}.__init__"
-            cls.__init__ = own  # type: ignore[method-assign]
 
     lags: Any
     _states_errors: ClassVar[bool] = True  # False if the method has no covariance, as its docstring says
