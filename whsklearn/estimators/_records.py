@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from whsklearn._inputs import LARGEST
 from whsklearn.effects.base import Array, Integers
+from whsklearn.logs.source import as_frame
 
 
 class Given(NamedTuple):
@@ -95,10 +96,9 @@ def joined(
 def _stacked(X: Any) -> Any:
     """Frames keep the names of their columns."""
     if all(hasattr(x, "columns") for x in X):
-        from pandas import DataFrame, concat
+        from pandas import concat
 
-        frames = [x if hasattr(x, "iloc") else DataFrame(np.asarray(x), columns=list(x.columns)) for x in X]
-        return concat(frames, ignore_index=True)
+        return concat([as_frame(x) for x in X], ignore_index=True)
     widths = {np.shape(x)[1] for x in X}
     if len(widths) > 1:
         raise ValueError(f"The records have {sorted(widths)} columns, expected the same number; give the same inputs.")

@@ -16,9 +16,10 @@ from whsklearn.gap.joined import joined
 from whsklearn.gap.plant import DEFAULT_TOLERANCE
 from whsklearn.gap.plants import Base, make_plant
 from whsklearn.gap.plants.from_log import servo_record
-from whsklearn.gap.record import ServoRecord, as_frame
+from whsklearn.gap.record import ServoRecord
 from whsklearn.gap.search import Search, Step
 from whsklearn.logs.load import Log
+from whsklearn.logs.source import as_frame
 
 STEPS = ("check", "base model", "search", "prove", "locate", "done")
 

@@ -13,6 +13,7 @@ import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike, NDArray
 
+from whsklearn.logs.source import as_frame
 from whsklearn.logs.units import UNKNOWN, factor_between, factor_of, is_known, own_units, respelled, unit_in
 
 Array = NDArray[Any]
@@ -31,12 +32,6 @@ LEAST_WHITE = 0.3
 # Samples before and after one of the drive, which tell it but for the noise of its reading, and rows, evenly spaced,
 # that determine their 26 weights: an hour at 1 kHz would take 2 GB.
 NEIGHBOURS, ENOUGH_ROWS = 6, 20_000
-
-
-def as_frame(log: Any) -> pd.DataFrame:
-    """The frame of a log; of one of another library, such as Polars, the columns are taken by their names."""
-    named = hasattr(log, "columns") and not isinstance(log, pd.DataFrame)
-    return pd.DataFrame({c: np.asarray(log[c]) for c in log.columns} if named else log)
 
 
 SPLIT = "60 % of the record in five parts is used for fitting, the 40 % between them for judging."

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.logs.errors import ColumnError
 from whsklearn.logs.files import utf8
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 class Column(NamedTuple):
@@ -138,3 +141,11 @@ def _folded(name: str) -> str:
 def _letters(name: str) -> str:
     """A name without a leading list marker or comment sign: ``- joint_effort``, ``%time``."""
     return _folded(name).lstrip("-*+#>% ").rstrip(": ")
+
+
+def as_frame(log: Any) -> pd.DataFrame:
+    """The frame of a log; of one of another library, such as Polars, the columns are taken by their names."""
+    from pandas import DataFrame
+
+    named = hasattr(log, "columns") and not isinstance(log, DataFrame)
+    return DataFrame({c: np.asarray(log[c]) for c in log.columns} if named else log)
