@@ -87,6 +87,33 @@ def _acceleration(p, th, v, u, t, s, z, coupling):
 
 
 @njit(cache=True)
+def _sense(p, th, v, u, t, z, coupling):
+    """Sign of the motion against which dry friction acts; at rest, of what overcomes it, or zero."""
+    if v != 0.0:
+        return 1.0 if v > 0.0 else -1.0
+    push = _smooth(p, th, 0.0, u, t) - p[P_PS] * z - coupling
+    if push > _dry(p, th, 0.0, u, t, 1.0):
+        return 1.0
+    return -1.0 if -push > _dry(p, th, 0.0, u, t, -1.0) else 0.0
+
+
+@njit(cache=True)
+def _moved(p, th, v, u, t, s, z, coupling):
+    """Angle and speed after a fine step; one in which the speed would change its sign ends at rest."""
+    h = 1.0 / FINE_HZ
+    a1 = _acceleration(p, th, v, u, t, s, z, coupling)
+    a2 = _acceleration(p, th + 0.5 * h * v, v + 0.5 * h * a1, u, t, s, z, coupling)
+    v3 = v + 0.5 * h * a2
+    a3 = _acceleration(p, th + 0.5 * h * (v + 0.5 * h * a1), v3, u, t, s, z, coupling)
+    a4 = _acceleration(p, th + h * v3, v + h * a3, u, t, s, z, coupling)
+    dv = h * (a1 + 2 * a2 + 2 * a3 + a4) / 6.0
+    if v != 0.0 and (v + dv) * v < 0.0:
+        f = v / (v - (v + dv))
+        return th + 0.5 * f * h * v, 0.0
+    return th + h * (v + h * (a1 + a2 + a3) / 6.0), v + dv
+
+
+@njit(cache=True)
 def _read(p, angle, t):
     """The angle with the encoder's offset, drift and eccentricity."""
     return angle + p[P_OO] + p[P_OD] * t + p[P_EC] * math.sin(p[P_ECK] * angle + p[P_ECP])
@@ -110,8 +137,6 @@ def simulate(p, r, dr, ddr, ctrl, noise, disturbance, steps, lead):
     """The loop at FINE_HZ; one row of outputs a controller period.
 
     ctrl = (kp, kd, ki, derivative filter weight, feedforward inertia, viscous, coulomb, torque limit)
-
-    One loop: a fine step hands ten scalars to the next, which a function of a part of it would take and return.
     """
     n = r.size
     u_log = np.empty(n)
@@ -163,26 +188,7 @@ def simulate(p, r, dr, ddr, ctrl, noise, disturbance, steps, lead):
             if p[P_PS] > 0.0:
                 z += h * (v - abs(v) * z) / p[P_PSX]
                 z = min(max(z, -1.0), 1.0)
-            s = 1.0 if v > 0.0 else (-1.0 if v < 0.0 else 0.0)
-            if s == 0.0:
-                push = _smooth(p, th, 0.0, ue, ti) - p[P_PS] * z - coupling
-                if push > _dry(p, th, 0.0, ue, ti, 1.0):
-                    s = 1.0
-                elif -push > _dry(p, th, 0.0, ue, ti, -1.0):
-                    s = -1.0
-                else:
-                    continue
-            a1 = _acceleration(p, th, v, ue, ti, s, z, coupling)
-            a2 = _acceleration(p, th + 0.5 * h * v, v + 0.5 * h * a1, ue, ti, s, z, coupling)
-            v3 = v + 0.5 * h * a2
-            a3 = _acceleration(p, th + 0.5 * h * (v + 0.5 * h * a1), v3, ue, ti, s, z, coupling)
-            a4 = _acceleration(p, th + h * v3, v + h * a3, ue, ti, s, z, coupling)
-            dv = h * (a1 + 2 * a2 + 2 * a3 + a4) / 6.0
-            if v != 0.0 and (v + dv) * v < 0.0:
-                f = v / (v - (v + dv))
-                th += 0.5 * f * h * v
-                v = 0.0
-            else:
-                th += h * (v + h * (a1 + a2 + a3) / 6.0)
-                v += dv
+            s = _sense(p, th, v, ue, ti, z, coupling)
+            if s != 0.0:
+                th, v = _moved(p, th, v, ue, ti, s, z, coupling)
     return u_log, y_log
