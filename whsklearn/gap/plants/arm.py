@@ -433,8 +433,18 @@ class ArmPlant(Plant):
         return np.std(self.view.moved.position, axis=0) if mixed else np.ones(slides.size)
 
     def objection(self, model: ArmState, grown: ArmState) -> str:
-        """The physical objections to a term's parameters."""
-        t, view = grown.terms[-1], self.view
+        """The objection to a term: to its numbers, that fewer would do, or that it explains too little."""
+        return (
+            self._implausible(grown)
+            or self._plainer(model, grown)
+            or self._against_its_stop(model, grown)
+            or self._no_better(model, grown)
+            or self._cancelled(model, grown)
+        )
+
+    def _implausible(self, grown: ArmState) -> str:
+        """The physical objection to the numbers of the last term."""
+        t = grown.terms[-1]
         if said := self._at_rest(t):
             return said
         if t.kind.cls is Load and max(map(abs, t.shape)) >= FURTHEST:
@@ -443,16 +453,21 @@ class ArmPlant(Plant):
         total = t.q[0] + base.get(f"{t.joint}.{t.effect.name}", 0.0) if t.kind.linear == 1 else 1.0
         if t.kind.positive and total <= 0.0:
             return f"its size would be {total:.3g}, but a physical one is positive"
-        if t.kind.catalogued is not None:
-            fields, ranges = t.kind.catalogued.fields[t.kind.linear :], t.kind.catalogued.ranged(view.scene(t.kind))
-            if said := too_large(ServoTerm(t.kind.catalogued, t.q)) or t.effect.implausible(self._beside_it(grown)):
+        if (kind := t.kind.catalogued) is not None:
+            fields, ranges = kind.fields[t.kind.linear :], kind.ranged(self.view.scene(t.kind))
+            if said := too_large(ServoTerm(kind, t.q)) or t.effect.implausible(self._beside_it(grown)):
                 return said
             n = 2 if t.kind.cls is ContactStop else 1  # the first is a place or width; a stop's second, its softness
             for field, value, (low, high) in list(zip(fields, t.shape, ranges, strict=True))[:n]:
-                quantity = t.kind.catalogued.cls.quantities[field]
+                quantity = kind.cls.quantities[field]
                 below = low and value <= low + 1e-3 * abs(low) and not quantity.open_below
                 if below or (value >= high - 1e-3 * abs(high) and not quantity.open_above):
                     return f"its {field} reaches the limit of the plausible range"
+        return ""
+
+    def _plainer(self, model: ArmState, grown: ArmState) -> str:
+        """The objection that a term with fewer numbers explains nearly as much as the last one."""
+        t, view = grown.terms[-1], self.view
         shaped = t.kind.catalogued is not None and not t.effect.elementary and t.kind.n_numbers > 1
         plainer = [
             (c.name.replace("_", " "), JointTerm(replace(t.kind, cls=c.cls, catalogued=c), (0.0,)))
@@ -470,8 +485,11 @@ class ArmPlant(Plant):
             # of some mrad explains 3 to 5 % of it (`python -m benchmarks.blind_arms --kinds coulomb`).
             if beyond < max(min(self.tolerance, most), STILL * most, min(stays, LEAST_SHARE**0.5 * most)):
                 return f"{name} explains as much with fewer numbers"
-        if said := self._against_its_stop(model, grown):
-            return said
+        return ""
+
+    def _no_better(self, model: ArmState, grown: ArmState) -> str:
+        """The objection that the last term explains too little, or nothing on blocks that were not fitted."""
+        t, view = grown.terms[-1], self.view
         at = [view.arm.joints.index(j) for j in t.kind.place or view.arm.joints]
         if {view.arm.joints[i] for i in at} <= self._usual(model):
             return "before it, no more was left at its joint than the arm's own record may leave"
@@ -488,6 +506,11 @@ class ArmPlant(Plant):
             if np.any(worse := after > QUIET * usual):
                 joint = view.arm.joints[int(np.argmax(worse))]
                 return f"on blocks of the record that were not fitted, it makes the error of {joint} larger"
+        return ""
+
+    def _cancelled(self, model: ArmState, grown: ArmState) -> str:
+        """The objection that other terms nearly cancel the last one."""
+        t, view = grown.terms[-1], self.view
         # What is removed by an effect that other terms nearly cancel, such as a spring against gravity, is the error of
         # columns unless it is a larger part of the effect than what stays is of the drive, on real arms 4 to 10 %.  All
         # joints carry a mass, and gravity is always large.
