@@ -103,7 +103,7 @@ def test_a_champion_gives_way_to_nothing_worse(mlflow_root):
 
 
 def test_nothing_is_registered_that_is_worse_than_the_mean(mlflow_root, tmp_path):
-    u, y = np.random.default_rng(0).standard_normal((2, 300))
+    u, y = np.random.default_rng(0).standard_normal((2, 160))
     done = run("--log", written(tmp_path / "noise.csv", u, y), *COLUMNS, "--p", 1, "--law", "viscous,coulomb,offset")
     assert done.exit_code == 0, done.output
     assert "Nothing is registered" in done.stdout

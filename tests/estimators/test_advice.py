@@ -170,8 +170,8 @@ def test_a_pure_recursion_says_that_it_does_not_reach_the_scale(record, scale):
 
 
 def test_shuffled_samples_are_told_once(record, monkeypatch):
-    X, y = record
-    model = RMILSRegressor(WienerHammersteinLags(), n_starts=2, memory=64, random_state=0)
+    X, y = (part[:300] for part in record)
+    model = RMILSRegressor(WienerHammersteinLags(law="polynomial"), n_starts=2, memory=64, random_state=0)
     monkeypatch.setattr(_checked, "TOLD", set())
     for folds in (KFold(3), TimeSeriesSplit(3)):
         cross_val_score(model, X, y, cv=folds)
@@ -201,7 +201,6 @@ def two_blocks(kind, seed, n=2000):
     return u[:, None], y + 0.02 * y.std() * rng.standard_normal(n)
 
 
-@pytest.mark.parametrize("seed", [0, 1])
 @pytest.mark.parametrize(
     ("kind", "law", "told"),
     [
@@ -209,8 +208,8 @@ def two_blocks(kind, seed, n=2000):
         ("both", "linear,coulomb", False), ("dx", "polynomial", True),
     ],
 )  # fmt: skip
-def test_a_law_that_is_not_that_of_the_record_is_told(kind, law, told, seed):
-    X, y = two_blocks(kind, seed)
+def test_a_law_that_is_not_that_of_the_record_is_told(kind, law, told):
+    X, y = two_blocks(kind, 0)
     model = RMILSRegressor(WienerHammersteinLags(law=law), random_state=0)
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
@@ -282,7 +281,7 @@ def test_a_chain_whose_free_run_a_linear_filter_beats_is_told_with_the_fit_that_
     assert nmse(clean / clean.std(), advised.predict(u)) < 0.1 * left
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("at_output", [True, False])
 def test_noise_of_the_output_is_told_and_noise_within_the_second_block_is_not(seed, at_output):
     rng = np.random.default_rng(seed)

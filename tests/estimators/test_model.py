@@ -161,7 +161,7 @@ def test_95_percent_of_new_measurements_lie_within(estimator):
         model = (
             RMILSRegressor(WienerHammersteinLags(), random_state=seed)
             if estimator == "RMILS"
-            else PEMRegressor(n_starts=6, random_state=seed)
+            else PEMRegressor(n_starts=3, random_state=seed)
         ).fit(X, y)
         y_hat, std = model.predict(new_X, return_std=True)
         inside.append(np.abs(new_y - y_hat) < 1.96 * std)

@@ -41,7 +41,7 @@ def recorded(short_paths, migrated_database, tmp_path_factory):
     folder = tmp_path_factory.mktemp("turntable")
     (folder / "mlruns").mkdir()
     store = f"sqlite:///{shutil.copy(migrated_database, folder / 'mlruns' / 'mlflow.db')}"
-    load_turntable("multisine").iloc[:400].to_csv(folder / "log.csv", index=False)
+    load_turntable("multisine").iloc[:160].to_csv(folder / "log.csv", index=False)
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("MLFLOW_TRACKING_URI", store)
         done = CliRunner().invoke(main, ["--log", str(folder / "log.csv"), *COLUMNS])
