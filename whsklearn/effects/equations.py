@@ -59,10 +59,18 @@ def delayed(age):
 
 # --- dry friction of a solver of contacts ----------------------------------------------------------------------------
 @_equation
+def early_stop(lead, impedance, inertia, h):
+    """Mean torque over a step h per velocity by which early friction takes it, d J (1 - exp(-h / T)) / h, its share of
+    what makes v decay with T, and the slope by T.
+    """
+    left = math.exp(-h / lead)
+    return impedance * inertia * (1.0 - left) / h, -impedance * inertia * left / lead**2
+
+
+@_equation
 def early_friction(lead, impedance, inertia, pull, v, backwards, forwards, h):
     """Mean torque over a step h: the share d of what makes v decay with T, within the two that friction can take."""
-    after = v * math.exp(-h / lead)
-    wanted = impedance * (pull + inertia * (v - after) / h)
+    wanted = impedance * pull + early_stop(lead, impedance, inertia, h)[0] * v
     if wanted > forwards:
         return forwards
     return backwards if wanted < backwards else wanted

@@ -88,7 +88,7 @@ def form_columns(q: Array, v: Array, side: Array, drive: Array, form: AxisForm) 
     """
     e = q - form.centre
     columns = [np.sin(e), np.cos(e)] if form.hangs else [e ** (k + 1) for k in range(form.powers)]
-    columns += [side * np.abs(drive)] * form.loaded
+    columns += [side * np.abs(drive)] * form.loaded + [np.zeros_like(v)] * 2 * form.early
     return columns + [side * np.maximum(np.abs(v) - k, 0.0) for k in form.knots]
 
 

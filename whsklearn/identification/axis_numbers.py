@@ -8,6 +8,7 @@ import numpy as np
 
 from whsklearn.effects import (
     CableSpring,
+    EarlyReversal,
     Effect,
     FlexibleCoupling,
     GravityImbalance,
@@ -85,11 +86,12 @@ def axis_theta(model: AxisModel) -> tuple[Array, AxisForm]:
         ]
         return np.array(theta), AxisForm(coupled=True, at_load=model.side == "load")
     growth = [e.magnitude for e in rest if isinstance(e, LoadFriction)]
-    forces, base = position_weights(rest[: len(rest) - len(growth)])
+    early = [x for e in rest if isinstance(e, EarlyReversal) for x in (e.lead, e.impedance)]
+    forces, base = position_weights([e for e in rest if not isinstance(e, LoadFriction | EarlyReversal)])
     hangs = any(isinstance(e, GravityImbalance) for e in rest)
     knots = np.array([t.knot for t in hinges])
-    theta = [model.inertia, p["viscous"], p["coulomb"], offset.magnitude + base, *forces, *growth]
-    form = AxisForm(knots, hangs, 0 if hangs else len(forces), loaded=bool(growth))
+    theta = [model.inertia, p["viscous"], p["coulomb"], offset.magnitude + base, *forces, *growth, *early]
+    form = AxisForm(knots, hangs, 0 if hangs else len(forces), loaded=bool(growth), early=bool(early))
     return np.array(theta + [t.magnitude for t in hinges]), form
 
 

@@ -606,7 +606,10 @@ def _fitted(compared: Compared, fit: Callable[[View], Any], log: View, units: di
             dead = (model.delay - 1) * log.dt  # the other sample is that of the hold
             compared.structure = {**compared.structure, "dead_time": dead}
             compared.name = f"{compared.name.partition(', dead')[0]}, dead time {dead:.3g}"
-        if not compared.structure:  # already found by the fit
+        early = [e.name for e in model.effects if e.name == "early_reversal"] if isinstance(model, AxisModel) else []
+        if early:  # already found by the fit, as what follows
+            compared.structure = {**compared.structure, "law": [*compared.structure["law"], *early]}
+        if not compared.structure:
             sizes = {k: len(getattr(model, k)) - 1 for k in ("b1", "f1", "b2", "f2")}
             compared.structure = {"zeros_and_poles": sizes, "law": "cubic_spline", "knots": len(model.law)}
     except (ValueError, np.linalg.LinAlgError) as error:

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from whsklearn.effects import Effect, FlexibleCoupling, FrictionLaw, LearnedTorque
+from whsklearn.effects import Effect, FlexibleCoupling, FrictionLaw, LearnedTorque, as_law
 from whsklearn.filtering.records import HOLDS, fine_drive
 from whsklearn.logs.units import assumed, inertia_unit, respelled
 from whsklearn.models.base import IdentifiedModel, as_input
@@ -67,6 +67,7 @@ class AxisModel(IdentifiedModel):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        object.__setattr__(self, "law", as_law(self.law))
         object.__setattr__(self, "effects", tuple(self.effects))
         if self.hold not in HOLDS:
             raise ValueError(f"hold is {self.hold!r}, expected one of: {', '.join(HOLDS)}.")

@@ -9,11 +9,21 @@ from tests.recursion.axis_log import TRUTH, axis_log, slow_drive
 from whsklearn.recursion.batch.axis_free_run import axis_motion, fit_pieces, fit_state, sensitivities
 
 
-@pytest.mark.parametrize("form", [{"hangs": True}, {"powers": 3}, {"loaded": True}], ids=str)
+@pytest.mark.parametrize(
+    ("form", "more"),
+    [
+        ({"hangs": True}, [0.05, 0.02]),
+        ({"powers": 3}, [0.05, 0.02, 0.03]),
+        ({"loaded": True}, [0.05]),
+        ({"early": True}, [0.02, 0.8]),
+        ({"early": True, "hangs": True, "loaded": True}, [0.05, 0.02, 0.05, 0.02, 0.8]),
+    ],
+    ids=str,
+)
 @pytest.mark.parametrize("of_position", [False, True])
-def test_the_free_run_of_an_axis_has_exact_sensitivities(of_position, form):
+def test_the_free_run_of_an_axis_has_exact_sensitivities(of_position, form, more):
     log = axis_log(slow_drive(400, 2), 0.01, (0.3,), **form)._replace(of_position=of_position, v0=np.array([0.1]))
-    theta = np.r_[0.05, 0.12, 0.1, 0.01, np.array([0.05, 0.02, 0.03])[: log.form.size - 5], 0.1]
+    theta = np.r_[0.05, 0.12, 0.1, 0.01, more, 0.1]
     rows = sensitivities(theta, log)[1]
     for i in range(theta.size):
         step = np.zeros(theta.size)

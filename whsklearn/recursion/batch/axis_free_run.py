@@ -20,9 +20,9 @@ from typing import NamedTuple
 import numpy as np
 
 from whsklearn._numba import njit, part
-from whsklearn.effects import FlexibleCoupling, LoadFriction, LoadSideViscous
+from whsklearn.effects import EarlyReversal, FlexibleCoupling, LoadFriction, LoadSideViscous
 from whsklearn.effects.base import Array, Bools, Integers
-from whsklearn.effects.equations import speed_hinge
+from whsklearn.effects.equations import early_stop, speed_hinge
 from whsklearn.effects.transmission import contact_stiffness
 from whsklearn.recursion.batch.best_linear import descend
 from whsklearn.recursion.batch.coupled_run import bodies_of, coupled_pass, slopes_of
@@ -31,6 +31,10 @@ from whsklearn.systems._servo_kernel import implicit_gain
 SETTLED = 1e-9  # relative decrease in cost that at least one state must still reach for the search to continue
 SHARE_AND_DAMPING = ((0.02, 0.003), (0.98, 1.0))  # lower and upper bounds of a coupling's load share and damping ratio
 MOST_LOADED = LoadFriction.quantities["coefficient"].high  # c of friction that grows with the drive
+# Lower and upper bounds of both
+LEAD_AND_IMPEDANCE = tuple(
+    np.array([getattr(EarlyReversal.quantities[k], end) for k in ("lead", "impedance")]) for end in ("low", "high")
+)
 LARGEST = 1e100  # bound of an error or a sensitivity, so that its square stays finite
 UNSEEN = 1e-12  # of the largest eigenvalue of the information, columns at unit length: smaller ones are rounding
 
@@ -55,6 +59,7 @@ class AxisForm(NamedTuple):
     centre: float = 0.0
     loaded: bool = False
     shifted: bool = True
+    early: bool = False
     coupled: bool = False
     at_load: bool = False
 
@@ -71,7 +76,7 @@ class AxisForm(NamedTuple):
     @property
     def size(self) -> int:
         """Number of parameters."""
-        return 4 + self.of_position + self.loaded + self.knots.size + 5 * self.coupled
+        return 4 + self.of_position + self.loaded + 2 * self.early + self.knots.size + 5 * self.coupled
 
     @property
     def limits(self) -> tuple[Array, Array]:
@@ -81,6 +86,8 @@ class AxisForm(NamedTuple):
             low[3] = high[3] = 0.0
         low[2 if self.knots.size else 1 : 3] = 0.0
         low[self.growth], high[self.growth] = 0.0, MOST_LOADED
+        if self.early:
+            low[self.reversal], high[self.reversal] = LEAD_AND_IMPEDANCE
         if self.coupled:
             low[4:6], low[-2:], high[-2:] = 0.0, *SHARE_AND_DAMPING
         return low, high
@@ -89,6 +96,11 @@ class AxisForm(NamedTuple):
     def growth(self) -> slice:
         """Place in theta of what the friction of a ``loaded`` axis grows by; empty of another."""
         return slice(4 + self.of_position, 4 + self.of_position + self.loaded)
+
+    @property
+    def reversal(self) -> slice:
+        """Places in theta of the lead and the impedance of friction that reverses ``early``; empty of another."""
+        return slice(self.growth.stop, self.growth.stop + 2 * self.early)
 
 
 class AxisLog(NamedTuple):
@@ -427,21 +439,59 @@ def _of_position(e, hangs, force, slope):
 
 
 @part
+def _torques(theta, form, drive, q, v, force, slope):
+    """Drive less offset and forces over position, friction but dry, and the slopes of what resists by v and by q.
+
+    ``force`` and ``slope`` become those of position-dependent forces of unit weight.
+    """
+    _of_position(q - form.centre, form.hangs, force, slope)
+    net, resisting, by_v, by_q = drive - theta[3], theta[1] * v, theta[1], 0.0
+    for k in range(force.size):
+        net -= theta[4 + k] * force[k]
+        by_q += theta[4 + k] * slope[k]
+    for k in range(form.knots.size):
+        weight = theta[theta.size - form.knots.size + k]
+        bent, _, tilt = speed_hinge(form.knots[k], v)
+        resisting += weight * bent
+        by_v += weight * tilt
+    return net, resisting, by_v, by_q
+
+
+@part
 def _by_numbers(by, form, v, s, kick, h, stiffness, force, size):
     """Slopes ``by`` of a step's acceleration by each number of theta, after a kick; those by the state stay zero.
 
     ``size``: of the drive.
     """
-    places = 4 + force.size + form.loaded
+    places = 4 + force.size + form.loaded + 2 * form.early
     by_gain = -kick * (0.5 if stiffness < 0.5 else 1.0)  # effect of a slope through the gain
     by[0], by[1], by[2], by[3] = -kick / h, by_gain - v, -s, -1.0
     for k in range(force.size):
         by[4 + k] = -force[k]
     if form.loaded:
         by[4 + force.size] = -s * size
+    if form.early:
+        by[places - 2] = by[places - 1] = 0.0
     for k in range(form.knots.size):
         bent, _, tilt = speed_hinge(form.knots[k], v)
         by[places + k] = by_gain * tilt - bent
+
+
+@part
+def _by_numbers_held(by, form, v, kick, h, net, inertia, impedance, stop, stop_by_lead):
+    """The same where friction that reverses early holds, from those of `_by_numbers`.
+
+    ``net``: torque without friction and offset. ``stop``: torque per velocity, with its slope by the lead.
+    """
+    last = by.size - 2 - form.knots.size  # of the forces; the two states come after the knots
+    by[0], by[1], by[2], by[3] = -kick / h - stop * v / inertia, by[1] + v, 0.0, 0.0
+    for k in range(4, last - 2):
+        by[k] *= 1.0 - impedance
+    if form.loaded:
+        by[last - 3] = 0.0
+    by[last - 2], by[last - 1] = -stop_by_lead * v, -net - stop * v / impedance
+    for k in range(form.knots.size):
+        by[last + k] += speed_hinge(form.knots[k], v)[0]
 
 
 @njit(cache=True, error_model="numpy")
@@ -454,9 +504,8 @@ def axis_pass(theta, form, u, bounds, start, dt, rows, ends):
     """
     n_theta = theta.size
     n = n_theta + 2
-    knots = form.knots
-    of_position = n_theta - 4 - form.loaded - knots.size
-    bends = 4 + of_position + form.loaded
+    bends = n_theta - form.knots.size
+    of_position = bends - 4 - form.loaded - 2 * form.early
     with_rows = rows.size > 0
     first = n - rows.shape[1]
     n_samples, steps = u.shape
@@ -465,8 +514,10 @@ def axis_pass(theta, form, u, bounds, start, dt, rows, ends):
     force, slope = np.zeros(of_position), np.zeros(of_position)  # position-dependent, of unit weight
     inertia, viscous, offset = theta[0], theta[1], theta[3]
     growth = theta[4 + of_position] if form.loaded else 0.0
+    lead, impedance = (theta[bends - 2], theta[bends - 1]) if form.early else (1.0, 0.0)
     h = dt / steps
     half, g = 0.5 * h, h / inertia
+    stop, stop_by_lead = early_stop(lead, impedance, inertia, h)
     for piece in range(bounds.size - 1):
         v, q = start[piece, 0], start[piece, 1]
         dv[:], dq[:] = 0.0, 0.0
@@ -477,24 +528,25 @@ def axis_pass(theta, form, u, bounds, start, dt, rows, ends):
                 for i in range(first, n):
                     rows[0, i - first, t], rows[1, i - first, t] = dv[i], dq[i]
             for j in range(steps):
-                _of_position(q + half * v - form.centre, form.hangs, force, slope)
+                net, resisting, by_v, by_q = _torques(theta, form, u[t, j], q + half * v, v, force, slope)
                 size = abs(u[t, j])
                 dry = theta[2] + growth * size
-                pull = u[t, j] - offset - viscous * v
-                by_v, by_q = viscous, 0.0  # slopes of the resisting forces
-                for k in range(of_position):
-                    pull -= theta[4 + k] * force[k]
-                    by_q += theta[4 + k] * slope[k]
-                for k in range(knots.size):
-                    bent, _, tilt = speed_hinge(knots[k], v)
-                    pull -= theta[bends + k] * bent
-                    by_v += theta[bends + k] * tilt
                 side, gain = (1.0 if v > 0.0 else -1.0), implicit_gain(by_v, inertia, h)
-                kick = g * (pull - side * dry) / gain
+                friction = resisting + side * dry
+                held = False
+                if form.early:  # `early_friction`
+                    wanted = impedance * (net + offset) + stop * v - offset
+                    held = abs(wanted - resisting) < dry
+                    side = 1.0 if wanted > resisting else -1.0
+                    friction = wanted if held else resisting + side * dry
+                kick = g * (net - friction) / gain
                 new = v + kick
-                if v != 0.0 and side * new > 0.0:  # it moves on
+                if form.early or (v != 0.0 and side * new > 0.0):  # it moves on
                     if with_rows:
                         _by_numbers(by, form, v, side, kick, h, by_v * h / inertia, force, size)
+                        if held:
+                            _by_numbers_held(by, form, v, kick, h, net + offset, inertia, impedance, stop, stop_by_lead)
+                            by_v, by_q = stop, (1.0 - impedance) * by_q
                         for i in range(first, n):
                             d = (-by_v * dv[i] - by_q * (dq[i] + half * dv[i]) + by[i]) * (g / gain)
                             dq[i] += half * (dv[i] + dv[i] + d)
@@ -505,12 +557,9 @@ def axis_pass(theta, form, u, bounds, start, dt, rows, ends):
                 # it stops within the step, or is at rest; friction holds it, or is overcome for the time that is left
                 before = -h * v / kick if v != 0.0 else 0.0
                 after = h - before
-                pull += viscous * v
-                for k in range(knots.size):
-                    pull += theta[bends + k] * speed_hinge(knots[k], v)[0]
-                goes, late = (1.0 if pull > 0.0 else -1.0), implicit_gain(viscous, inertia, after)
-                moves = abs(pull) > dry and after > 0.0
-                new = after * (pull - goes * dry) / inertia / late if moves else 0.0
+                goes, late = (1.0 if net > 0.0 else -1.0), implicit_gain(viscous, inertia, after)
+                moves = abs(net) > dry and after > 0.0
+                new = after * (net - goes * dry) / inertia / late if moves else 0.0
                 if with_rows:
                     _by_numbers(by, form, v, side, kick, h, by_v * h / inertia, force, size)
                     _by_numbers(by_rest, form, 0.0, goes, new, after, viscous * after / inertia, force, size)
