@@ -261,11 +261,12 @@ def test_what_nameless_functions_show_is_lent_to_no_name_that_says_next_to_nothi
     assert p_values == [0.6, 1e-5]
 
 
-def test_a_bump_that_explains_more_with_as_few_numbers_leaves_a_wave_without_a_name():
+def test_a_bump_that_leads_with_as_few_numbers_leaves_a_wave_without_a_name():
     plant = Columns({"a": 0.5})
     look = next(k for k in plant.looks(Regression(), np.random.default_rng(0)) if k.name == "a")
     search = Search(plant, np.random.default_rng(0), 0.01, 3)
-    for numbers, size, refused in ((1, 0.6, True), (9, 0.6, False), (1, 0.3, False)):
+    alike = 1.001 * look.size  # more, by less than one explanation must lead another
+    for numbers, size, refused in ((1, 0.6, True), (9, 0.6, False), (1, 0.3, False), (1, alike, False)):
         bump = Look("", 900.0, np.ones(15), size=size, n_numbers=numbers, p_value=1e-9)
         (found,) = search._fitted(Regression(), [look], [bump])
         assert ("without a name" in found.reason) == refused

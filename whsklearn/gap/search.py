@@ -62,6 +62,19 @@ def shares(look: Look, nameless: Look) -> bool:
     return bool(float(a @ b) ** 2 >= LEAST_SHARE * float(a @ a) * float(b @ b) > 0.0)
 
 
+def lead_over(nameless: Look, look: Look, size: float, n: float) -> float:
+    """Lead of a function without a name over an effect that, fitted, explains ``size``; none if it has more numbers.
+
+    Both explain part of one power among ``n`` samples. A stop in a leg explained 0.814 of the drive and some bump of
+    the position 0.816, a lead of less than one.
+    """
+    if nameless.n_numbers > look.n_numbers:
+        return -np.inf
+    part = -np.expm1(-nameless.gain / n) * (size / nameless.size) ** 2
+    fitted = -n * np.log1p(-min(part, 1.0 - 1e-12))
+    return float(nameless.gain - fitted - 2.0 * (np.mean(nameless.null) - np.mean(look.null)))
+
+
 @dataclass(frozen=True)
 class Named:
     """One effect of a model, with its evidence."""
@@ -278,7 +291,7 @@ class Search:
                 reason = "fitted, it explains less than the tolerance"
             elif size**2 < LEAST_SHARE * most**2:
                 reason = "it explains too little of what follows the motion"
-            elif any(k.size > size for k in nameless if k.n_numbers <= look.n_numbers):
+            elif any(lead_over(k, look, size, self.plant.n_effective) >= least_lead(self.alpha) for k in nameless):
                 reason = "a function without a name explains more with as few numbers"
             reason = self.plant.objection(model, f.model) or reason
             if not reason:
