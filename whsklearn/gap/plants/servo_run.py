@@ -42,6 +42,7 @@ OWN_ERROR = 0.1
 EVALUATIONS = 400
 # Where they begin, in steps of a derivative: with 5 and 10, other ripples were found as often as the valley.
 SPREAD = 2.0
+STARTS_KEPT = 4  # models: the base and the repaired one, with and without the hold of a sample
 # Largest deviation of a run due to a torque that is not worth naming, as a share of the path.
 OFF_PATH = 0.05
 # Largest mean square difference of the velocities of two smoothing windows, as a multiple of the noise variance of the
@@ -65,6 +66,8 @@ class ObserverView:
     quantum: float = 0.0
     step: float = LONGEST_STEP  # largest fine step of a run (s), see `coarsened`
     ar: Array = field(default_factory=lambda: np.array([1.0]))  # current whitening polynomial of the missing torque
+    # where runs of the last models restart, which no horizon changes
+    _starts: dict[Any, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     # --- looking ---------------------------------------------------------------------------
     @cached_property
@@ -90,6 +93,14 @@ class ObserverView:
             np.clip(np.nan_to_num(x, nan=0.0), -f, f) for x, f in zip(out[:3], (far[0], far[0], far[1]), strict=True)
         ]
         return held[0], held[1], held[2], np.clip(np.nan_to_num(out[3]), -far[1], far[1])
+
+    def starts(self, model: ServoHypothesis) -> tuple[tuple[Array, Array], Array]:
+        """`restart_states` of the model, kept for runs over other horizons."""
+        if (found := self._starts.get(model)) is None:
+            if len(self._starts) >= STARTS_KEPT:
+                self._starts = {}
+            found = self._starts[model] = restart_states(self, model)
+        return found  # type: ignore[no-any-return]
 
     def gap(self, model: ServoHypothesis) -> Array:
         """Torque that the model lacks, filtered; shape (n_decimated,)."""
@@ -371,7 +382,7 @@ def predictable(surrogate: Any, model: ServoHypothesis, longest: float) -> float
 def restarted_run(view: Any, model: ServoHypothesis, horizon: float) -> Array:
     """Simulated position, restarted every ``horizon`` seconds; shape (n,)."""
     every = max(1, round(horizon / view.scene.dt))
-    start, twist = restart_states(view, model)
+    start, twist = view.starts(model)
     return model.follow(
         view.record.drive, view.record.position, (0.0, 0.0), start=start, reset_every=every, twist=twist,
         pieces=view.record.pieces,
