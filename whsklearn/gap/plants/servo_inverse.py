@@ -34,6 +34,7 @@ from whsklearn.identification.drive_lead import LATEST, OLDEST
 from whsklearn.logs.check import lattice
 
 KEPT = 40  # columns cached, because a polish moves one shape and not the others
+SOLUTIONS_KEPT = 8  # models: of 1,741 calls 520 ask again for one of the last eight, 586 for any before
 # An axis rests below so many standard deviations of its velocity's noise; in records without noise, below this share of
 # the rms velocity.
 NOISY, SLOW = 3.0, 0.01
@@ -125,6 +126,7 @@ class InverseView:
         self.n_effective = self.at.size * min(1.0, 2 * cutoff * self.step)
         self.own: Any = None  # what a model's own records show of this view (`servo_own.Own`)
         self._columns: dict[Any, Array] = {}
+        self._solutions: dict[Any, Any] = {}  # of the last models, each with the own records that it was solved with
 
     def _moving(self, sigma: float) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Decimated samples away from the ends and from rests longer than two sigma, where friction is undetermined.
@@ -262,7 +264,18 @@ class InverseView:
 
     # --- the protocol ------------------------------------------------------------------------
     def solved(self, model: ServoHypothesis) -> tuple[ServoHypothesis, Array, Array, Array, NDArray[np.bool_]]:
-        """(model with its sizes, columns with timing last, target, sizes, mask of columns used), at its shapes."""
+        """(model with its sizes, columns with timing last, target, sizes, mask of columns used), at its shapes.
+
+        A gap is asked for again and again, so the last solutions are kept; they are not to be changed.
+        """
+        key = id(self.own), model
+        if (kept := self._solutions.get(key)) is None:
+            if len(self._solutions) >= SOLUTIONS_KEPT:  # all at once, as with the columns
+                self._solutions = {}
+            kept = self._solutions[key] = self._solve(model), self.own
+        return kept[0]  # type: ignore[no-any-return]
+
+    def _solve(self, model: ServoHypothesis) -> tuple[ServoHypothesis, Array, Array, Array, NDArray[np.bool_]]:
         torque = self.torque(model) if self._driven(model) else None
         x, positive = self.columns(model, torque)
         target, share = self.target(model)
