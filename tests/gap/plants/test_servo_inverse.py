@@ -46,6 +46,16 @@ def test_inertia_of_a_complete_model_is_the_true_one(plain):
     assert view.rms(view.gap(model)) < 0.02 * model.scene.torque
 
 
+def test_a_solution_is_kept_for_the_own_records_that_it_was_solved_with(plain):
+    view, model = start_of(plain, ("viscous",), 0.004)
+    before = view.gap(model)
+    assert view.solved(model) is view.solved(replace(model))
+    view.own = SimpleNamespace(mean=np.ones(before.size), weight=np.ones(before.size))
+    assert view.rms(view.gap(model) - before) == pytest.approx(1.0, rel=0.2)  # viscous friction takes none of it
+    view.own = None
+    np.testing.assert_array_equal(view.gap(model), before)
+
+
 def test_beside_a_lag_the_drive_is_not_early_as_well(plain):
     """The two would cancel: a lag of 240 ms stood beside the gravity of a pendulum, and the drive was as much early."""
     late = with_earlier_drive(plain, -5)  # logged 10 ms after it acted

@@ -82,6 +82,14 @@ def test_a_run_restarts_on_the_path_and_the_model_with_the_missing_effect_runs_b
     assert np.abs(run - observer.record.position)[starts].max() < 1e-3
 
 
+def test_runs_of_one_model_over_several_horizons_share_its_restarts_and_other_records_have_their_own(plain):
+    _, observer, base = plain
+    other = replace(observer, record=replace(observer.record, position=observer.record.position + 0.1))
+    runs = [[restarted_run(view, base, horizon) for horizon in (0.1, 0.3)] for view in (observer, other)]
+    assert observer.starts(base) is observer.starts(replace(base))
+    assert np.abs(runs[1][0] - runs[0][0]).mean() == pytest.approx(0.1, rel=0.1)
+
+
 def test_a_run_that_leaves_the_path_counts_as_no_model(plain):
     _, observer, base = plain
     pushed = [base.with_term(ServoTerm(candidate("input_offset"), (size,))) for size in (10.0, 30.0)]
