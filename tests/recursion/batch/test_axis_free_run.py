@@ -103,3 +103,19 @@ def test_the_state_before_a_window_is_found_from_the_wrong_side_of_standstill_to
     before, after = errors(log.v0, log.q0), errors(*fit_state(theta, log).T)
     assert (after <= before).all()
     assert np.mean(after < 1e-9) > 0.95
+
+
+@pytest.mark.parametrize("form", [{}, {"early": True}, {"coupled": True}], ids=str)
+def test_only_the_states_of_chosen_pieces_are_fitted_and_each_as_if_it_were_alone(form):
+    u, more = slow_drive(1000, 5), {"early": [0.01, 0.9], "coupled": [0.05, 0.1, 8.0, 0.4, 0.05]}
+    theta = np.r_[TRUTH, *(more[k] for k in form)]
+    whole = axis_log(u, **form)._replace(of_position=True)
+    q, v = axis_motion(theta, whole), axis_motion(theta, whole._replace(of_position=False))
+    at = np.arange(0, 1001, 50)
+    log = whole._replace(target=q, bounds=at, v0=v[at[:-1]] + 0.1, q0=q[at[:-1]] + 0.1)
+    log = log.starting(log.states)
+    chosen = np.arange(at.size - 1) % 3 == 1
+    every, some = fit_state(theta, log), fit_state(theta, log, chosen=chosen)
+    np.testing.assert_array_equal(some[chosen], every[chosen])
+    np.testing.assert_array_equal(some[~chosen], log.states[~chosen])
+    assert not axis_motion(theta, log, chosen)[np.repeat(~chosen, 50)].any()

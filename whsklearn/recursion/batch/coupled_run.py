@@ -209,18 +209,18 @@ def _moved(moving, push, left, b, by, stops):
 
 
 @njit(cache=True, error_model="numpy")
-def coupled_pass(b, at_load, u, bounds, start, dt, rows, ends):
+def coupled_pass(b, at_load, u, bounds, chosen, start, dt, rows, ends):
     """Return velocity and position at the encoder, (2, n).
 
     Derivatives are written into rows (2, k, n) and the states behind the pieces into ends (pieces, 4), unless empty.
     The derivatives are by the last k of the nine numbers ``b`` and of velocity, position, twist and slip at the start
-    of each piece: k is 13, or 4 for those of the state alone.
+    of each piece: k is 13, or 4 for those of the state alone. Only of the ``chosen`` pieces (bool).
     """
     n_samples, steps = u.shape
     n_rows = rows.shape[1]
     motion = np.zeros((2, n_samples))
     by = np.zeros((WORK, n_rows))
-    for piece in range(bounds.size - 1):
+    for piece in np.flatnonzero(chosen):
         v0, q0, twist, slip = start[piece, 0], start[piece, 1], start[piece, 2], start[piece, 3]
         moving = (v0 + slip, q0 + twist, v0, q0) if at_load else (v0, q0, v0 - slip, q0 - twist)
         if n_rows > 0:
