@@ -53,7 +53,7 @@ def test_every_consumer_is_right_in_degrees_and_milliseconds(logs):
 @pytest.mark.parametrize("effect", [Cogging(units.TRUTH["cogging"], 12.0), None])
 def test_a_diagnosis_is_the_same_in_every_unit(effect):
     """Verdict, names and shares do not depend on units; nor on the scale of a drive in A, whose constant is unknown."""
-    frame = make_servo_log([effect] if effect else [], duration=12.0, sample_rate=250.0, amplitude=1.0, random_state=0)
+    frame = make_servo_log([effect] if effect else [], duration=8.0, sample_rate=250.0, amplitude=1.0, random_state=0)
     found = []
     for angle, drive, by in (("rad", "Nm", 1.0), ("deg", "mA", 1.0 / units.CONSTANT)):
         turn, torque = factor_of(angle)[0], factor_of(drive)[0]

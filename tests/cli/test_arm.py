@@ -33,7 +33,7 @@ pytest.importorskip("mujoco")
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     out = tmp_path_factory.mktemp("arm")
-    log = make_arm_log(duration=12.0)
+    log = make_arm_log(duration=8.0)
     log.to_csv(out / "arm.csv", index=False)
     export_model(default_arm(), to="mjcf", out=out / "arm.xml")
     bare = log.rename(columns=dict(zip(log.columns[1:], "r1 p1 u1 r2 p2 u2".split(), strict=True)))
@@ -251,7 +251,7 @@ def test_identify_uses_every_trajectory_of_a_log_with_pauses(folder, tmp_path):
 
 def test_gap_names_what_a_joint_lacks(folder):
     out, _ = folder
-    make_arm_log(effects={"pitch": [Cogging(0.1, order=7.0)]}, duration=12.0).to_csv(out / "hidden.csv", index=False)
+    make_arm_log(effects={"pitch": [Cogging(0.1, order=7.0)]}, duration=8.0).to_csv(out / "hidden.csv", index=False)
     done = run(gap, out / "hidden.csv", "--robot", out / "arm.xml", "--report", out / "gap", "--no-track")
     assert done.exit_code == 0, done.output
     written = json.loads((out / "gap" / "gap.json").read_text())
@@ -264,7 +264,7 @@ def test_gap_tests_the_repaired_arm_on_a_second_log_and_refuses_the_first(folder
     out, _ = folder
     hidden = {"pitch": [Cogging(0.1, order=7.0)]}
     for name, seed in (("one", 1), ("two", 2)):
-        make_arm_log(effects=hidden, duration=12.0, random_state=seed).to_csv(out / f"{name}.csv", index=False)
+        make_arm_log(effects=hidden, duration=8.0, random_state=seed).to_csv(out / f"{name}.csv", index=False)
     options = ["--robot", out / "arm.xml", "--report", out / "tested", "--no-track"]
     done = run(gap, out / "one.csv", *options, "--test", out / "two.csv")
     assert done.exit_code == 0, done.output
@@ -283,7 +283,7 @@ def test_gap_finds_gains_by_a_load_and_a_load_by_an_identified_model(folder):
     place = (0.1, 0.0, 0.05)
     heavy = default_arm().with_body("pitch", 0.8, place)
     for name, arm in (("empty", default_arm()), ("loaded", heavy)):
-        log = make_arm_log(arm, duration=12.0)
+        log = make_arm_log(arm, duration=8.0)
         amperes = log.rename(columns=lambda c: c.replace("torque_nm", "current_a"))
         amperes[[c for c in amperes if c.endswith("_a")]] /= 5.0
         amperes.to_csv(out / f"{name}_a.csv", index=False)
@@ -309,7 +309,7 @@ def test_gap_finds_gains_by_a_load_and_a_load_by_an_identified_model(folder):
 
 def test_compare_finds_a_load_and_writes_its_page(folder, tmp_path):
     out, _ = folder
-    log = make_arm_log(default_arm().with_body("pitch", 0.8, (0.1, 0.0, 0.05)), duration=12.0, random_state=1)
+    log = make_arm_log(default_arm().with_body("pitch", 0.8, (0.1, 0.0, 0.05)), duration=8.0, random_state=1)
     log.to_csv(tmp_path / "loaded.csv", index=False)
     logs = out / "arm.csv", tmp_path / "loaded.csv"
     done = run(compare, *logs, "--robot", out / "arm.xml", "--out", tmp_path / "moved", "--no-track")
@@ -368,7 +368,7 @@ def records(path, kind):
 
 def test_a_stream_learns_the_joints_and_goes_on_where_it_stopped(folder):
     out, _ = folder
-    log = make_arm_log(duration=12.0, random_state=5)
+    log = make_arm_log(duration=8.0, random_state=5)
     in_units = log.rename(columns={"pitch_position_rad": "pitch_position_deg", "yaw_torque_nm": "yaw_torque_mnm"})
     in_units["pitch_position_deg"] = np.rad2deg(in_units["pitch_position_deg"])
     in_units["yaw_torque_mnm"] *= 1e3
@@ -440,7 +440,7 @@ def test_a_frozen_encoder_of_a_joint_is_an_alarm_of_a_stream_and_changes_no_esti
 
 def test_a_joint_whose_drive_counts_in_the_opposite_direction_is_an_alarm_of_a_stream(folder, tmp_path):
     out, _ = folder
-    log = make_arm_log(duration=12.0, random_state=5)
+    log = make_arm_log(duration=8.0, random_state=5)
     log["pitch_torque_nm"] *= -1.0
     log.to_csv(tmp_path / "inverted.csv", index=False)
     options = ["--robot", out / "model" / "model.json", "--time", "time_s", "--no-track"]

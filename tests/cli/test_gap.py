@@ -20,7 +20,7 @@ from whsklearn.effects import Cogging, Saturation
 
 @pytest.fixture(scope="module")
 def log(tmp_path_factory):
-    case = make_case("named", 12, effects=("gravity_imbalance",), size=0.08, seconds=12.0, rate=500.0)
+    case = make_case("named", 12, effects=("gravity_imbalance",), size=0.08, seconds=8.0, rate=500.0)
     path = tmp_path_factory.mktemp("log") / "axis.csv"
     case.frame.to_csv(path, index=False)
     return path
@@ -31,7 +31,7 @@ def run(*arguments):
 
 
 def test_names_the_hidden_effect_and_writes_both_files(log, tmp_path):
-    second = make_case("named", 13, effects=("gravity_imbalance",), size=0.08, seconds=8.0, rate=500.0)
+    second = make_case("named", 13, effects=("gravity_imbalance",), size=0.08, seconds=6.0, rate=500.0)
     second.frame.to_csv(tmp_path / "second.csv", index=False)
     result = run(
         log, "--model", "servo", "--time", "time_s", "--reference", "reference_rad", "--drive", "torque_nm",
@@ -223,7 +223,7 @@ def test_logs_of_two_rates_cannot_be_used_together(log, tmp_path):
 
 
 def test_a_clipped_drive_is_told_where_something_is_missing(tmp_path):
-    log = make_servo_log(duration=10.0, sample_rate=250.0, random_state=0)
+    log = make_servo_log(duration=7.0, sample_rate=250.0, random_state=0)
     limit = 0.6 * np.abs(log.torque_nm).max()
     log.assign(torque_nm=log.torque_nm.clip(-limit, limit)).to_csv(tmp_path / "log.csv", index=False)
     done = run(tmp_path / "log.csv", "--max-effects", "1", "--report", tmp_path / "r", "--no-track")
@@ -233,7 +233,7 @@ def test_a_clipped_drive_is_told_where_something_is_missing(tmp_path):
 
 def test_a_clipped_drive_is_no_defect_where_its_limit_is_named(tmp_path):
     """A clipped position still is one: see test_records."""
-    log = make_servo_log([Saturation(1.0)], duration=10.0, sample_rate=250.0, random_state=0)
+    log = make_servo_log([Saturation(1.0)], duration=7.0, sample_rate=250.0, random_state=0)
     log.assign(torque_nm=log.torque_nm.clip(-1.2, 1.2)).to_csv(tmp_path / "log.csv", index=False)
     done = run(tmp_path / "log.csv", "--report", tmp_path / "r", "--no-track")
     assert "saturation (limit" in " ".join(done.stdout.split())

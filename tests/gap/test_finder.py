@@ -23,7 +23,7 @@ from whsklearn.gap.record import ServoRecord
 from whsklearn.gap.standard_errors import labelled_errors
 from whsklearn.systems import PIDController, ServoAxis
 
-SHORT = {"seconds": 14.0, "rate": 500.0, "noise": 1e-4}
+SHORT = {"seconds": 10.0, "rate": 500.0, "noise": 1e-4}
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +46,9 @@ def test_hidden_effect_gets_its_name(name):
 @pytest.mark.parametrize("order", [1.0, 2.0])
 def test_friction_that_varies_along_a_short_travel_gets_its_name(order):
     """Less than a period of it is passed, so its order may stay unknown, but no other effect is like it."""
-    log = make_servo_log([PositionFriction(0.1, order, phase=0.4)], amplitude=0.7, duration=14.0, random_state=0)
+    log = make_servo_log(
+        [PositionFriction(0.1, order, phase=0.4)], amplitude=0.7, duration=14.0, sample_rate=500.0, random_state=0
+    )
     assert order * np.ptp(log["position_rad"]) < 2.0 * np.pi
     finder = GapFinder("servo").fit(log)
     assert [e.name for e in finder.effects_] == ["position_friction"]
@@ -65,7 +67,7 @@ def test_what_changes_the_path_or_the_reading_closes_the_gap_in_simulation(name)
 def test_a_reading_in_degrees_is_taken_as_such_and_the_reference_may_be_left_out(cogging):
     case, finder = cogging
     frame = case.frame.assign(position_deg=np.rad2deg(case.frame["position_rad"]))
-    again = GapFinder("servo").fit(frame, **{**COLUMNS, "position": "position_deg", "reference": None})
+    again = GapFinder("servo", max_effects=1).fit(frame, **{**COLUMNS, "position": "position_deg", "reference": None})
     assert again.verdict_ == finder.verdict_
     assert again.effects_[0].effect.labelled()["order"] == pytest.approx(finder.effects_[0].effect.order, rel=1e-6)
 

@@ -130,7 +130,7 @@ def test_the_coupled_drives_lack_a_sensor_that_knows_the_sign(kind):
 
 
 def test_of_two_names_that_no_record_can_tell_apart_the_simpler_is_first():
-    case = blind.make_case("named", 16025, effects=("gravity_imbalance",), n=1500)  # a cogging of order one
+    case = blind.make_case("named", 16025, effects=("gravity_imbalance",), n=1000)  # a cogging of order one
     finder = diagnose(case)
     assert finder.verdict_ == "named"
     assert finder.effects_[0].name == "gravity_imbalance"
@@ -139,7 +139,7 @@ def test_of_two_names_that_no_record_can_tell_apart_the_simpler_is_first():
 
 @pytest.mark.parametrize("kind", ["none", "coloured"])
 def test_silence_where_nothing_is_missing(kind):
-    finder = diagnose(blind.make_case(kind, 4, noise=25.0, n=1500))
+    finder = diagnose(blind.make_case(kind, 4, noise=25.0, n=1000))
     assert finder.verdict_ in ("no_gap", "coloured_noise")
     assert finder.effects_ == []
 

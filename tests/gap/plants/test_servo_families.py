@@ -291,7 +291,9 @@ def test_the_plays_that_are_tried_scale_with_the_axis():
 
 
 def test_a_small_play_is_found():
-    log = make_servo_log([Backlash(4e-4, 0.4, 120.0, 0.5)], duration=15.0, noise=5e-6, random_state=2)
+    log = make_servo_log(
+        [Backlash(4e-4, 0.4, 120.0, 0.5)], duration=12.0, sample_rate=500.0, noise=5e-6, random_state=2
+    )
     assert GapFinder("servo", max_effects=1).fit(log).effects_[0].name == "backlash"
 
 
@@ -308,7 +310,7 @@ def test_bristles_that_only_reversals_show_are_no_play():
 
 def test_a_play_is_found_before_a_load_that_rubs():
     hidden = Backlash(0.01, 0.5, 60.0, 0.3, load_coulomb=0.08)
-    log = make_servo_log([hidden], duration=12.0, sample_rate=500.0, random_state=2)
+    log = make_servo_log([hidden], duration=8.0, sample_rate=500.0, random_state=2)
     found = GapFinder("servo", max_effects=1).fit(log).effects_[0]
     assert found.name == "backlash"
     assert found.effect.gap == pytest.approx(hidden.gap, rel=0.2)
@@ -329,7 +331,7 @@ def test_the_shapes_of_a_coupling_are_fitted_together():
 
 def test_a_spring_before_a_load_that_rubs_is_no_play():
     hidden = FlexibleCoupling(0.02, 0.6, 0.05, load_coulomb=0.08)
-    log = make_servo_log([hidden], duration=20.0, sample_rate=500.0, random_state=2)
+    log = make_servo_log([hidden], duration=12.0, sample_rate=500.0, random_state=2)
     found = GapFinder("servo", max_effects=1).fit(log).effects_[0]
     assert found.name == "flexible_coupling"
     assert found.effect.compliance == pytest.approx(hidden.compliance, rel=0.02)
@@ -337,14 +339,14 @@ def test_a_spring_before_a_load_that_rubs_is_no_play():
 
 
 def test_a_ripple_with_less_than_a_period_in_the_travel_is_one():
-    log = make_servo_log([TorqueRipple(0.2, 2.0, 0.5)], amplitude=0.8, duration=12.0, sample_rate=500.0, random_state=2)
+    log = make_servo_log([TorqueRipple(0.2, 2.0, 0.5)], amplitude=0.8, duration=8.0, sample_rate=500.0, random_state=2)
     found = GapFinder("servo").fit(log).effects_
     assert [e.name for e in found] == ["torque_ripple"]
     assert found[0].effect.order == pytest.approx(2.0, rel=0.05)
 
 
 def test_a_hardening_spring_is_found_wherever_the_encoder_counts_from():
-    log = make_servo_log([HardeningSpring(0.15, 0.6)], duration=12.0, sample_rate=500.0, random_state=2)
+    log = make_servo_log([HardeningSpring(0.15, 0.6)], duration=8.0, sample_rate=500.0, random_state=2)
     zero = 5.0  # about zero itself others are found, in `tests/gap/test_finder.py`
     finder = GapFinder("servo", max_effects=1).fit(log.assign(position_rad=log["position_rad"] + zero))
     found = finder.effects_[0]
@@ -354,7 +356,7 @@ def test_a_hardening_spring_is_found_wherever_the_encoder_counts_from():
 
 @pytest.mark.parametrize(("stiffness", "centre"), [(0.002, -3.0), (0.001, 4.0)])
 def test_a_hardening_spring_about_one_end_of_the_travel_is_no_end_stop(stiffness, centre):
-    log = make_servo_log([HardeningSpring(stiffness, centre)], duration=12.0, sample_rate=500.0, random_state=2)
+    log = make_servo_log([HardeningSpring(stiffness, centre)], duration=8.0, sample_rate=500.0, random_state=2)
     effect = GapFinder("servo", max_effects=1).fit(log).effects_[0].effect
     assert effect.name == "hardening_spring"
     assert effect.centre == pytest.approx(centre, abs=0.01)

@@ -23,7 +23,7 @@ from whsklearn.gap.proof import closure
 from whsklearn.gap.record import ServoRecord
 from whsklearn.systems import PIDController, ServoAxis
 
-RATE, SECONDS = 500.0, 14.0
+RATE, SECONDS = 500.0, 10.0
 LARGE = {"time": "time_s", "drive": "torque_nm", "position": "position_rad"}
 TIME = np.arange(int(RATE * SECONDS)) / RATE
 REFERENCE = 1.4 * np.sin(1.7 * TIME) + 0.5 * np.sin(5.1 * TIME + 1) + 0.2 * np.sin(12.3 * TIME)

@@ -132,7 +132,7 @@ def test_a_drive_that_acts_later_than_it_was_logged_is_a_question():
 
 def early_log(*effects):
     """A log of the example axis whose dry friction reverses as early as MuJoCo's."""
-    return make_servo_log([EarlyReversal(9.5e-3), *effects], duration=12.0, random_state=3)
+    return make_servo_log([EarlyReversal(9.5e-3), *effects], duration=12.0, sample_rate=500.0, random_state=3)
 
 
 def test_friction_that_reverses_early_belongs_to_the_base_model():
@@ -146,7 +146,7 @@ def test_friction_that_reverses_early_belongs_to_the_base_model():
 
 
 def test_friction_that_reverses_with_the_velocity_is_not_called_early():
-    finder = GapFinder("servo").fit(make_servo_log(duration=20.0, random_state=3))
+    finder = GapFinder("servo").fit(make_servo_log(duration=20.0, sample_rate=500.0, random_state=3))
     assert finder.verdict_ == "no_gap"
     assert [e.name for e in finder.model_.effects] == []
 

@@ -24,10 +24,10 @@ STOPS = {
 }
 
 
-def log_of(*effects, every=1):
+def log_of(*effects, every=1, seconds=SECONDS):
     """A log under a controller that runs, as the log does, at ``RATE / every``."""
     axis = ServoAxis(inertia=0.05, effects=effects, sample_rate=RATE / every)
-    return axis.simulate(reference=REFERENCE[::every], random_state=1)
+    return axis.simulate(reference=REFERENCE[: int(RATE * seconds) : every], random_state=1)
 
 
 def found(r, law="viscous,coulomb"):
@@ -37,7 +37,7 @@ def found(r, law="viscous,coulomb"):
 
 @pytest.mark.parametrize("side", list(STOPS))
 def test_a_stop_is_named_with_its_side_and_its_end(side):
-    finder = found(log_of(STOPS[side], every=2))
+    finder = found(log_of(STOPS[side], every=2, seconds=13.0))
     assert [e.name for e in finder.effects_] == ["end_stop"]
     assert finder.effects_[0].effect.side == side
     np.testing.assert_allclose(finder.effects_[0].effect.ends, STOPS[side].ends, atol=0.02)
@@ -79,7 +79,7 @@ def test_the_base_numbers_are_those_without_the_stop_and_the_contact_is_the_true
 
 def test_beside_a_stop_no_look_explains_more_than_is_left_outside_the_contact():
     """A spring was sized by the pushes of a stage's stop: 43 % of the gap, of which 3 % was left."""
-    r = log_of(STOPS["upper"], CableSpring(0.3, -2.4))
+    r = log_of(STOPS["upper"], CableSpring(0.3, -2.4), seconds=13.0)
     plant = ServoPlant(ServoRecord(r.time, r.drive, r.position), ("viscous", "coulomb"), None, 0.004)
     base = plant.base(np.random.default_rng(0))
     view = plant.inverse
@@ -90,6 +90,6 @@ def test_beside_a_stop_no_look_explains_more_than_is_left_outside_the_contact():
 
 
 def test_a_hard_limit_of_the_drive_is_named():
-    finder = found(log_of(Saturation(2.0)))
+    finder = found(log_of(Saturation(2.0), every=2, seconds=13.0))
     assert [e.name for e in finder.effects_] == ["saturation"]
     assert finder.effects_[0].effect.limit == pytest.approx(2.0, rel=0.02)
