@@ -174,7 +174,7 @@ def test_friction_that_grows_with_the_drive_is_found_only_where_it_does(effects)
             assert model.parameters["input_offset"] == 0.0  # over half a turn it would cancel a part of the weight
 
 
-@pytest.mark.parametrize("amplitude", [0.4, 0.45, 0.5, 0.55, 0.6, 0.7])
+@pytest.mark.parametrize("amplitude", [0.4, 0.5, 0.7])
 def test_a_controller_that_is_faster_than_the_log_is_no_half_sample_late(amplitude):
     """A pendulum under a loop of 1 kHz, logged at 100 Hz: with a held drive gravity is 4 % off.
 

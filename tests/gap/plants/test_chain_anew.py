@@ -21,7 +21,7 @@ RNG = np.random.default_rng
 
 def logged(effect, seed):
     """A record of another author's filters, and its base model's minima."""
-    case = filtered_chain.record(effect, seed)
+    case = filtered_chain.record(effect, seed, n=1200)
     u, y = (case.frame[k].to_numpy().copy() for k in ("u", "y"))
     s = Record.of(u, y, 1.0, np.array([2, 2, 2, 2, 3]), as_law(None))
     return s, minima(s, base_starts(s, RNG(0))), case.numbers

@@ -308,10 +308,17 @@ def test_bristles_that_only_reversals_show_are_no_play():
     assert finder.effects_[0].effect.distance == pytest.approx(1.5e-4, rel=0.05)
 
 
+def first_look(finder, name):
+    """How the first round saw an effect, before anything is fitted along the run, which ends in the same numbers."""
+    return next(k for k in finder.found_.steps[0].looks if k.name == name)
+
+
 def test_a_play_is_found_before_a_load_that_rubs():
     hidden = Backlash(0.01, 0.5, 60.0, 0.3, load_coulomb=0.08)
     log = make_servo_log([hidden], duration=8.0, sample_rate=500.0, random_state=2)
-    found = GapFinder("servo", max_effects=1).fit(log).effects_[0]
+    finder = GapFinder("servo", max_effects=1).fit(log)
+    found = finder.effects_[0]
+    assert first_look(finder, "backlash").start.q[-1] > 0.0
     assert found.name == "backlash"
     assert found.effect.gap == pytest.approx(hidden.gap, rel=0.2)
     assert found.effect.load_coulomb == pytest.approx(hidden.load_coulomb, rel=0.3)
@@ -332,7 +339,9 @@ def test_the_shapes_of_a_coupling_are_fitted_together():
 def test_a_spring_before_a_load_that_rubs_is_no_play():
     hidden = FlexibleCoupling(0.02, 0.6, 0.05, load_coulomb=0.08)
     log = make_servo_log([hidden], duration=12.0, sample_rate=500.0, random_state=2)
-    found = GapFinder("servo", max_effects=1).fit(log).effects_[0]
+    finder = GapFinder("servo", max_effects=1).fit(log)
+    found = finder.effects_[0]
+    assert first_look(finder, "flexible_coupling").start.q[-1] > 0.0
     assert found.name == "flexible_coupling"
     assert found.effect.compliance == pytest.approx(hidden.compliance, rel=0.02)
     assert found.effect.load_coulomb == pytest.approx(hidden.load_coulomb, rel=0.3)
