@@ -220,6 +220,28 @@ class Plant(Protocol):
         Independent samples on which the last looks are based.
     exact : bool
         Whether its own records are exact: simulated from the input alone, with no loop and no filter.
+
+    Examples
+    --------
+    What the engine asks of a plant in its first round, here of an axis:
+
+    >>> import numpy as np
+    >>> from whsklearn.datasets import make_servo_log
+    >>> from whsklearn.effects import Cogging
+    >>> from whsklearn.gap.plants import Base, make_plant
+    >>> log = make_servo_log([Cogging(0.2, 12.0)], duration=6.0, sample_rate=250.0, random_state=0)
+    >>> plant, rng = make_plant("servo", log, None, Base(), tolerance=0.004, columns={}), np.random.default_rng(0)
+    >>> plant.check()  # nothing is wrong with the data
+    []
+    >>> base = plant.base(rng)
+    >>> first, *others = plant.looks(base, rng)  # the best first
+    >>> first.name
+    'cogging'
+    >>> grown = plant.refine(base, first)
+    >>> plant.objection(base, grown)
+    ''
+    >>> bool(plant.rms(plant.errors(grown)) < 0.1 * plant.rms(plant.errors(base)))
+    True
     """
 
     units: tuple[str, str]

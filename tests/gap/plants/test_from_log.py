@@ -21,7 +21,7 @@ from whsklearn.models import AxisModel
 
 @pytest.fixture(scope="module")
 def frame():
-    return make_servo_log([GravityImbalance(0.5)], duration=12.0, random_state=0)
+    return make_servo_log([GravityImbalance(0.5)], duration=12.0, sample_rate=500.0, random_state=0)
 
 
 def loaded(folder, frame, drive: str, position: str):
@@ -54,20 +54,20 @@ def test_a_unit_that_is_not_stated_is_si_as_in_identify(motion, si):
 
 
 def test_several_logs_of_other_units_are_joined(tmp_path, frame):
-    logs = [loaded(tmp_path, frame, "nm", "rad"), loaded(tmp_path, frame.iloc[:6000], "mnm", "deg")]
+    logs = [loaded(tmp_path, frame, "nm", "rad"), loaded(tmp_path, frame.iloc[:3000], "mnm", "deg")]
     assert GapFinder("servo", max_effects=1).fit(logs).effects_[0].name == "gravity_imbalance"
 
 
 def test_the_holes_of_a_log_are_kept(tmp_path, frame):
     with pytest.warns(LogWarning, match="hole"):
-        log = loaded(tmp_path, frame.drop(range(5000, 7000)), "nm", "rad")
-    assert taken_from(log, "servo")[0].starts == (5000,)
+        log = loaded(tmp_path, frame.drop(range(2500, 3500)), "nm", "rad")
+    assert taken_from(log, "servo")[0].starts == (2500,)
 
 
 def test_the_grid_of_the_readings_is_known_after_resampling(tmp_path, frame):
     """Own records of a coarse encoder without its grid had no trace of it, and presliding friction was seen in it."""
     step, rng = 0.05, np.random.default_rng(0)  # deg
-    coarse = frame.iloc[:6000:4].copy()
+    coarse = frame.iloc[:3000:2].copy()
     coarse["time_s"] += 2e-4 * rng.standard_normal(len(coarse))
     path = np.rad2deg(np.interp(coarse["time_s"], frame["time_s"], frame["position_rad"]))
     coarse["position_rad"] = np.deg2rad(step * np.round(path / step))
@@ -81,7 +81,7 @@ def test_the_grid_of_the_readings_is_known_after_resampling(tmp_path, frame):
 
 
 def test_what_stands_for_a_drive_that_was_not_logged_is_in_the_notes(tmp_path, frame):
-    frame = frame.iloc[:6000].assign(command_rad=frame["position_rad"] + 0.2 * frame["torque_nm"])
+    frame = frame.iloc[:3000].assign(command_rad=frame["position_rad"] + 0.2 * frame["torque_nm"])
     frame.to_csv(tmp_path / "servo.csv", index=False)
     log = load_log(tmp_path / "servo.csv", time="time_s", command="command_rad", position="position_rad")
     notes = GapFinder("servo", max_effects=0).fit(log).diagnosis_.notes
