@@ -368,7 +368,7 @@ def records(path, kind):
 
 def test_a_stream_learns_the_joints_and_goes_on_where_it_stopped(folder):
     out, _ = folder
-    log = make_arm_log(duration=8.0, random_state=5)
+    log = make_arm_log(duration=12.0, random_state=5)
     in_units = log.rename(columns={"pitch_position_rad": "pitch_position_deg", "yaw_torque_nm": "yaw_torque_mnm"})
     in_units["pitch_position_deg"] = np.rad2deg(in_units["pitch_position_deg"])
     in_units["yaw_torque_mnm"] *= 1e3

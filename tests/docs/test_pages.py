@@ -26,7 +26,7 @@ def blocks(page: Path) -> list[str]:
 @pytest.fixture
 def desk(mlflow_root, tmp_path, monkeypatch):
     """A folder with a log of an axis that cogs, as a reader of the pages would have one."""
-    log = make_servo_log([Cogging(0.2, 12.0)], duration=8.0, sample_rate=500.0, random_state=0)
+    log = make_servo_log([Cogging(0.2, 12.0)], duration=6.0, random_state=0)
     table = pd.DataFrame(log)
     table["velocity_rad_s"] = np.gradient(table["position_rad"], table["time_s"])
     table.to_csv(tmp_path / "axis.csv", index=False)
