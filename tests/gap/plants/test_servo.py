@@ -339,7 +339,7 @@ def test_a_run_is_judged_with_numbers_that_are_fitted_along_it(monkeypatch):
 
 def test_a_long_lag_is_no_delay():
     """Before a lag the noise of the encoder is larger, so that inverse dynamics had a delay of 10.4 ms leave less."""
-    finder = GapFinder().fit(make_servo_log([ActuatorLag(0.012)], duration=15.0, random_state=0))
+    finder = GapFinder().fit(make_servo_log([ActuatorLag(0.012)], duration=15.0, sample_rate=500.0, random_state=0))
     assert (finder.verdict_, [e.name for e in finder.effects_]) == ("named", ["actuator_lag"])
     assert finder.effects_[0].effect.time_constant == pytest.approx(0.012, rel=0.02)
 
