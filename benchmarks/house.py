@@ -47,6 +47,12 @@ def tree(path: Path) -> ast.Module:
     return ast.parse(path.read_text(encoding="utf-8"))
 
 
+@functools.cache
+def nodes(path: Path) -> tuple[ast.AST, ...]:
+    """All nodes of that tree; to walk it takes as long as to read it."""
+    return tuple(ast.walk(tree(path)))
+
+
 def trees(folder: Path) -> dict[Path, ast.Module]:
     """Syntax trees of the modules of a folder that hold code."""
     every = {p: tree(p) for p in sources(folder)}
@@ -74,7 +80,7 @@ def kinds_of_lines(path: Path) -> tuple[int, int, int, int]:
     """(lines, of code, of docstrings, with a comment) of a file."""
     text = path.read_text(encoding="utf-8")
     docstrings: set[int] = set()
-    for node in ast.walk(tree(path)):
+    for node in nodes(path):
         if isinstance(node, FUNCTIONS | ast.ClassDef | ast.Module) and ast.get_docstring(node, clean=False):
             docstrings |= set(range(node.body[0].lineno, (node.body[0].end_lineno or 0) + 1))
     code, comments = set(), set()
@@ -140,7 +146,7 @@ def named_numbers(folder: Path) -> tuple[int, int, int, int]:
     modules = classes = fields = defaults = 0
     for path in folder.rglob("*.py"):
         modules += sum(numeric(value) for node in tree(path).body for _, value in bound(node))
-        for node in ast.walk(tree(path)):
+        for node in nodes(path):
             if isinstance(node, ast.ClassDef):
                 classes += sum(numeric(v) for part in node.body if not empty_field(part) for _, v in bound(part))
                 fields += sum(map(empty_field, node.body))
@@ -153,7 +159,7 @@ def named_numbers(folder: Path) -> tuple[int, int, int, int]:
 def imported(path: Path, folder: Path) -> Iterator[str]:
     """Modules of the package that a file imports, as paths below it with dots."""
     here = path.relative_to(folder.parent).parent.parts
-    for node in ast.walk(tree(path)):
+    for node in nodes(path):
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
