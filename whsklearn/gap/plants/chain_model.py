@@ -242,7 +242,7 @@ class Record:
             fit[piece][:SKIP] = False
         return cls(np.ascontiguousarray(u), np.ascontiguousarray(y), dt, dims, law, fit, seen, lattice(y[seen]))
 
-    @property
+    @cached_property
     def blocks(self) -> tuple[slice, slice, slice, slice, slice]:
         """Slices of a, b, the weights, c and d in theta."""
         na, nb, nc, nd, nw = (int(i) for i in self.dims)
