@@ -234,16 +234,19 @@ def fit_two_masses(log: View, *, at_load: bool = False) -> AxisModel:
 
 
 def _determined(model: AxisModel, own: dict[str, float]) -> AxisModel:
-    """The model, if the record says more of its inertia than that it is not zero, of a weight on which side it is, of a
+    """The model, if the record tells of a load behind a spring its inertia, of a weight on which side it is, of a
     spring whether it pulls or pushes, and of friction whether it grows with the drive.
 
     What is free to be anything else is spent on the friction at rest: of a rigid axis that rests, a load of 0.1 of the
-    inertia on a spring of no stiffness left two thirds of the error over windows.  A number of which two estimators
-    differ is not free, so for inertia and friction the errors of the fit alone count, which are its ``own``.
+    inertia on a spring of no stiffness left two thirds of the error over windows.  The inertia of a weight may be free:
+    that of a geared hobby servo is little beside its friction, and a slow motion says nothing of it.  A number of which
+    two estimators differ is not free, so for inertia and friction the errors of the fit alone count, which are its
+    ``own``.
     """
     errors, numbers = model.standard_errors, model.parameters
     inertia, unsure = numbers["inertia"], own["inertia"]
-    if not 2.0 * unsure < inertia:  # its interval holds zero
+    coupled = any(isinstance(e, FlexibleCoupling) for e in model.effects)
+    if coupled and not 2.0 * unsure < inertia:  # its interval holds zero
         raise ValueError(f"Its inertia would be {inertia:.2g} with a standard error of {unsure:.2g}.")
     if errors.get("gravity_imbalance__phase", 0.0) > 1.0:  # rad
         raise UntoldError("On which side the weight is cannot be told, so the axis without it is equivalent.")

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits
 
 from whsklearn._numba import compiling_seconds
+from whsklearn.effects import EarlyReversal
 from whsklearn.effects.base import Array
 from whsklearn.identification.axis_fit import (
     LEAST_TESTED,
@@ -322,6 +323,7 @@ def identify(
     chosen.model = _better(chosen, _fitted(replace(chosen), fit_again, whole, units), whole)
     chosen.model = _with_drive_error(chosen.model, drive_error)
     reason += _at_its_speed(chosen.model, whole) if _steady(trivial, held_out) else ""
+    reason += _at_rest(chosen.model)
     for compared in tried:
         compared.train = _indices(compared.model, fitting, 0)
         if judged is not held_out:
@@ -596,6 +598,13 @@ def _at_its_speed(model: Any, log: View) -> str:
     )
 
 
+def _at_rest(model: Any) -> str:
+    """How dry friction brings the axis to rest, if not at once."""
+    early = [e for e in getattr(model, "effects", ()) if isinstance(e, EarlyReversal)]
+    like = "as that of MuJoCo's solver does (early_reversal)"
+    return "".join(f" Its dry friction takes about {1e3 * e.lead:.2g} ms to bring it to rest, {like}." for e in early)
+
+
 def _fitted(compared: Compared, fit: Callable[[View], Any], log: View, units: dict[str, str]) -> Compared:
     """The candidate with its model, or with the reason for failure."""
     begin = time.process_time() - compiling_seconds()
@@ -606,10 +615,9 @@ def _fitted(compared: Compared, fit: Callable[[View], Any], log: View, units: di
             dead = (model.delay - 1) * log.dt  # the other sample is that of the hold
             compared.structure = {**compared.structure, "dead_time": dead}
             compared.name = f"{compared.name.partition(', dead')[0]}, dead time {dead:.3g}"
-        early = [e.name for e in model.effects if e.name == "early_reversal"] if isinstance(model, AxisModel) else []
-        if early:  # already found by the fit, as what follows
-            compared.structure = {**compared.structure, "law": [*compared.structure["law"], *early]}
-        if not compared.structure:
+        if _at_rest(model):
+            compared.structure = {**compared.structure, "law": [*compared.structure["law"], EarlyReversal.name]}
+        if not compared.structure:  # already found by the fit
             sizes = {k: len(getattr(model, k)) - 1 for k in ("b1", "f1", "b2", "f2")}
             compared.structure = {"zeros_and_poles": sizes, "law": "cubic_spline", "knots": len(model.law)}
     except (ValueError, np.linalg.LinAlgError) as error:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.recursion.axis_log import TRUTH, axis_log, slow_drive
-from whsklearn.recursion.batch.axis_free_run import axis_motion, fit_pieces, fit_state, sensitivities
+from whsklearn.recursion.batch.axis_free_run import axis_motion, covariance_of, fit_pieces, fit_state, sensitivities
 
 
 @pytest.mark.parametrize(
@@ -81,6 +81,16 @@ def test_an_axis_that_turns_one_way_shows_only_the_sum_of_friction_and_offset():
     assert (np.abs(fitted.theta - TRUTH) < 2.0 * deviation).all()
     assert deviation[2] > 0.1  # of a sum of 0.32
     assert np.sqrt(fitted.covariance[2:, 2:].sum()) < 0.005
+
+
+@pytest.mark.parametrize("size", [0.0, 1e-158])
+def test_a_number_that_next_to_nothing_shows_may_be_off_by_all_of_itself(size):
+    """Its variance was 1 / 1e-314, which is infinite, with a warning of NumPy's."""
+    rng = np.random.default_rng(0)
+    rows = np.vstack([rng.standard_normal(200), np.full(200, size)])
+    covariance = covariance_of(rows, rng.standard_normal(200), np.array([1.0, 0.4]), np.array([0, 200]))
+    assert covariance[1, 1] == pytest.approx(0.4**2)
+    assert covariance[0, 0] == pytest.approx(1.0 / 200, rel=0.5)
 
 
 def test_below_its_dry_friction_an_axis_stands():

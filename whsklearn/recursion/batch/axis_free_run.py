@@ -393,7 +393,7 @@ def covariance_of(rows: Array, error: Array, theta: Array, bounds: Integers, bat
     only, just the sum of Coulomb friction and offset is known.  A pseudoinverse alone would call each of them certain.
     """
     scale = np.linalg.norm(rows, axis=1)
-    scale[scale == 0.0] = 1.0
+    scale[scale < 1.0 / LARGEST] = 1.0  # nothing shows it
     unit = rows / scale[:, None]
     information = unit @ unit.T
     values, axes = np.linalg.eigh(information)
