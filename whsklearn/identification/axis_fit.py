@@ -381,19 +381,23 @@ def _fit(log: View, form: AxisForm, more: Sequence[Array] = ()) -> tuple[AxisMod
     through them. Held, it acts half a sample late, which is what limits a robot's log of 100 Hz.  If the residual is
     not white, dry friction may reverse early, as that of a solver of contacts: taken for one that holds at once, that
     of MuJoCo put inertias 1 % off, at up to 10 standard errors.  Something else that is missing may look so too, such
-    as cogging, but then neither of its numbers is known.
+    as cogging, but then neither of its numbers is known.  It can also look like a smooth drive, so a held one is tried
+    with it again.
     """
-    held = _best_of(log, form, more)
-    smooth = replace(log, hold=HOLDS[1])
-    other = _best_of(smooth, form, [held[1].theta])
-    score, best, log = (*other, smooth) if other[0] < SMOOTHER * held[0] else (*held, log)
-    reverses = log.target.min() < 0.0 < log.target.max()
-    if reverses and not white(axis_residual(best.theta, log, form), log):
+    held, smooth = log, replace(log, hold=HOLDS[1])
+    score, best = _best_of(held, form, more)
+    other = _best_of(smooth, form, [best.theta])
+    tried = [(held, best)]
+    if other[0] < SMOOTHER * score:
+        score, best, log = *other, smooth
+        tried.append((smooth, best))
+    if log.target.min() < 0.0 < log.target.max() and not white(axis_residual(best.theta, log, form), log):
         early = form._replace(early=True)
-        left, fit = _best_of(log, early, [np.insert(best.theta, early.reversal.start, AT_REST)])
-        surely = fit.theta - 2.0 * np.sqrt(np.diag(fit.covariance)) > early.limits[0]
-        if left < SMOOTHER * score and surely[early.reversal].all():
-            best, form = fit, early
+        for record, plain in tried:
+            left, fit = _best_of(record, early, [np.insert(plain.theta, early.reversal.start, AT_REST)])
+            surely = fit.theta - 2.0 * np.sqrt(np.diag(fit.covariance)) > early.limits[0]
+            if left < SMOOTHER * score and surely[early.reversal].all():
+                score, best, log, form = left, fit, record, early
     return _model(best, log, form)
 
 
