@@ -31,6 +31,7 @@ from whsklearn.identification import identify
 from whsklearn.identification.axis_fit import (
     _determined,
     axis_of,
+    best_known,
     fit_free_law_axis,
     fit_hanging_axis,
     fit_rigid_axis,
@@ -46,6 +47,7 @@ from whsklearn.identification.view import view
 from whsklearn.identification.windows import residual
 from whsklearn.models import AxisModel
 from whsklearn.recursion.batch.axis_free_run import (
+    AxisFit,
     AxisForm,
     axis_motion,
     dissipates,
@@ -387,6 +389,17 @@ def test_intervals_hold_the_level_of_friction_that_is_smooth(rate):
         z.append((model.parameters["coulomb"] - 0.3) / model.standard_errors["coulomb"])
         assert model.standard_errors["coulomb"] < 0.1 * 0.3
     assert np.sqrt(np.mean(np.square(z))) < 2.0, z
+
+
+@pytest.mark.parametrize("grows", [False, True])
+def test_a_run_whose_errors_add_up_knows_its_numbers_no_better_than_its_pieces(grows):
+    pieces = AxisFit(np.array([1.0, 2.0]), np.diag([4e-4, 1e-4]), np.zeros(9), 1.0)
+    run = AxisFit(np.array([1.03, 2.0]), np.diag([1e-6, 1e-6]), np.zeros(9), 1.6)
+    score, best = best_known([(1.3, pieces, False), (1.0, run, grows)])  # windows are far better by the run
+    assert score == 1.0
+    np.testing.assert_array_equal(best.theta, run.theta)
+    expected = [4e-4 + 0.03**2, 1e-4] if grows else [1e-6, 1e-6]
+    np.testing.assert_allclose(np.diag(best.covariance), expected)
 
 
 def test_white_noise_alone_leaves_the_intervals_narrow():

@@ -528,6 +528,9 @@ def best_known(found: list[tuple[float, AxisFit, bool]]) -> tuple[float, AxisFit
     Noise of the drive and missing torques add up along a run, so that of a long run the first seconds decide, and its
     numbers are known less well than those of pieces. Noise of the position does not, and then a long run is best.
     A run in one piece does not show how far its own errors are independent, so its sum of squares must not be larger.
+    If it is, but predicts windows so much better that it is used, its numbers are known as well as those of the pieces
+    before it, from which they differ: of an axis with 0.5 % of noise in its drive, a weight was 13 of the run's own
+    standard errors off.
 
     ``found``: from the shortest pieces to the longest, each with its score and whether its sum of squares grew so.
     """
@@ -535,7 +538,13 @@ def best_known(found: list[tuple[float, AxisFit, bool]]) -> tuple[float, AxisFit
     alike = [f for f in found if f[0] <= AS_LOW * least]
     honest = [f for f in alike if not f[2]] or alike
     unknown = [float(np.sum(np.log(np.diag(fit.covariance) + TINY))) for _, fit, _ in honest]
-    return next(f[:2] for f, u in zip(honest[::-1], unknown[::-1], strict=True) if u <= min(unknown) + NO_WORSE)
+    known = zip(honest[::-1], unknown[::-1], strict=True)
+    score, best, grows = next(f for f, u in known if u <= min(unknown) + NO_WORSE)
+    if grows:
+        pieces = found[-2][1]
+        apart = best.theta - pieces.theta
+        best = best._replace(covariance=pieces.covariance + np.outer(apart, apart))
+    return score, best
 
 
 def start_as_fit(start: Start, log: AxisLog) -> AxisFit:
