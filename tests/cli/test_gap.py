@@ -20,7 +20,7 @@ from whsklearn.effects import Cogging, Saturation
 
 @pytest.fixture(scope="module")
 def log(tmp_path_factory):
-    case = make_case("named", 12, effects=("gravity_imbalance",), size=0.08, seconds=10.5, rate=500.0)
+    case = make_case("named", 12, effects=("gravity_imbalance",), size=0.08, seconds=12.0, rate=500.0)
     path = tmp_path_factory.mktemp("log") / "axis.csv"
     case.frame.to_csv(path, index=False)
     return path

@@ -23,7 +23,7 @@ from whsklearn.gap.record import ServoRecord
 from whsklearn.gap.standard_errors import labelled_errors
 from whsklearn.systems import PIDController, ServoAxis
 
-SHORT = {"seconds": 10.0, "rate": 500.0, "noise": 1e-4}
+SHORT = {"seconds": 14.0, "rate": 500.0, "noise": 1e-4}
 
 
 @pytest.fixture(scope="module")
