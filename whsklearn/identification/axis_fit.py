@@ -61,9 +61,8 @@ SHOOTING = (
 # Of the rms drive: a force that is fitted where there is none, and that happens to help on held-out data, is up to 0.2
 # % (benchmarks/which_structure.py, gravity of axes of MuJoCo)
 LEAST_FORCE = 0.01
-SMOOTHER = (
-    0.95  # of the error with a held drive, below which a smooth one is preferred, or friction that reverses early
-)
+# Of the error with a held drive, below which a smooth one is preferred, or friction that reverses early
+SMOOTHER = 0.95
 AT_REST = (EarlyReversal().lead, EarlyReversal().impedance)  # MuJoCo's own, from which they are fitted
 LEAST_LINEAR = 0.5  # share of the variance that the best linear model may leave; above it no start is close
 EARLY = 4_000  # samples of the first fit of a coupled axis

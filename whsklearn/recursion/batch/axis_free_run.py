@@ -6,9 +6,10 @@ gravity, w_1 sin e + w_2 cos e, or of a spring, w_1 e + w_2 e^2 + w_3 e^3, with 
 The steps are those of `whsklearn.systems._servo_kernel`: half a drift, a kick, half a drift (second order), linearly
 implicit in the velocity.  A step in which the axis stops is divided there, so that a reversal is as exact as the rest
 of the run, and standstill is exact: while the drive cannot overcome dry friction, v = 0 and all earlier errors of the
-velocity are forgotten.  It has its own kernel for speed: with 8 parameters, 25,000 samples with all
-sensitivities take 2.6 ms.  Finite differences with the servo's kernel, which has every effect, take 100 ms. Two masses
-have their own loop, `whsklearn.recursion.batch.coupled_run`.
+velocity are forgotten.  Friction that reverses early is continuous in v, so that no step is divided.
+
+It has its own kernel for speed: finite differences with the servo's kernel, which has every effect, take many times as
+long. Two masses have their own loop, `whsklearn.recursion.batch.coupled_run`.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from whsklearn.systems._servo_kernel import implicit_gain
 SETTLED = 1e-9  # relative change in cost of a piece, at which the search for its state ends
 SHARE_AND_DAMPING = ((0.02, 0.003), (0.98, 1.0))  # lower and upper bounds of a coupling's load share and damping ratio
 MOST_LOADED = LoadFriction.quantities["coefficient"].high  # c of friction that grows with the drive
-# Lower and upper bounds of both
+# Lower and upper bounds of both numbers of an early reversal
 LEAD_AND_IMPEDANCE = tuple(
     np.array([getattr(EarlyReversal.quantities[k], end) for k in ("lead", "impedance")]) for end in ("low", "high")
 )
@@ -46,11 +47,14 @@ class AxisForm(NamedTuple):
 
     ``knots`` (> 0) are the speeds at which the slope of the friction changes.  The position-dependent forces are those
     of gravity if the axis ``hangs``, otherwise those of a spring with this number of ``powers`` of e (0: none).  If the
-    axis is ``loaded``, its dry friction grows with the drive; if its drive is not ``shifted``, it has no offset.  theta
-    holds inertia, viscous friction, Coulomb friction, offset, one weight per position-dependent force, the growth with
-    the drive, and one weight per knot.  If the axis is ``coupled``, it has a load behind a spring, and theta ends with
-    viscous and Coulomb friction of the load, resonance, load share and damping ratio; then only friction acts in
-    addition, and the output is the motion of the motor or, ``at_load``, of the load.
+    axis is ``loaded``, its dry friction grows with the drive; if its drive is not ``shifted``, it has no offset; if its
+    dry friction reverses ``early``, it is that of `whsklearn.effects.EarlyReversal`.  theta holds inertia, viscous
+    friction, Coulomb friction, offset, one weight per position-dependent force, the growth with the drive, lead and
+    impedance of an early reversal, and one weight per knot.
+
+    If the axis is ``coupled``, it has a load behind a spring, and theta ends with viscous and Coulomb friction of the
+    load, resonance, load share and damping ratio; then only friction acts in addition, and the output is the motion of
+    the motor or, ``at_load``, of the load.
     """
 
     knots: Array = np.empty(0)
