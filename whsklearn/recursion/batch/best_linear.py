@@ -12,40 +12,40 @@ from whsklearn.effects.base import Array, Bools, Integers
 from whsklearn.systems.stability import is_stable
 
 
-@njit(cache=True, error_model="numpy")
-def filter_rows(b, a, rows, bounds):
+def filter_rows(b: Array, a: Array, rows: Array, bounds: Integers) -> Array:
     """Apply b(q)/a(q) to every row, from rest at each of the bounds.
 
     ``b``, ``a``: coefficients in powers of the delay, a[0] = 1. ``rows`` (m, n): signals. ``bounds``: first samples of
     the experiments, and n at the end. Returns (m, n).
     """
-    order = max(b.size, a.size) - 1
-    num = np.zeros(order + 1)
-    den = np.zeros(order + 1)
-    num[: b.size] = b
-    den[: a.size] = a
-    out = np.empty_like(rows)
-    if a.size == 1:  # the same sums in the same order, tap by tap along the record, which is a third of the time
+    num, den = np.zeros((2, max(b.size, a.size)))
+    num[: b.size], den[: a.size] = b, a
+    out = np.zeros(rows.shape)
+    _filter_rows(num, den, a.size > 1, rows, bounds, np.zeros(num.size), out)
+    return out
+
+
+@njit(error_model="numpy", counted=False)
+def _filter_rows(num, den, has_poles, rows, bounds, state, out):
+    """``filter_rows`` into zeros: what makes arrays or assigns to slices takes longer to compile than the rest."""
+    order = num.size - 1
+    for i in range(rows.shape[0]):
         for e in range(bounds.size - 1):
             first, stop = bounds[e], bounds[e + 1]
-            for i in range(rows.shape[0]):
-                out[i, first:stop] = 0.0
+            if not has_poles:  # the same sums in the same order, tap by tap along the record: a third of the time
                 for k in range(min(order, stop - first - 1), -1, -1):
                     later, earlier = out[i, first + k : stop], rows[i, first : stop - k]
                     for t in range(later.size):
                         later[t] += num[k] * earlier[t]
-        return out
-    state = np.zeros(order + 1)  # transposed direct form II; the last entry stays zero
-    for i in range(rows.shape[0]):
-        for e in range(bounds.size - 1):
-            state[:] = 0.0
-            for t in range(bounds[e], bounds[e + 1]):
+                continue
+            for k in range(order + 1):  # transposed direct form II; the last entry stays zero
+                state[k] = 0.0
+            for t in range(first, stop):
                 v = rows[i, t]
                 y = num[0] * v + state[0]
                 for k in range(order):
                     state[k] = num[k + 1] * v - den[k + 1] * y + state[k + 1]
                 out[i, t] = y
-    return out
 
 
 @njit(cache=True, error_model="numpy")
