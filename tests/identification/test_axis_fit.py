@@ -29,6 +29,7 @@ from whsklearn.effects import (
 )
 from whsklearn.identification import identify
 from whsklearn.identification.axis_fit import (
+    Found,
     _determined,
     axis_of,
     best_known,
@@ -400,7 +401,7 @@ def test_intervals_hold_the_level_of_friction_that_is_smooth(rate):
 def test_a_run_whose_errors_add_up_knows_its_numbers_no_better_than_its_pieces(grows):
     pieces = AxisFit(np.array([1.0, 2.0]), np.diag([4e-4, 1e-4]), np.zeros(9), 1.0)
     run = AxisFit(np.array([1.03, 2.0]), np.diag([1e-6, 1e-6]), np.zeros(9), 1.6)
-    score, best = best_known([(1.3, pieces, False), (1.0, run, grows)])  # windows are far better by the run
+    score, best, *_ = best_known([Found(1.3, pieces, 2.0), Found(1.0, run, grows=grows)])  # by windows far better
     assert score == 1.0
     np.testing.assert_array_equal(best.theta, run.theta)
     expected = [4e-4 + 0.03**2, 1e-4] if grows else [1e-6, 1e-6]

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -80,6 +82,7 @@ RESONANT = 0.85
 # Starts of a coupled axis, as the output hardly shows them: shares of friction on the load, shares of inertia; steps of
 # the first fit of each, and how many of them go on
 SIDES, SHARES, FEW, GO_ON = (0.1, 0.9), (0.3, 0.7), 8, 2
+COARSE = 0.2  # rad of the resonance per fine step of these fits; leapfrog puts it off by COARSE^2 / 24, or 0.2 %
 # Of the sum of squares over the next shorter pieces, above which the errors of a run in one piece are not independent;
 # and how much the logarithm of the product of all variances may be larger than the least
 GROWS, NO_WORSE = 1.5, 1.0
@@ -209,13 +212,14 @@ def fit_two_masses(log: View, *, at_load: bool = False) -> AxisModel:
     if log.logged != "position":
         raise ValueError("The resonance of a load can be identified from a position only.")
     starts, form = resonance_starts(log, at_load=at_load), AxisForm(coupled=True, at_load=at_load)
-    log = replace(log, steps=fine_steps([FlexibleCoupling()], log.dt))
+    few, log = log.steps, replace(log, steps=fine_steps([FlexibleCoupling()], log.dt))
     early, begun = log.part(0, min(log.u.size, EARLY)), []
     for s, side in itertools.product(starts, SIDES):
+        coarse = replace(early, steps=max(few, math.ceil(2.0 * np.pi * s[6] * log.dt / COARSE)))
         for x in SHARES if at_load else s[7:8]:
             theta = np.r_[s[0], (1.0 - side) * s[1:3], s[3], side * s[1:3], s[6], x, s[8]]
             for seconds in (PERIODS / s[6], RINGS):
-                fit = fit_pieces(theta, shooting_log(early, seconds, form), iterations=FEW)
+                fit = fit_pieces(theta, shooting_log(coarse, seconds, form), iterations=FEW)
                 theta = fit.theta
             begun.append(fit)
     begun = sorted(begun, key=lambda fit: fit.cost)[:GO_ON]
@@ -384,28 +388,50 @@ def _fit(log: View, form: AxisForm, more: Sequence[Array] = ()) -> tuple[AxisMod
     with it again.
     """
     held, smooth = log, replace(log, hold=HOLDS[1])
-    score, best = _best_of(held, form, more)
-    other = _best_of(smooth, form, [best.theta])
+    best, log = _best_of(held, form, more), held
+    other = _best_of(smooth, form, [best.fit.theta], best)
     tried = [(held, best)]
-    if other[0] < SMOOTHER * score:
-        score, best, log = *other, smooth
+    if other.score < SMOOTHER * best.score:
+        best, log = other, smooth
         tried.append((smooth, best))
-    if log.target.min() < 0.0 < log.target.max() and not white(axis_residual(best.theta, log, form), log):
+    if log.target.min() < 0.0 < log.target.max() and not white(axis_residual(best.fit.theta, log, form), log):
         early = form._replace(early=True)
         for record, plain in tried:
-            left, fit = _best_of(record, early, [np.insert(plain.theta, early.reversal.start, AT_REST)])
-            surely = fit.theta - 2.0 * np.sqrt(np.diag(fit.covariance)) > early.limits[0]
-            if left < SMOOTHER * score and surely[early.reversal].all():
-                score, best, log, form = left, fit, record, early
-    return _model(best, log, form)
+            start = np.insert(plain.fit.theta, early.reversal.start, AT_REST)
+            found = _best_of(record, early, [start], best)
+            surely = found.fit.theta - 2.0 * np.sqrt(np.diag(found.fit.covariance)) > early.limits[0]
+            if found.score < SMOOTHER * best.score and surely[early.reversal].all():
+                best, log, form = found, record, early
+    return _model(best.fit, log, form)
 
 
-def _best_of(log: View, form: AxisForm, more: Sequence[Array]) -> tuple[float, AxisFit]:
-    """Score and fit of a record with one hold, from the best of its own starts and of ``more`` numbers."""
+class Found(NamedTuple):
+    """A fit over pieces, and its error over windows, which is least for a fit over pieces of so many ``seconds``.
+
+    ``grows``: whether it is of one piece whose sum of squares is much larger than that of the pieces before.
+    """
+
+    score: float
+    fit: AxisFit
+    seconds: float = np.inf
+    grows: bool = False
+
+
+def _best_of(log: View, form: AxisForm, more: Sequence[Array], rival: Found | None = None) -> Found:
+    """The best of the fits of a record with one hold, from the best of its own starts and of ``more`` numbers.
+
+    A variant of a ``rival`` is fitted over pieces of the rival's best length first, and over others only where it is
+    better.
+    """
     starts = inverse_starts(log, form)
     starts += [starts[0]._replace(theta=theta) for theta in more]
     least, start = min(((axis_score(s.theta, form, log), s) for s in starts), key=lambda pair: pair[0])
-    return _best_minimum(log, form, start, start_as_fit(start, axis_log(log, form)), least)
+    found = Found(least, start_as_fit(start, axis_log(log, form)))
+    lengths = (*SHOOTING, np.inf) if log.logged == "position" else (np.inf,)
+    if rival is None:
+        return _best_minimum(log, form, start, found, lengths)
+    first = _best_minimum(log, form, start, found, (rival.seconds,))
+    return first if first.score >= SMOOTHER * rival.score else _best_minimum(log, form, start, first, lengths)
 
 
 def _model(best: AxisFit, log: View, form: AxisForm) -> tuple[AxisModel, dict[str, float]]:
@@ -496,33 +522,31 @@ def standard_errors(theta: Array, covariance: Array, log: View, form: AxisForm) 
     return dict(zip(names, spread.tolist(), strict=True))
 
 
-def _best_minimum(log: View, form: AxisForm, start: Start, best: AxisFit, least: float) -> tuple[float, AxisFit]:
-    """Score and fit from a fit with its score: a position over short pieces, long ones and as one run, else as one run.
+def _best_minimum(log: View, form: AxisForm, start: Start, found: Found, lengths: Sequence[float]) -> Found:
+    """The best fit from ``found``: a position over pieces of these lengths (s), the shortest first, else as one run.
 
     If gravity is large compared with the inertia, the free run from a slightly wrong start diverges within a second,
     and its least squares end anywhere. Therefore the best start is first fitted over sufficiently short pieces, and
     among all results the one that simulates windows best is used.
     """
-    pieces = [axis_log(log, form)]
-    if log.logged == "position":
-        pieces = [shooting_log(log, seconds, form) for seconds in (*SHOOTING, np.inf)]
-    start_only = least, best
-    found: list[tuple[float, AxisFit, bool]] = []
-    for piece in pieces:
-        ended = fit_pieces(best.theta, piece)
+    least, theta = found.score, found.fit.theta
+    better: list[Found] = []
+    for seconds in lengths:
+        pieces = shooting_log(log, seconds, form) if log.logged == "position" else axis_log(log, form)
+        ended = fit_pieces(theta, pieces)
         if np.isfinite(ended.cost) and start.holds(ended.theta):
             reached = axis_score(ended.theta, form, log)
-            grows = piece is pieces[-1] and bool(found) and ended.cost > GROWS * found[-1][1].cost
+            grows = np.isinf(seconds) and bool(better) and ended.cost > GROWS * better[-1].fit.cost
             if (
                 reached < AS_LOW * least
             ):  # a start has no errors of its own, so it stays only where it is clearly better
-                least, best = min(reached, least), ended
-                found.append((reached, ended, grows))
-    return best_known(found) if found else start_only
+                least, theta = min(reached, least), ended.theta
+                better.append(Found(reached, ended, seconds, grows))
+    return best_known(better) if better else found
 
 
-def best_known(found: list[tuple[float, AxisFit, bool]]) -> tuple[float, AxisFit]:
-    """The score and fit over the longest pieces of those that predict windows as well and know their numbers as well.
+def best_known(found: list[Found]) -> Found:
+    """The fit over the longest pieces of those that predict windows as well and know their numbers as well.
 
     Noise of the drive and missing torques add up along a run, so that of a long run the first seconds decide, and its
     numbers are known less well than those of pieces. Noise of the position does not, and then a long run is best.
@@ -531,19 +555,19 @@ def best_known(found: list[tuple[float, AxisFit, bool]]) -> tuple[float, AxisFit
     before it, from which they differ: of an axis with 0.5 % of noise in its drive, a weight was 13 of the run's own
     standard errors off.
 
-    ``found``: from the shortest pieces to the longest, each with its score and whether its sum of squares grew so.
+    ``found``: from the shortest pieces to the longest.
     """
-    least = min(score for score, *_ in found)
-    alike = [f for f in found if f[0] <= AS_LOW * least]
-    honest = [f for f in alike if not f[2]] or alike
-    unknown = [float(np.sum(np.log(np.diag(fit.covariance) + TINY))) for _, fit, _ in honest]
+    nearest = min(found, key=lambda f: f.score)
+    alike = [f for f in found if f.score <= AS_LOW * nearest.score]
+    honest = [f for f in alike if not f.grows] or alike
+    unknown = [float(np.sum(np.log(np.diag(f.fit.covariance) + TINY))) for f in honest]
     known = zip(honest[::-1], unknown[::-1], strict=True)
-    score, best, grows = next(f for f, u in known if u <= min(unknown) + NO_WORSE)
-    if grows:
-        pieces = found[-2][1]
-        apart = best.theta - pieces.theta
-        best = best._replace(covariance=pieces.covariance + np.outer(apart, apart))
-    return score, best
+    best = next(f for f, u in known if u <= min(unknown) + NO_WORSE)
+    if best.grows:
+        pieces = found[-2].fit
+        apart = best.fit.theta - pieces.theta
+        best = best._replace(fit=best.fit._replace(covariance=pieces.covariance + np.outer(apart, apart)))
+    return best._replace(seconds=nearest.seconds)
 
 
 def start_as_fit(start: Start, log: AxisLog) -> AxisFit:

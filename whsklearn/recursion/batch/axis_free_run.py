@@ -16,6 +16,8 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -29,7 +31,7 @@ from whsklearn.recursion.batch.best_linear import descend
 from whsklearn.recursion.batch.coupled_run import bodies_of, coupled_pass, slopes_of
 from whsklearn.systems._servo_kernel import implicit_gain
 
-SETTLED = 1e-9  # relative change in cost of a piece, at which the search for its state ends
+SETTLED = 1e-8  # relative change in cost of a piece, at which the search for its state ends
 SHARE_AND_DAMPING = ((0.02, 0.003), (0.98, 1.0))  # lower and upper bounds of a coupling's load share and damping ratio
 MOST_LOADED = LoadFriction.quantities["coefficient"].high  # c of friction that grows with the drive
 # Lower and upper bounds of both numbers of an early reversal
@@ -171,18 +173,21 @@ def sensitivities(
     return run, by
 
 
-class _Run(NamedTuple):
-    """Parameters, the log with the states of its pieces, the error of the run, and the cost to minimise.
-
-    ``rows`` (p, n) are sensitivities beside the states, ``follows`` (k, states, p) what the states explain of them.
-    """
+@dataclass(eq=False)
+class _Run:
+    """Parameters, the log with the states of its pieces, the error of the run, and the cost to minimise."""
 
     theta: Array
     log: AxisLog
     error: Array
     cost: float
-    rows: Array
-    follows: Array
+
+    @cached_property
+    def slopes(self) -> tuple[Array, Array]:
+        """Sensitivities beside the states (p, n), and what these explain of them (k, states, p); of a point from which
+        a step is taken, as most steps are refused.
+        """
+        return beside_the_states(sensitivities(self.theta, self.log)[1], self.log)
 
 
 def _says_something(cost: float, rows: Array) -> bool:
@@ -261,31 +266,35 @@ def fit_pieces(theta: Array, log: AxisLog, *, iterations: int = 25, enough: floa
     Returns the fit; its cost is infinite if the run diverges.
     """
 
-    def run_of(trial: Array, before: AxisLog) -> _Run:
-        there = handed_over(trial, settled(trial, before, SETTLING))
-        run, rows = sensitivities(trial, there)
-        error = there.target - run
-        return _Run(trial, there, error, _squares(error), *beside_the_states(rows, there))
+    def run_of(trial: Array, there: AxisLog) -> _Run:
+        error = there.target - axis_motion(trial, there)
+        return _Run(trial, there, error, _squares(error))
 
     def equations(at: _Run) -> tuple[Array, Array] | None:
-        if not _says_something(at.cost, at.rows):
+        rows = at.slopes[0]
+        if not _says_something(at.cost, rows):
             return None
-        slope = at.rows @ at.error
+        slope = rows @ at.error
         # friction at its limit stays there: on an axis that turns one way an offset has the same effect, and of a step
         # that they share, the half that friction cannot take would be missing
         low, high = log.form.limits
         stays = ((at.theta <= low) & (slope < 0.0)) | ((at.theta >= high) & (slope > 0.0))
-        rows = np.where(stays[:, None], 0.0, at.rows)
+        rows = np.where(stays[:, None], 0.0, rows)
         return rows @ rows.T + 1e-300 * np.eye(len(rows)), np.where(stays, 0.0, slope)  # the diagonal is positive
 
     def moved(at: _Run, step: Array) -> _Run | None:
         trial = _stepped(at.theta, step, log.form)
-        return None if trial is None else run_of(trial, _following(at, trial))
+        if trial is None:
+            return None
+        run = run_of(trial, settled(trial, _following(at, trial), SETTLING))
+        return run if run.cost < at.cost else run_of(trial, handed_over(trial, run.log))
 
-    end = descend(run_of(theta, log), equations, moved, iterations, enough=enough)
-    if not _says_something(end.cost, end.rows):
+    start = handed_over(theta, settled(theta, log, SETTLING))
+    end = descend(run_of(theta, start), equations, moved, iterations, enough=enough)
+    rows = end.slopes[0]
+    if not _says_something(end.cost, rows):
         return AxisFit(end.theta, np.full((theta.size, theta.size), np.inf), end.error, np.inf)
-    return AxisFit(end.theta, covariance_of(end.rows, end.error, end.theta, log.bounds), end.error, end.cost)
+    return AxisFit(end.theta, covariance_of(rows, end.error, end.theta, log.bounds), end.error, end.cost)
 
 
 def _following(at: _Run, theta: Array) -> AxisLog:
@@ -295,7 +304,7 @@ def _following(at: _Run, theta: Array) -> AxisLog:
     for their sake: from numbers that were 3 to 30 % off, a fit over pieces of 0.25 s then ended at five to sixty times
     the least sum of squares.
     """
-    other = at.log.starting(at.log.states - at.follows @ (theta - at.theta))
+    other = at.log.starting(at.log.states - at.slopes[1] @ (theta - at.theta))
     stay, follow = (_costs(log.target - axis_motion(theta, log), log) for log in (at.log, other))
     return at.log.starting(np.where((follow < stay)[:, None], other.states, at.log.states))
 
@@ -382,6 +391,13 @@ def _state_steps(rows, left, counts, bounds, going, trial, state, step, best):
         if cost < best[e] and size < LARGEST:
             best[e], state[e] = cost, trial[e]
             step[e] = np.linalg.lstsq(by, error, 1e-9)[0] if m else np.zeros(n)
+            gain = 0.0  # what the step would take off the cost, were the run linear in the state
+            for i in range(m):
+                change = 0.0
+                for j in range(n):
+                    change += by[i, j] * step[e, j]
+                gain += change**2
+            going[e] &= gain > SETTLED * cost
         else:
             step[e] /= 4.0
 

@@ -66,6 +66,7 @@ def delayed_rows(signal, count, bounds):
 # samples and 8 parameters this takes a tenth of the time of the decomposition of J with which SciPy solves a step.
 # `simulation_error.refine` has its own loop, because it places the knots of a law again on the way.
 FIRST = 1e-2  # initial damping, for normal equations with a unit diagonal
+LEAST = 1e-9  # damping by which the promise of a step is computed: none may be singular, as numbers may exchange
 TRIES = 8  # dampings tried from one point, each four times the previous one
 
 
@@ -95,12 +96,13 @@ def descend(
         there.
     ``moved``: maps (point, step of shape (p,)) to another point; None if the step is rejected.
     ``iterations``: largest number of iterations.
-    ``enough``: the descent ends after an iteration that lowers the cost by a smaller share than this.
+    ``enough``: the descent ends where no step promises to lower the cost by this share (Bates and Watts 1981, A
+        Relative Offset Orthogonality Convergence Criterion, Technometrics 23(2), 179-183), or after one that does not.
     """
     damping = FIRST
     for _ in range(iterations):
         found = equations(point)
-        if found is None:
+        if found is None or damped_step(*found, LEAST) @ found[1] < enough * point.cost:
             return point
         for _ in range(TRIES):
             trial = moved(point, damped_step(*found, damping))
