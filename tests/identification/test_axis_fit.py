@@ -33,6 +33,7 @@ from whsklearn.identification.axis_fit import (
     _determined,
     axis_of,
     best_known,
+    fit_cogging_axis,
     fit_free_law_axis,
     fit_hanging_axis,
     fit_rigid_axis,
@@ -43,11 +44,18 @@ from whsklearn.identification.axis_fit import (
     white,
     without_step,
 )
-from whsklearn.identification.axis_numbers import axis_theta, position_effects, position_weights, shooting_log
+from whsklearn.identification.axis_numbers import (
+    axis_residual,
+    axis_theta,
+    position_effects,
+    position_weights,
+    shooting_log,
+)
 from whsklearn.identification.view import view
 from whsklearn.identification.windows import residual
 from whsklearn.models import AxisModel
 from whsklearn.recursion.batch.axis_free_run import (
+    HANGS,
     AxisFit,
     AxisForm,
     axis_motion,
@@ -108,7 +116,7 @@ def test_a_weight_that_cancels_an_offset_is_no_gravity():
 def test_a_pendulum_is_found_with_intervals_that_hold_it():
     truth = np.array([0.05, 0.1, 0.2, 0.02, 1.5, 0.4])
     u = 2.0 * slow_drive(6000, 3)
-    log = axis_log(u, hangs=True)._replace(of_position=True)
+    log = axis_log(u, orders=HANGS)._replace(of_position=True)
     y = axis_motion(truth, log) + 1e-4 * np.random.default_rng(0).standard_normal(u.size)
     model = fit_hanging_axis(view(u, y, 0.005, "output"))
     gravity = model.effects[1]
@@ -232,7 +240,7 @@ def test_a_number_of_which_two_estimators_differ_is_known_nevertheless():
 
 def test_sine_and_cosine_are_one_wave_with_a_phase():
     weights, q = np.array([-0.3, 0.7]), np.linspace(-3, 3, 50)
-    none, (gravity,) = position_effects(weights, AxisForm(hangs=True))
+    none, (gravity,) = position_effects(weights, AxisForm(orders=HANGS))
     np.testing.assert_allclose(gravity.value(position=q), -0.3 * np.sin(q) + 0.7 * np.cos(q), atol=1e-12)
     assert none == 0.0
     assert position_weights([gravity])[0] == pytest.approx(weights)
@@ -249,7 +257,7 @@ def test_a_spring_is_a_line_and_a_cubic_about_another_centre(weights):
 
 
 def test_standard_errors_of_the_wave_are_those_of_its_draws():
-    form, forces = AxisForm(hangs=True), np.array([-0.3, 0.7])
+    form, forces = AxisForm(orders=HANGS), np.array([-0.3, 0.7])
     covariance = np.zeros((6, 6))
     covariance[4:, 4:] = 1e-4 * np.array([[2.0, 0.6], [0.6, 1.0]])
     draws = np.random.default_rng(0).multivariate_normal(forces, covariance[4:, 4:], 4000)
@@ -347,6 +355,29 @@ def servo(seed, rate, effects=(), travel=1.0, **parts):
     record = axis.simulate(reference)
     measured = count * np.round((record.position + 0.3 * count * rng.standard_normal(t.size)) / count)
     return view(record.drive, measured, 1.0 / rate, "position")
+
+
+@pytest.mark.parametrize("hangs", [False, True])
+def test_cogging_is_part_of_an_axis_with_its_order_over_several_turns(hangs):
+    truth = {"inertia": 0.05, "coulomb": 0.3, "cogging": 0.5, "cogging__order": 9.0, "cogging__phase": 0.5}
+    weight = [GravityImbalance(0.4, 0.2)] * hangs
+    record = servo(1, 1000.0, [*weight, Cogging(0.5, 9.0, 0.5)], travel=16.0)
+    assert np.ptp(record.y) > 3.0 * np.pi
+    model = fit_cogging_axis(record, hangs=hangs)
+    errors = model.standard_errors
+    for name, value in truth.items():
+        assert abs(model.parameters[name] - value) < 4.0 * errors[name], name
+    assert errors["cogging__order"] < 1e-3
+    assert errors["cogging"] < 0.001 * 0.5
+    assert ("gravity_imbalance" in model.parameters) == hangs
+    theta, form = axis_theta(model)
+    np.testing.assert_array_equal(form.orders[hangs:], [model.parameters["cogging__order"]])
+    assert np.sqrt(np.mean(axis_residual(theta, record, form) ** 2)) < 4e-4  # rad, half a count
+
+
+def test_where_nothing_follows_the_position_there_is_no_cogging():
+    with pytest.raises(ValueError, match="No wave over the position"):
+        fit_cogging_axis(servo(0, 1000.0))
 
 
 @pytest.mark.parametrize("rate", [1000.0, 100.0])

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from tests.recursion.axis_log import TRUTH, axis_log, slow_drive
-from whsklearn.identification.axis_inverse import balance, inverse_starts, solved
+from whsklearn.identification.axis_inverse import balance, inverse_starts, next_wave, solved
 from whsklearn.identification.view import view
-from whsklearn.recursion.batch.axis_free_run import AxisForm, axis_motion
+from whsklearn.recursion.batch.axis_free_run import HANGS, AxisForm, axis_motion
 
 U = slow_drive(3000, 1)
 LOG = axis_log(U)
@@ -55,7 +55,7 @@ def test_the_direction_is_judged_with_gravity_in():
     record = view(0.05 * a + 0.02 * v + 0.05 * np.sign(v) + 2.0 * np.sin(q), q, 0.005, "position")
     with pytest.raises(ValueError, match="see the axis with gravity"):
         inverse_starts(record, RIGID)
-    start = inverse_starts(record, AxisForm(hangs=True))[0].theta
+    start = inverse_starts(record, AxisForm(orders=HANGS))[0].theta
     assert start[[0, 4]] == pytest.approx([0.05, 2.0], rel=0.05)
 
 
@@ -66,3 +66,19 @@ def test_segments_do_not_reach_into_each_other(width):
     cut = view(u, y, 0.005, "position", np.r_[np.zeros(1400), np.ones(1400)])
     theta = solved(*balance(cut, width, RIGID))
     assert theta[:4] == pytest.approx(TRUTH[:4], rel=0.3, abs=0.03)
+
+
+@pytest.mark.parametrize("order", [9.0, 40.3])
+def test_a_wave_over_the_position_is_found_by_its_order_and_size(order):
+    """Behind the Gaussian the higher one is left only where the axis moves slowly."""
+    t = np.arange(6000) * 0.002
+    q = 0.8 * np.sin(1.5 * t) + 0.3 * np.sin(3.7 * t)
+    v, a = np.gradient(q, t), np.gradient(np.gradient(q, t), t)
+    plain = 0.05 * a + 0.1 * v + 0.05 * np.sign(v) + 1e-3 * np.random.default_rng(0).standard_normal(t.size)
+    drive = plain + 0.03 * np.cos(order * q + 0.4)
+    found, share, size = next_wave(view(drive, q, 0.002, "position"), RIGID)
+    assert found == pytest.approx(order, abs=0.02)
+    assert share > 0.8
+    assert 0.1 < size * np.std(drive) / (0.03 / np.sqrt(2.0)) < 1.1  # the Gaussian takes some
+    *_, nothing = next_wave(view(plain, q, 0.002, "position"), RIGID)
+    assert nothing < 0.1 * size

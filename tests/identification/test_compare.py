@@ -24,7 +24,7 @@ from whsklearn.identification.linear_fit import fit_arx, fit_output_error
 from whsklearn.identification.view import view
 from whsklearn.logs import LogError
 from whsklearn.models import AxisModel, ChainModel, LinearModel
-from whsklearn.recursion.batch.axis_free_run import axis_motion
+from whsklearn.recursion.batch.axis_free_run import HANGS, axis_motion
 
 RNG = np.random.default_rng(0)
 
@@ -53,12 +53,24 @@ def test_an_axis_is_recommended_for_an_axis(axis_record, logged):
 
 def test_gravity_is_recommended_for_a_pendulum_and_only_where_the_output_is_an_angle():
     u, theta = 2.0 * slow_drive(800, 1), np.array([0.05, 0.1, 0.2, 0.02, 1.5, 0.4])
-    y = axis_motion(theta, axis_log(u, hangs=True)._replace(of_position=True)) + 1e-4 * RNG.standard_normal(u.size)
+    y = axis_motion(theta, axis_log(u, orders=HANGS)._replace(of_position=True)) + 1e-4 * RNG.standard_normal(u.size)
     found = identify(u, y, dt=0.005)
     assert found.recommended.name == "axis with gravity", found.reason
     assert found.model.parameters["gravity_imbalance"] == pytest.approx(np.hypot(1.5, 0.4), rel=0.03)
     for other in ({"logged": "velocity"}, {"units": {"input": "Nm", "output": "m"}}):
         assert "axis with gravity" not in [c.name for c in identify(u[:200], y[:200], dt=0.005, **other).models]
+
+
+def test_cogging_is_recommended_and_what_takes_longer_is_not_tried():
+    u = 2.0 * slow_drive(1500, 1)
+    log = axis_log(u, orders=np.array([8.0]))._replace(of_position=True)
+    y = axis_motion(np.array([0.05, 0.1, 0.2, 0.02, 0.3, 0.2]), log) + 1e-4 * RNG.standard_normal(u.size)
+    found = identify(u, y, dt=0.005)
+    assert found.recommended.name == "axis with cogging", found.reason
+    assert found.model.parameters["cogging"] == pytest.approx(np.hypot(0.3, 0.2), rel=0.01)
+    assert found.model.parameters["cogging__order"] == pytest.approx(8.0, abs=1e-3)
+    skipped = [c.name for c in found.models if c.failure.startswith("skipped")]
+    assert {"axis with gravity and cogging", "Wiener-Hammerstein"} < set(skipped)
 
 
 def test_a_linear_system_is_no_chain():

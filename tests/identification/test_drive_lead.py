@@ -11,12 +11,12 @@ from whsklearn.effects import GravityImbalance, as_law
 from whsklearn.identification import identify
 from whsklearn.identification.drive_lead import earlier, moved, skew
 from whsklearn.identification.view import view
-from whsklearn.recursion.batch.axis_free_run import axis_motion
+from whsklearn.recursion.batch.axis_free_run import HANGS, axis_motion
 from whsklearn.systems import PIDController, ServoAxis
 
 THETA = np.array([0.05, 0.1, 0.2, 0.02, 1.5, 0.4])
 U = 2.0 * slow_drive(2000, 1)
-Y = axis_motion(THETA, axis_log(U, hangs=True)._replace(of_position=True))
+Y = axis_motion(THETA, axis_log(U, orders=HANGS)._replace(of_position=True))
 NOISY = Y + 1e-5 * np.random.default_rng(0).standard_normal(Y.size)
 
 

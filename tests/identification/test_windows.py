@@ -12,7 +12,7 @@ from whsklearn.identification.axis_numbers import position_effects
 from whsklearn.identification.view import view
 from whsklearn.identification.windows import horizons, lead, window_errors
 from whsklearn.models import AxisModel, LinearModel
-from whsklearn.recursion.batch.axis_free_run import AxisForm, axis_motion
+from whsklearn.recursion.batch.axis_free_run import HANGS, AxisForm, axis_motion
 
 RNG = np.random.default_rng(0)
 U = RNG.standard_normal(1000)
@@ -83,11 +83,11 @@ def test_a_coarse_encoder_that_stands_still_for_ten_samples_does_not_lose_its_wi
 
 def test_a_true_pendulum_errs_nowhere_whatever_the_log_is_taken_for():
     u, theta = 2.0 * slow_drive(2000, 1), np.array([0.05, 0.1, 0.2, 0.02, 1.5, 0.4])
-    y = axis_motion(theta, axis_log(u, hangs=True)._replace(of_position=True))
+    y = axis_motion(theta, axis_log(u, orders=HANGS)._replace(of_position=True))
     law = FrictionLaw([Viscous(0.1), Coulomb(0.2)])
 
     def gravity(*weights):
-        return position_effects(np.array(weights), AxisForm(hangs=True))[1][0]
+        return position_effects(np.array(weights), AxisForm(orders=HANGS))[1][0]
 
     model = AxisModel(0.05, law, (InputOffset(0.02), gravity(1.5, 0.4)), dt=0.005, logged="position")
     errors = [window_errors(model, view(u, y, 0.005, logged), 100, 60) for logged in ("output", "position")]

@@ -22,7 +22,7 @@ from whsklearn.effects import (
 )
 from whsklearn.effects.base import Array
 from whsklearn.filtering.records import HOLDS
-from whsklearn.identification.axis_inverse import FEWEST, Start, acting, form_columns, inverse_starts
+from whsklearn.identification.axis_inverse import FEWEST, Start, acting, form_columns, inverse_starts, next_wave
 from whsklearn.identification.axis_numbers import (
     axis_log,
     axis_residual,
@@ -36,6 +36,7 @@ from whsklearn.identification.windows import axis_score
 from whsklearn.models import AxisModel
 from whsklearn.models.axis import spring_steps
 from whsklearn.recursion.batch.axis_free_run import (
+    HANGS,
     LARGEST,
     SHARE_AND_DAMPING,
     AxisFit,
@@ -63,6 +64,7 @@ SHOOTING = (
 # Of the rms drive: a force that is fitted where there is none, and that happens to help on held-out data, is up to 0.2
 # % (benchmarks/which_structure.py, gravity of axes of MuJoCo)
 LEAST_FORCE = 0.01
+LEAST_WAVE, MOST_ORDERS = 0.1, 3  # of the squared residual that one order must take off, and how many are sought
 # Of the error with a held drive, below which a smooth one is preferred, or friction that reverses early
 SMOOTHER = 0.95
 AT_REST = (EarlyReversal().lead, EarlyReversal().impedance)  # MuJoCo's own, from which they are fitted
@@ -124,7 +126,7 @@ def fit_hanging_axis(log: View, *, loaded: bool = False) -> AxisModel:
 
     Raises ValueError if gravity is negligible or cancels an offset, or as `fit_rigid_axis`.
     """
-    record, form = _of_position(log), AxisForm(hangs=True, loaded=loaded)
+    record, form = _of_position(log), AxisForm(orders=HANGS, loaded=loaded)
     model, own = _fit(record, form)
     share = model.parameters["gravity_imbalance"] / np.std(log.u)
     if share < LEAST_FORCE:
@@ -155,6 +157,46 @@ def fit_placed_axis(log: View, powers: int) -> AxisModel:
     record = replace(record, steps=max(record.steps, spring_steps(stiffness / inertia, record.dt)))
     model, own = _fit(record, form, [np.r_[theta, np.zeros(powers - 1)] for theta in more])
     return _determined(_with_force(model, sum(e.value(position=log.y) for e in model.effects[1:]), log), own)
+
+
+def fit_cogging_axis(log: View, *, hangs: bool = False) -> AxisModel:
+    """The rigid axis with up to `MOST_ORDERS` waves over its position, the output, beside gravity if it ``hangs``.
+
+    Raises ValueError if there is none, or as `inverse_starts`.
+    """
+    form = AxisForm(orders=HANGS if hangs else HANGS[:0])
+    for _ in range(MOST_ORDERS):
+        order, share, size = next_wave(log, form)
+        if share < LEAST_WAVE or size < LEAST_FORCE:
+            break
+        tuned = _tuned(log, form._replace(orders=np.append(form.orders, order)))
+        if tuned is None:
+            break
+        form = tuned
+    if form.orders.size == hangs:
+        raise ValueError("No wave over the position is found in what is left of the drive.")
+    return _determined(*_fit(log, form))
+
+
+def _tuned(log: View, form: AxisForm) -> AxisForm | None:
+    """The form with the orders of its waves by the free run, a Gauss-Newton step from those of inverse dynamics.
+
+    None if the run does not surely show the last wave.  Over many turns a small error of an order is a large one of the
+    phase: 0.001 of 12 left three times the noise.  A step that turns the phase by more than a quarter is not taken.
+    """
+    start = min((s.theta for s in inverse_starts(log, form)), key=lambda theta: axis_score(theta, form, log))
+    pieces = shooting_log(log, SHOOTING[1], form)
+    theta, covariance, *_ = fit_pieces(start, pieces)
+    last = slice(form.growth.start - 2, form.growth.start)
+    amplitude = float(np.linalg.norm(theta[last]))
+    spread = float(np.sqrt(theta[last] @ covariance[last, last] @ theta[last])) / max(amplitude, TINY)
+    if not max(2.0 * spread, np.sqrt(2.0) * LEAST_FORCE * np.std(log.u)) < amplitude:
+        return None
+    orders, found = form.orders.copy(), _of_orders(theta, handed_over(theta, settled(theta, pieces)))
+    if found is not None:
+        near = np.abs(found.estimate) * np.ptp(log.y) < np.pi
+        orders[orders != HANGS[0]] += np.where(near, found.estimate, 0.0)
+    return form._replace(orders=orders)
 
 
 def _with_force(model: AxisModel, force: Array, log: View) -> AxisModel:
@@ -238,7 +280,7 @@ def fit_two_masses(log: View, *, at_load: bool = False) -> AxisModel:
 
 def _determined(model: AxisModel, own: dict[str, float]) -> AxisModel:
     """The model, if the record tells of a load behind a spring its inertia, of a weight on which side it is, of a
-    spring whether it pulls or pushes, and of friction whether it grows with the drive.
+    spring whether it pulls or pushes, of cogging that it is there, and of friction whether it grows with the drive.
 
     What is free to be anything else is spent on the friction at rest: of a rigid axis that rests, a load of 0.1 of the
     inertia on a spring of no stiffness left two thirds of the error over windows.  The inertia of a weight may be free:
@@ -255,6 +297,9 @@ def _determined(model: AxisModel, own: dict[str, float]) -> AxisModel:
         raise UntoldError("On which side the weight is cannot be told, so the axis without it is equivalent.")
     if not max(2.0 * own.get("load_friction", 0.0), LEAST_FORCE) < numbers.get("load_friction", 1.0):
         raise ValueError("Friction does not surely grow with the drive, so the axis without it is equivalent.")
+    waves = [k for k in numbers if k.startswith("cogging") and "__" not in k]
+    if not all(2.0 * errors.get(k, 0.0) <= numbers[k] for k in waves):
+        raise ValueError("A wave over the position may be nothing, so the axis without it is equivalent.")
     alone = "hardening_spring" not in numbers
     if alone and not 2.0 * errors.get("cable_spring", 0.0) <= abs(numbers.get("cable_spring", 0.0)):
         raise ValueError("Whether the spring pulls or pushes cannot be told, so the axis without it is equivalent.")
@@ -343,8 +388,8 @@ def _ringing(log: View, rigid: Array) -> Callable[[float, float, float], tuple[f
     rows = np.vstack([pushed, differenced(np.ones(1), np.ones(1), log.y[None, :]), net])
 
     def explained(frequency: float, ratio: float, lowest: float) -> tuple[float, Array]:
-        passed = butter(1, [lowest, frequency * BAND], "bandpass", fs=1.0 / log.dt)
-        *columns, place, drive = filter_rows(*passed, rows, log.bounds)
+        b, a = butter(1, [lowest, frequency * BAND], "bandpass", fs=1.0 / log.dt)
+        *columns, place, drive = filter_rows(b, a, rows, log.bounds)
         seen, turn = since >= 1.0 / (lowest * log.dt), 2.0 * np.pi * frequency
         if np.count_nonzero(seen) < FEWEST:
             return np.inf, np.zeros(5)
@@ -439,7 +484,13 @@ def _model(best: AxisFit, log: View, form: AxisForm) -> tuple[AxisModel, dict[st
     free = np.less(*form.limits)
     covariance = best.covariance
     if log.hold != HOLDS[0] and not form.coupled and covariance.any():
-        covariance = covariance + _of_timing(best.theta, log, form)
+        age = _of_timing(best.theta, log, form)
+        if age is not None:
+            covariance = age.widened(covariance)
+    orders = None
+    if (form.orders != HANGS[0]).any() and covariance.any():
+        orders = _of_orders(best.theta, handed_over(best.theta, settled(best.theta, in_pieces(log, form))))
+        covariance = covariance if orders is None else orders.widened(covariance)
     covariance = covariance * np.outer(free, free)
     own = standard_errors(best.theta, covariance, log, form)
     incomplete = not covariance.any() or not white(axis_residual(best.theta, log, form), log)
@@ -457,33 +508,69 @@ def _model(best: AxisFit, log: View, form: AxisForm) -> tuple[AxisModel, dict[st
         else:  # those of a diverged run are arbitrary, and the start itself has none
             covariance = np.diag(errors**2 + spread[0] ** 2 + apart[0]) * free
     model = axis_of(best.theta, log, form)
-    return replace(model, standard_errors=standard_errors(best.theta, covariance, log, form)), own
+    known = standard_errors(best.theta, covariance, log, form)
+    if orders is not None:
+        names = [k for k in model.parameters if k.endswith("__order")]
+        known |= dict(zip(names, np.sqrt(np.diag(orders.mean_square)).tolist(), strict=True))
+    return replace(model, standard_errors=known), own
 
 
-def _of_timing(theta: Array, log: View, form: AxisForm) -> Array:
-    """What the unknown age of a smooth drive adds to the covariance (p, p) of numbers that were fitted without one.
+class Unfitted(NamedTuple):
+    """What a fit leaves of numbers that it keeps fixed: by how much they are off (q,), with what covariance (q, q), and
+    the numbers of the fit as functions of them, to first order (p, q).
+    """
+
+    estimate: Array
+    covariance: Array
+    by: Array
+
+    @property
+    def mean_square(self) -> Array:
+        """What they are off by, squared, and its covariance, shape (q, q)."""
+        return np.asarray(np.outer(self.estimate, self.estimate) + self.covariance)
+
+    def widened(self, covariance: Array) -> Array:
+        """A covariance of the fit (p, p) with what these numbers add to it."""
+        return np.asarray(covariance + self.by @ self.mean_square @ self.by.T)
+
+
+def _unfitted(theta: Array, pieces: AxisLog, others: list[AxisLog], steps: Array) -> Unfitted | None:
+    """Of numbers by which the logs of ``others`` differ by ``steps`` (q,); None if the run diverges."""
+    run, rows = sensitivities(theta, pieces)
+    fixed = [(axis_motion(theta, other) - run) / step for other, step in zip(others, steps, strict=True)]
+    both, _ = beside_the_states(np.vstack([*fixed, rows]), pieces)
+    error, q = pieces.target - run, len(others)
+    if not max(np.abs(both).max(), np.abs(error).max()) < LARGEST:
+        return None
+    by = np.asarray(np.linalg.lstsq(both[q:].T, both[:q].T, rcond=1e-9)[0], dtype=float)
+    alone = both[:q] - by.T @ both[q:]
+    scale = np.linalg.norm(alone, axis=1) + TINY
+    estimate = np.linalg.lstsq((alone / scale[:, None]).T, error, rcond=1e-9)[0] / scale
+    # without one of fewer pieces than numbers, some direction is not seen at all
+    bounds = pieces.bounds if pieces.bounds.size > both.shape[0] + 1 else pieces.bounds[[0, -1]]
+    return Unfitted(estimate, covariance_of(both, error, np.r_[estimate, theta], bounds)[:q, :q], by)
+
+
+def _of_timing(theta: Array, log: View, form: AxisForm) -> Unfitted | None:
+    """The unknown age of a smooth drive, in fine steps.
 
     A controller that is faster than its log holds its drive, so the drive acts about half of the controller's period
     later than a curve through the samples.  The inertia of viscous axes in such loops was up to 2 % off, at 20 standard
-    errors.  Numbers that are fitted with an age differ by a step that is linear in it; its mean square counts, which is
-    that of the estimated age and its variance.
+    errors.
     """
     pieces = handed_over(theta, settled(theta, in_pieces(log, form)))
-    run, rows = sensitivities(theta, pieces)
     flat = pieces.u.ravel()
     later = np.r_[flat[0], flat[:-1]]
     later[log.bounds[:-1] * log.steps] = flat[log.bounds[:-1] * log.steps]
-    by_age = (axis_motion(theta, pieces._replace(u=later.reshape(pieces.u.shape))) - run) / (log.dt / log.steps)
-    both, _ = beside_the_states(np.vstack([by_age, rows]), pieces)
-    error = pieces.target - run
-    if not max(np.abs(both).max(), np.abs(error).max()) < LARGEST:  # it diverged
-        return np.zeros((theta.size, theta.size))
-    age_alone = both[0] - both[1:].T @ (by_numbers := np.linalg.lstsq(both[1:].T, both[0], rcond=1e-9)[0])
-    age = float(age_alone @ error / max(age_alone @ age_alone, TINY))
-    # without one of fewer pieces than numbers, some direction is not seen at all
-    bounds = pieces.bounds if pieces.bounds.size > both.shape[0] + 1 else pieces.bounds[[0, -1]]
-    variance = float(covariance_of(both, error, np.r_[age, theta], bounds)[0, 0])
-    return (age**2 + variance) * np.outer(by_numbers, by_numbers)
+    return _unfitted(theta, pieces, [pieces._replace(u=later.reshape(pieces.u.shape))], np.ones(1))
+
+
+def _of_orders(theta: Array, pieces: AxisLog) -> Unfitted | None:
+    """The orders of all waves but gravity, in 1/rad."""
+    form = pieces.form
+    steps = np.diag(1e-5 * form.orders)[form.orders != HANGS[0]]
+    others = [pieces._replace(form=form._replace(orders=form.orders + step)) for step in steps]
+    return _unfitted(theta, pieces, others, steps.max(axis=1))
 
 
 def axis_of(theta: Array, log: View, form: AxisForm) -> AxisModel:
@@ -507,8 +594,8 @@ def axis_of(theta: Array, log: View, form: AxisForm) -> AxisModel:
 
 
 def standard_errors(theta: Array, covariance: Array, log: View, form: AxisForm) -> dict[str, float]:
-    """Standard errors of the axis' own numbers, to first order; knots, which are fixed, have none."""
-    names = [k for k in axis_of(theta, log, form).parameters if not k.endswith("__knot")]
+    """Standard errors of the axis' own numbers, to first order; knots and orders, which are fixed, have none."""
+    names = [k for k in axis_of(theta, log, form).parameters if not k.endswith(("__knot", "__order"))]
 
     def numbers(at: Array) -> Array:
         known = axis_of(at, log, form).parameters

@@ -7,11 +7,12 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from whsklearn.effects.base import Array, rms
 from whsklearn.filtering.records import HOLDS, filtered, gaussian_derivatives
 from whsklearn.identification.view import View
-from whsklearn.recursion.batch.axis_free_run import AxisForm, dissipates, rising_at_last
+from whsklearn.recursion.batch.axis_free_run import HANGS, AxisForm, dissipates, rising_at_last
 
 # Standard deviations of the Gaussian in samples.  With a narrow one, encoder noise in the acceleration biases the
 # inertia towards zero (to a twentieth on a wrist logged at 100 Hz); a wide one removes the motion. Simulation decides
@@ -31,6 +32,9 @@ KNOWN = 0.35
 # Starts then have these times (s) in which friction would stop the axis.
 EVEN, STOPS_IN = 0.05, (0.03, 0.3, 3.0, 30.0)
 FEWEST = 20  # samples of a balance: its six numbers and a few
+# Waves over the position: orders and samples that are tried, the highest order as in the catalogue, and how far (rad)
+# the Gaussian may blur it in the slowest fifth of the samples, which is a third of it left
+MOST_TRIED, HIGHEST, BLURRED, SLOWER = 2_000, 256.0, 1.5, 0.2
 
 
 def balance(log: View, width: float, form: AxisForm) -> tuple[Array, Array]:
@@ -87,7 +91,9 @@ def form_columns(q: Array, v: Array, side: Array, drive: Array, form: AxisForm) 
     ``q``, ``v``, ``drive`` (n,): position, velocity and drive; ``side`` (n,): the direction of dry friction.
     """
     e = q - form.centre
-    columns = [np.sin(e), np.cos(e)] if form.hangs else [e ** (k + 1) for k in range(form.powers)]
+    columns = [wave(k * e) for k in form.orders for wave in (np.sin, np.cos)] + [
+        e ** (k + 1) for k in range(form.powers)
+    ]
     columns += [side * np.abs(drive)] * form.loaded + [np.zeros_like(v)] * 2 * form.early
     return columns + [side * np.maximum(np.abs(v) - k, 0.0) for k in form.knots]
 
@@ -111,6 +117,52 @@ def solved(columns: Array, drive: Array, *, falls: bool = False) -> Array:
         if theta[bounded].min() >= 0.0 and left < least:
             best, least = theta, left
     return best / scale
+
+
+def next_wave(log: View, form: AxisForm) -> tuple[float, float, float]:
+    """The order (1/rad) of the wave over the position that explains most beside a form, and its share of the squared
+    residual and of the rms drive.
+
+    A Gaussian of s seconds damps a wave by exp(-(k v s)^2 / 2), so a narrow one shows high orders, and a wide one those
+    that drown in the noise of the encoder; the width of the largest share decides.  Waves have two periods or more over
+    the travel: with fewer they are cubics.
+
+    ``log``: in SI, its position. ``form``: what is known to act. Both shares are zero if no order can be tried.
+    """
+    log, best = replace(log, u=acting(log)), (0.0, 0.0, 0.0)
+    for width in WIDTHS:
+        columns, drive = balance(log, width, form)
+        if drive.size < FEWEST:
+            continue
+        every = max(int(width), drive.size // MOST_TRIED)  # neighbours behind a Gaussian say the same
+        blur, place = (balance(log, width, AxisForm(powers=1))[0][::every, k] for k in (1, 4))
+        blur = width * log.dt * np.abs(blur)  # rad of an order of one
+        own = np.linalg.qr(columns[::every] / np.maximum(np.linalg.norm(columns[::every], axis=0), 1e-300)).Q
+        left = drive[::every] - own @ (own.T @ drive[::every])
+        reach = max(float(np.ptp(place)), 1e-300)
+        highest = min(BLURRED / max(float(np.quantile(blur, SLOWER)), 1e-300), HIGHEST * max(1.0, 1.0 / reach))
+        step = max(0.5 * np.pi / reach, highest / MOST_TRIED)
+        orders = np.arange(4.0 * np.pi / reach, highest, step)
+        if log.angle:
+            orders = np.union1d(orders, np.arange(2.0, highest))
+
+        def taken(
+            order: float, left: Array = left, blur: Array = blur, place: Array = place, own: Array = own
+        ) -> float:
+            """The share of one order, beside the columns of the form."""
+            damped = np.exp(-0.5 * np.minimum(order * blur, 30.0) ** 2)
+            waves = np.column_stack([damped * np.cos(order * place), damped * np.sin(order * place)])
+            waves -= own @ (own.T @ waves)
+            found = waves @ np.linalg.lstsq(waves, left, rcond=1e-9)[0]
+            return float(found @ found) / max(float(left @ left), 1e-300)
+
+        if orders.size:
+            near = max(orders.tolist(), key=taken)
+            peak = minimize_scalar(lambda k: -taken(k), bounds=(near - step, near + step), method="bounded")
+            size = np.sqrt(-peak.fun) * rms(left) / max(rms(drive), 1e-300)
+            best = max(best, (-float(peak.fun), float(peak.x), float(size)))
+    share, order, size = best
+    return order, share, size
 
 
 class Start(NamedTuple):
@@ -180,7 +232,7 @@ def _backwards(log: View, form: AxisForm) -> str:
     """Error message if no inertia is found: a force that grows with the position may hide it."""
     if not form.of_position and log.logged == "position":
         for width in WIDTHS:
-            columns, drive = balance(log, width, AxisForm(hangs=True))
+            columns, drive = balance(log, width, AxisForm(orders=HANGS))
             if drive.size >= FEWEST and _accelerates(solved(columns, drive), columns, drive):
                 return "Without gravity no inertia fits: see the axis with gravity."
     text = "The drive does not accelerate the output in its own direction, so this is not a rigid axis"

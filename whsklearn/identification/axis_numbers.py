@@ -8,6 +8,7 @@ import numpy as np
 
 from whsklearn.effects import (
     CableSpring,
+    Cogging,
     EarlyReversal,
     Effect,
     FlexibleCoupling,
@@ -19,11 +20,12 @@ from whsklearn.effects import (
 from whsklearn.effects.base import Array
 from whsklearn.identification.view import View
 from whsklearn.models import AxisModel
-from whsklearn.recursion.batch.axis_free_run import AxisForm, AxisLog, axis_motion, handed_over, settled
+from whsklearn.recursion.batch.axis_free_run import HANGS, AxisForm, AxisLog, axis_motion, handed_over, settled
 
 PIECE = 2.0  # s, length of a free run whose position must stay accurate
 LEAST_PIECE = 100  # samples of such a free run
 FEWEST_SHOT = 20  # samples of a piece of multiple shooting, ten per state variable
+WAVES = GravityImbalance | Cogging
 
 
 def axis_log(log: View, form: AxisForm) -> AxisLog:
@@ -88,20 +90,27 @@ def axis_theta(model: AxisModel) -> tuple[Array, AxisForm]:
     growth = [e.magnitude for e in rest if isinstance(e, LoadFriction)]
     early = [x for e in rest if isinstance(e, EarlyReversal) for x in (e.lead, e.impedance)]
     forces, base = position_weights([e for e in rest if not isinstance(e, LoadFriction | EarlyReversal)])
-    hangs = any(isinstance(e, GravityImbalance) for e in rest)
+    orders = np.array([e.order if isinstance(e, Cogging) else 1.0 for e in rest if isinstance(e, WAVES)])
     knots = np.array([t.knot for t in hinges])
     theta = [model.inertia, p["viscous"], p["coulomb"], offset.magnitude + base, *forces, *growth, *early]
-    form = AxisForm(knots, hangs, 0 if hangs else len(forces), loaded=bool(growth), early=bool(early))
+    powers = 0 if orders.size else len(forces)
+    form = AxisForm(knots, orders, powers, loaded=bool(growth), early=bool(early))
     return np.array(theta + [t.magnitude for t in hinges]), form
 
 
 def position_effects(weights: Array, form: AxisForm) -> tuple[float, list[Effect]]:
     """The contribution of position-dependent forces to the offset, and these forces as effects.
 
-    w_1 sin q + w_2 cos q is A cos(q + phi); w_1 q + w_2 q^2 + w_3 q^3 is a cubic about c = -w_2 / (3 w_3) and a line.
+    w_1 sin(k q) + w_2 cos(k q) is A cos(k q + phi); w_1 q + w_2 q^2 + w_3 q^3 is a cubic about c = -w_2 / (3 w_3) and a
+    line.
     """
-    if form.hangs:
-        return 0.0, [GravityImbalance(float(np.hypot(*weights)), phase=float(np.arctan2(-weights[0], weights[1])))]
+    if form.orders.size:
+        waves: list[Effect] = []
+        for order, (sine, cosine) in zip(form.orders.tolist(), weights.reshape(-1, 2), strict=True):
+            amplitude, phase = float(np.hypot(sine, cosine)), float(np.arctan2(-sine, cosine))
+            hangs = order == HANGS[0]
+            waves.append(GravityImbalance(amplitude, phase) if hangs else Cogging(amplitude, order, phase))
+        return 0.0, waves
     line, square, cube = np.r_[weights, np.zeros(3 - weights.size)].tolist()
     if weights.size < 2:
         return 0.0, [CableSpring(line)] * weights.size
@@ -114,8 +123,9 @@ def position_weights(effects: list[Effect]) -> tuple[list[float], float]:
     if not effects:
         return [], 0.0
     first, *more = effects
-    if isinstance(first, GravityImbalance):
-        return [-first.amplitude * np.sin(first.phase), first.amplitude * np.cos(first.phase)], 0.0
+    if isinstance(first, WAVES):
+        waves = [e for e in effects if isinstance(e, WAVES)]
+        return [x for e in waves for x in (-e.amplitude * np.sin(e.phase), e.amplitude * np.cos(e.phase))], 0.0
     assert isinstance(first, CableSpring)
     if not more:
         return [first.stiffness], 0.0

@@ -19,6 +19,7 @@ from whsklearn.effects.base import Array
 from whsklearn.identification.axis_fit import (
     LEAST_TESTED,
     UntoldError,
+    fit_cogging_axis,
     fit_free_law_axis,
     fit_hanging_axis,
     fit_placed_axis,
@@ -55,11 +56,12 @@ LOADED, LOADED_GRAVITY = (
     "axis with gravity, friction that grows with the drive",
 )
 HANGING = (GRAVITY, LOADED_GRAVITY)
+COGGING, COGGING_GRAVITY = "axis with cogging", "axis with gravity and cogging"
 SPRING, HARDENING = "axis on a spring", "axis on a hardening spring"
 TWO_MASSES, CHAIN = "axis with a load behind a spring", "Wiener-Hammerstein"
 AT_LOAD = "axis with a load behind a spring, measured at the load"
 COUPLED = (TWO_MASSES, AT_LOAD)
-LAST = (LOADED, LOADED_GRAVITY, *COUPLED, CHAIN)  # what takes most of the time
+LAST = (LOADED, LOADED_GRAVITY, COGGING, COGGING_GRAVITY, *COUPLED, CHAIN)  # what takes most of the time
 # Share of the best linear model's error below which an axis makes a chain needless. Of axes it leaves 0.15 at most, of
 # chains 0.97 at least, and of those axes a chain left seven times as much and more (`benchmarks.which_structure`).
 # So does a force over the position with a load behind a spring, beside which there is none.
@@ -385,7 +387,7 @@ def _of_position(tried: list[Compared]) -> bool:
     make up for it.
     """
     free = _least(tried, lambda c: c.kind == "axis" and "effects" not in c.structure)
-    return _least(tried, lambda c: c.name in (*HANGING, SPRING, FORCE)) < FAR_BELOW * free
+    return _least(tried, lambda c: c.name in (*HANGING, SPRING, FORCE, COGGING, COGGING_GRAVITY)) < FAR_BELOW * free
 
 
 def _least(tried: list[Compared], of: Callable[[Compared], bool]) -> float:
@@ -460,6 +462,10 @@ def candidates(
     if placed:
         yield of(SPRING, "axis", partial(fit_placed_axis, powers=1), law=law, effects=springs[:1])
         yield of(FORCE, "axis", partial(fit_placed_axis, powers=3), law=law, effects=springs)
+        yield of(COGGING, "axis", fit_cogging_axis, law=law, effects=["cogging"])
+        if angle:
+            waves = partial(fit_cogging_axis, hangs=True)
+            yield of(COGGING_GRAVITY, "axis", waves, law=law, effects=["gravity_imbalance", "cogging"])
         coupled: dict[str, Any] = {"law": law, "effects": ["flexible_coupling"]}
         yield of(TWO_MASSES, "axis", fit_two_masses, **coupled)
         yield of(AT_LOAD, "axis", partial(fit_two_masses, at_load=True), **coupled, output="load")

@@ -15,7 +15,7 @@ from whsklearn.identification.axis_inverse import FEWEST, KNOWN, balance, invers
 from whsklearn.identification.axis_numbers import shooting_log
 from whsklearn.identification.view import View
 from whsklearn.identification.windows import axis_score
-from whsklearn.recursion.batch.axis_free_run import AxisForm, fit_pieces
+from whsklearn.recursion.batch.axis_free_run import HANGS, AxisForm, fit_pieces
 
 # s: the oldest drive of a real log (pendulum rigs and arms reach -0.016 to 0.038 s)
 OLDEST = 0.06
@@ -101,7 +101,7 @@ def force_form(logs: Sequence[View]) -> AxisForm:
         return float(np.sum((drive - columns @ solved(columns, drive)) ** 2))
 
     if logs[0].angle:
-        return min((AxisForm(hangs=True), cubic), key=left)
+        return min((AxisForm(orders=HANGS), cubic), key=left)
     turns = cubic._replace(powers=OVER_TURNS)
     return turns if left(turns) < EXPLAINED * left(cubic) else cubic
 

@@ -6,17 +6,24 @@ import numpy as np
 import pytest
 
 from tests.recursion.axis_log import TRUTH, axis_log, slow_drive
-from whsklearn.recursion.batch.axis_free_run import axis_motion, covariance_of, fit_pieces, fit_state, sensitivities
+from whsklearn.recursion.batch.axis_free_run import (
+    HANGS,
+    axis_motion,
+    covariance_of,
+    fit_pieces,
+    fit_state,
+    sensitivities,
+)
 
 
 @pytest.mark.parametrize(
     ("form", "more"),
     [
-        ({"hangs": True}, [0.05, 0.02]),
+        ({"orders": HANGS}, [0.05, 0.02]),
         ({"powers": 3}, [0.05, 0.02, 0.03]),
         ({"loaded": True}, [0.05]),
         ({"early": True}, [0.02, 0.8]),
-        ({"early": True, "hangs": True, "loaded": True}, [0.05, 0.02, 0.05, 0.02, 0.8]),
+        ({"early": True, "orders": np.array([1.0, 7.0]), "loaded": True}, [0.05, 0.02, 3e-3, -4e-3, 0.05, 0.02, 0.8]),
     ],
     ids=str,
 )
@@ -58,7 +65,7 @@ def test_pieces_are_fitted_to_their_least_squares_from_numbers_that_are_far_off(
 def test_a_pendulum_keeps_its_energy():
     """J v^2 / 2 - k1 cos q of a free swing of 1 rad, by the symplectic steps of the run."""
     theta = np.array([0.05, 0.0, 0.0, 0.0, 2.0, 0.0])
-    log = axis_log(np.zeros(4000), 0.001, hangs=True)._replace(q0=np.array([1.0]))
+    log = axis_log(np.zeros(4000), 0.001, orders=HANGS)._replace(q0=np.array([1.0]))
     v, q = axis_motion(theta, log), axis_motion(theta, log._replace(of_position=True))
     energy = 0.5 * theta[0] * v**2 - theta[4] * np.cos(q)
     assert np.ptp(q) == pytest.approx(2.0, rel=1e-3)

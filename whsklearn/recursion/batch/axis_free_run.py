@@ -1,7 +1,8 @@
 """Free run of a physical axis model, with exact sensitivities.
 
-J dv/dt = u - o - p(q) - B v - (C + c |u|) sign(v) - sum w_k sign(v) max(|v| - knot_k, 0), where p(q) is the load of
-gravity, w_1 sin e + w_2 cos e, or of a spring, w_1 e + w_2 e^2 + w_3 e^3, with e = q - centre.
+J dv/dt = u - o - p(q) - B v - (C + c |u|) sign(v) - sum w_k sign(v) max(|v| - knot_k, 0), where p(q) is that of waves,
+the sum of a_k sin(k e) + b_k cos(k e), one of which may be gravity, or of a spring, w_1 e + w_2 e^2 + w_3 e^3, with
+e = q - centre.
 
 The steps are those of `whsklearn.systems._servo_kernel`: half a drift, a kick, half a drift (second order), linearly
 implicit in the velocity.  A step in which the axis stops is divided there, so that a reversal is as exact as the rest
@@ -38,6 +39,7 @@ MOST_LOADED = LoadFriction.quantities["coefficient"].high  # c of friction that 
 LEAD_AND_IMPEDANCE = tuple(
     np.array([getattr(EarlyReversal.quantities[k], end) for k in ("lead", "impedance")]) for end in ("low", "high")
 )
+HANGS = np.ones(1)  # orders of an axis with a weight on it
 LARGEST = 1e100  # bound of an error or a sensitivity, so that its square stays finite
 UNSEEN = 1e-12  # of the largest eigenvalue of the information, columns at unit length: smaller ones are rounding
 
@@ -47,8 +49,9 @@ _WITHOUT_ROWS, _NOWHERE = np.empty((0, 0, 0)), np.empty((0, 0))
 class AxisForm(NamedTuple):
     """Which forces act in addition to inertia, viscous and dry friction and an offset.
 
-    ``knots`` (> 0) are the speeds at which the slope of the friction changes.  The position-dependent forces are those
-    of gravity if the axis ``hangs``, otherwise those of a spring with this number of ``powers`` of e (0: none).  If the
+    ``knots`` (> 0) are the speeds at which the slope of the friction changes.  The position-dependent forces are waves
+    of these ``orders`` (1/rad), each with two weights, otherwise those of a spring with this number of ``powers`` of e
+    (0: none).  A weight is a wave of order one (`HANGS`).  If the
     axis is ``loaded``, its dry friction grows with the drive; if its drive is not ``shifted``, it has no offset; if its
     dry friction reverses ``early``, it is that of `whsklearn.effects.EarlyReversal`.  theta holds inertia, viscous
     friction, Coulomb friction, offset, one weight per position-dependent force, the growth with the drive, lead and
@@ -60,7 +63,7 @@ class AxisForm(NamedTuple):
     """
 
     knots: Array = np.empty(0)
-    hangs: bool = False
+    orders: Array = np.empty(0)
     powers: int = 0
     centre: float = 0.0
     loaded: bool = False
@@ -77,7 +80,7 @@ class AxisForm(NamedTuple):
     @property
     def of_position(self) -> int:
         """Number of position-dependent forces."""
-        return 2 if self.hangs else self.powers
+        return 2 * self.orders.size or self.powers
 
     @property
     def size(self) -> int:
@@ -452,11 +455,13 @@ def _pass(theta: Array, log: AxisLog, rows: Array, ends: Array = _NOWHERE, chose
 
 
 @part
-def _of_position(e, hangs, force, slope):
-    """Position-dependent forces of unit weight and their slopes, at ``e`` from the centre: pendulum or powers of e."""
-    if hangs:
-        force[0], force[1] = math.sin(e), math.cos(e)
-        slope[0], slope[1] = force[1], -force[0]
+def _of_position(e, orders, force, slope):
+    """Position-dependent forces of unit weight and their slopes, at ``e`` from the centre: waves or powers of e."""
+    for k in range(orders.size):
+        order, at = orders[k], 2 * k
+        force[at], force[at + 1] = math.sin(order * e), math.cos(order * e)
+        slope[at], slope[at + 1] = order * force[at + 1], -order * force[at]
+    if orders.size:
         return
     power = 1.0
     for k in range(force.size):
@@ -471,7 +476,7 @@ def _torques(theta, form, drive, q, v, force, slope):
 
     ``force`` and ``slope`` become those of position-dependent forces of unit weight.
     """
-    _of_position(q - form.centre, form.hangs, force, slope)
+    _of_position(q - form.centre, form.orders, force, slope)
     net, resisting, by_v, by_q = drive - theta[3], theta[1] * v, theta[1], 0.0
     for k in range(force.size):
         net -= theta[4 + k] * force[k]
