@@ -82,3 +82,5 @@ def test_a_wave_over_the_position_is_found_by_its_order_and_size(order):
     assert 0.1 < size * np.std(drive) / (0.03 / np.sqrt(2.0)) < 1.1  # the Gaussian takes some
     *_, nothing = next_wave(view(plain, q, 0.002, "position"), RIGID)
     assert nothing < 0.1 * size
+    spring, *_ = next_wave(view(plain + 0.5 * q, q, 0.002, "position"), RIGID)
+    assert spring * np.ptp(q) > 3.99 * np.pi  # fewer than two periods are no wave

@@ -142,9 +142,10 @@ def next_wave(log: View, form: AxisForm) -> tuple[float, float, float]:
         reach = max(float(np.ptp(place)), 1e-300)
         highest = min(BLURRED / max(float(np.quantile(blur, SLOWER)), 1e-300), HIGHEST * max(1.0, 1.0 / reach))
         step = max(0.5 * np.pi / reach, highest / MOST_TRIED)
-        orders = np.arange(4.0 * np.pi / reach, highest, step)
+        lowest = 4.0 * np.pi / reach
+        orders = np.arange(lowest, highest, step)
         if log.angle:
-            orders = np.union1d(orders, np.arange(2.0, highest))
+            orders = np.union1d(orders, np.arange(np.ceil(lowest), highest))
 
         def taken(
             order: float, left: Array = left, blur: Array = blur, place: Array = place, own: Array = own
@@ -158,7 +159,8 @@ def next_wave(log: View, form: AxisForm) -> tuple[float, float, float]:
 
         if orders.size:
             near = max(orders.tolist(), key=taken)
-            peak = minimize_scalar(lambda k: -taken(k), bounds=(near - step, near + step), method="bounded")
+            bounds = max(near - step, lowest), near + step
+            peak = minimize_scalar(lambda k: -taken(k), bounds=bounds, method="bounded")
             size = np.sqrt(-peak.fun) * rms(left) / max(rms(drive), 1e-300)
             best = max(best, (-float(peak.fun), float(peak.x), float(size)))
     share, order, size = best

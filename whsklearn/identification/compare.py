@@ -25,13 +25,13 @@ from whsklearn.identification.axis_fit import (
     fit_placed_axis,
     fit_rigid_axis,
     fit_sprung_axis,
-    fit_two_masses,
     white,
 )
 from whsklearn.identification.chain_fit import fit_chain, fit_folded, fit_rectified, loses_sign
 from whsklearn.identification.drive_lead import moved, skew
 from whsklearn.identification.linear_fit import fit_arx, fit_output_error
 from whsklearn.identification.logs_together import OwnDrive, together
+from whsklearn.identification.two_masses import fit_two_masses
 from whsklearn.identification.view import RATES, View, held_out_from, smooth, view, window_of
 from whsklearn.identification.windows import (
     horizons,
@@ -453,19 +453,21 @@ def candidates(
         yield of(f"output error, order {order}", "output_error", partial(fit_output_error, order=order), order=order)
     yield of("axis, viscous and Coulomb", "axis", fit_rigid_axis, law=law)
     yield of("axis, free law over speed", "axis", fit_free_law_axis, law=[*law, "speed_hinge"])
+    if angle:
+        yield of(GRAVITY, "axis", fit_hanging_axis, law=law, effects=["gravity_imbalance"])
+    if placed:
+        yield of(SPRING, "axis", partial(fit_placed_axis, powers=1), law=law, effects=springs[:1])
+        yield of(COGGING, "axis", fit_cogging_axis, law=law, effects=["cogging"])
+    if placed and angle:
+        waves = partial(fit_cogging_axis, hangs=True)
+        yield of(COGGING_GRAVITY, "axis", waves, law=law, effects=["gravity_imbalance", "cogging"])
     grows = partial(fit_rigid_axis, loaded=True)
     yield of(LOADED, "axis", grows, law=[*law, "load_friction"])
     if angle:
-        yield of(GRAVITY, "axis", fit_hanging_axis, law=law, effects=["gravity_imbalance"])
         grows = partial(fit_hanging_axis, loaded=True)
         yield of(LOADED_GRAVITY, "axis", grows, law=[*law, "load_friction"], effects=["gravity_imbalance"])
     if placed:
-        yield of(SPRING, "axis", partial(fit_placed_axis, powers=1), law=law, effects=springs[:1])
         yield of(FORCE, "axis", partial(fit_placed_axis, powers=3), law=law, effects=springs)
-        yield of(COGGING, "axis", fit_cogging_axis, law=law, effects=["cogging"])
-        if angle:
-            waves = partial(fit_cogging_axis, hangs=True)
-            yield of(COGGING_GRAVITY, "axis", waves, law=law, effects=["gravity_imbalance", "cogging"])
         coupled: dict[str, Any] = {"law": law, "effects": ["flexible_coupling"]}
         yield of(TWO_MASSES, "axis", fit_two_masses, **coupled)
         yield of(AT_LOAD, "axis", partial(fit_two_masses, at_load=True), **coupled, output="load")
