@@ -6,11 +6,12 @@ import json
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 from scipy.signal import lfilter
 
-from whsklearn.effects import Coulomb, FrictionLaw, InputOffset, Viscous
+from whsklearn.effects import Cogging, Coulomb, FrictionLaw, InputOffset, Viscous
 from whsklearn.identification import identify
-from whsklearn.identification.report import figure, on_intervals, write
+from whsklearn.identification.report import _force, figure, on_intervals, write
 from whsklearn.models import AxisModel, load_model
 from whsklearn.recursion.batch.axis_free_run import behind_the_spring
 
@@ -50,3 +51,18 @@ def test_intervals_of_an_axis_on_a_spring_are_not_said_to_be_widened():
         assert "something may be missing" in text
         assert ("widened" in text) == told
         assert ("do not include" in text) != told
+
+
+def test_the_force_over_the_position_is_drawn_in_the_units_of_the_log():
+    matplotlib = pytest.importorskip("matplotlib.figure")
+    law, cogging = FrictionLaw([Viscous(0.1), Coulomb(0.1)]), Cogging(0.2, 8.0, 0.5)
+    units = {"input": "mNm", "output": "deg"}
+    model = AxisModel(0.1, law, (InputOffset(0.3), cogging), dt=0.001, logged="position", units=units)
+    train = SimpleNamespace(y=np.linspace(-40.0, 20.0, 300), si=(1e-3, np.pi / 180.0))
+    ax = matplotlib.Figure().subplots()
+    _force(ax, SimpleNamespace(model=model, train=train), [cogging])
+    place, force = ax.lines[0].get_data()
+    assert (place.min(), place.max()) == (-40.0, 20.0)
+    np.testing.assert_allclose(force, 200.0 * np.cos(8.0 * np.radians(place) + 0.5), atol=1e-9)
+    assert "deg" in ax.get_xlabel()
+    assert "mNm" in ax.get_ylabel()

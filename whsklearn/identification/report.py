@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from whsklearn.effects import Effect
 from whsklearn.identification.axis_numbers import axis_theta
 from whsklearn.identification.compare import Compared, Identification
 from whsklearn.identification.windows import horizons, lead, residual, rms_of, window_errors
@@ -180,7 +181,7 @@ def number(value: float | None, digits: int = 3) -> str:
 
 # --- figure of an identification: overlay, Bode, poles and characteristic ------------------------------------------
 def figure(found: Identification) -> Any:
-    """Overlay on the test, Bode magnitude, poles, and the friction curve or static law."""
+    """Overlay on the test, Bode magnitude, poles or the force over the position, and the friction or static law."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -189,7 +190,8 @@ def figure(found: Identification) -> Any:
     axes = page.subplots(2, 2)
     _overlay(axes[0, 0], found)
     _bode(axes[0, 1], found)
-    _poles(axes[1, 0], found.model)
+    forces = [e for e in getattr(found.model, "effects", ()) if e.place == "position"]
+    _force(axes[1, 0], found, forces) if forces else _poles(axes[1, 0], found.model)
     _characteristic(axes[1, 1], found)
     return page
 
@@ -268,6 +270,16 @@ def _poles(ax: Axes, model: Any) -> None:
     ax.legend(
         fontsize=8, loc="upper left"
     )  # above the circle, because a legend marker inside it would look like a pole
+
+
+def _force(ax: Axes, found: Identification, effects: Sequence[Effect]) -> None:
+    """What depends on the position, over the positions of the log."""
+    (by, far), units = found.train.si, found.model.units
+    place = np.linspace(found.train.y.min(), found.train.y.max(), 801)
+    ax.plot(place, sum(e.value(position=place * far) for e in effects) / by)
+    output, drive = (titled(k, units.get(k, "")) for k in ("output", "input"))
+    ax.set(xlabel=output, ylabel=drive, title="Force over the position")
+    ax.grid(alpha=0.3)
 
 
 def _characteristic(ax: Axes, found: Identification) -> None:
