@@ -56,12 +56,12 @@ LOADED, LOADED_GRAVITY = (
     "axis with gravity, friction that grows with the drive",
 )
 HANGING = (GRAVITY, LOADED_GRAVITY)
-COGGING, COGGING_GRAVITY = "axis with cogging", "axis with gravity and cogging"
+COGGED, COGGED_GRAVITY = "axis with cogging", "axis with gravity and cogging"
 SPRING, HARDENING = "axis on a spring", "axis on a hardening spring"
 TWO_MASSES, CHAIN = "axis with a load behind a spring", "Wiener-Hammerstein"
 AT_LOAD = "axis with a load behind a spring, measured at the load"
 COUPLED = (TWO_MASSES, AT_LOAD)
-LAST = (LOADED, LOADED_GRAVITY, COGGING, COGGING_GRAVITY, *COUPLED, CHAIN)  # what takes most of the time
+LAST = (LOADED, LOADED_GRAVITY, COGGED, COGGED_GRAVITY, *COUPLED, CHAIN)  # what takes most of the time
 # Share of the best linear model's error below which an axis makes a chain needless. Of axes it leaves 0.15 at most, of
 # chains 0.97 at least, and of those axes a chain left seven times as much and more (`benchmarks.which_structure`).
 # So does a force over the position with a load behind a spring, beside which there is none.
@@ -387,7 +387,7 @@ def _of_position(tried: list[Compared]) -> bool:
     make up for it.
     """
     free = _least(tried, lambda c: c.kind == "axis" and "effects" not in c.structure)
-    return _least(tried, lambda c: c.name in (*HANGING, SPRING, FORCE, COGGING, COGGING_GRAVITY)) < FAR_BELOW * free
+    return _least(tried, lambda c: c.name in (*HANGING, SPRING, FORCE, COGGED, COGGED_GRAVITY)) < FAR_BELOW * free
 
 
 def _least(tried: list[Compared], of: Callable[[Compared], bool]) -> float:
@@ -457,10 +457,10 @@ def candidates(
         yield of(GRAVITY, "axis", fit_hanging_axis, law=law, effects=["gravity_imbalance"])
     if placed:
         yield of(SPRING, "axis", partial(fit_placed_axis, powers=1), law=law, effects=springs[:1])
-        yield of(COGGING, "axis", fit_cogging_axis, law=law, effects=["cogging"])
+        yield of(COGGED, "axis", fit_cogging_axis, law=law, effects=["cogging"])
     if placed and angle:
         waves = partial(fit_cogging_axis, hangs=True)
-        yield of(COGGING_GRAVITY, "axis", waves, law=law, effects=["gravity_imbalance", "cogging"])
+        yield of(COGGED_GRAVITY, "axis", waves, law=law, effects=["gravity_imbalance", "cogging"])
     grows = partial(fit_rigid_axis, loaded=True)
     yield of(LOADED, "axis", grows, law=[*law, "load_friction"])
     if angle:
