@@ -60,7 +60,9 @@ SHOOTING = (
 # Of the rms drive: a force that is fitted where there is none, and that happens to help on held-out data, is up to 0.2
 # % (benchmarks/which_structure.py, gravity of axes of MuJoCo)
 LEAST_FORCE = 0.01
-LEAST_WAVE, MOST_ORDERS = 0.1, 3  # of the squared residual that one order must take off, and how many are sought
+# Of the squared residual that one order must take off: chance, the best of 2,000 orders, takes 2 ln(2000) / n, or 0.03
+# of 500 independent samples; and how many orders are sought, as a motor's poles, slots and gear have one each
+LEAST_WAVE, MOST_ORDERS = 0.1, 3
 # Of the error with a held drive, below which a smooth one is preferred, or friction that reverses early
 SMOOTHER = 0.95
 AT_REST = (EarlyReversal().lead, EarlyReversal().impedance)  # MuJoCo's own, from which they are fitted
