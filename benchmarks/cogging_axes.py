@@ -1,6 +1,6 @@
 """Does `identify` find cogging with its orders, and none where there is none?
 
-    python benchmarks/cogging_axes.py [--count 12] [--seed 9100]      # half a minute of CPU a log
+    python benchmarks/cogging_axes.py [--count 12] [--seed 9100]      # one to two minutes of CPU a log
 
 Axes are drawn and simulated here, by equations of this file: dry friction that holds exactly, 20 steps a sample, a
 controller that follows four waves, an encoder of 4,096 to 2^20 counts, and 0.2 % of noise in the logged drive.  Of

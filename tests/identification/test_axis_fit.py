@@ -28,7 +28,9 @@ from whsklearn.effects import (
     as_law,
 )
 from whsklearn.identification.axis_fit import (
+    SHOOTING,
     Found,
+    _best_of,
     axis_of,
     best_known,
     determined,
@@ -41,6 +43,7 @@ from whsklearn.identification.axis_fit import (
     white,
     without_step,
 )
+from whsklearn.identification.axis_inverse import inverse_starts
 from whsklearn.identification.axis_numbers import (
     axis_residual,
     axis_theta,
@@ -423,6 +426,16 @@ def test_intervals_hold_the_level_of_friction_that_is_smooth(rate):
         z.append((model.parameters["coulomb"] - 0.3) / model.standard_errors["coulomb"])
         assert model.standard_errors["coulomb"] < 0.1 * 0.3
     assert np.sqrt(np.mean(np.square(z))) < 2.0, z
+
+
+def test_a_variant_is_fitted_over_other_pieces_too_where_it_is_better_than_its_rival():
+    record, short = servo(0, 1000.0), SHOOTING[0]
+    start = inverse_starts(record, AxisForm())[0]
+    fit = fit_pieces(start.theta, shooting_log(record, short, AxisForm()))
+    worse, better = (_best_of(record, AxisForm(), [], Found(score, fit, short)) for score in (0.0, np.inf))
+    assert worse.seconds == short
+    assert better.score <= worse.score
+    assert better.fit.covariance[0, 0] < 0.5 * worse.fit.covariance[0, 0]  # a long run knows the inertia better
 
 
 @pytest.mark.parametrize("grows", [False, True])

@@ -63,6 +63,7 @@ LEAST_FORCE = 0.01
 # Of the squared residual that one order must take off: chance, the best of 2,000 orders, takes 2 ln(2000) / n, or 0.03
 # of 500 independent samples; and how many orders are sought, as a motor's poles, slots and gear have one each
 LEAST_WAVE, MOST_ORDERS = 0.1, 3
+TUNINGS, TUNED = 4, 0.01  # steps of the orders at most, and rad over the travel by which the last turns a phase
 # Of the error with a held drive, below which a smooth one is preferred, or friction that reverses early
 SMOOTHER = 0.95
 AT_REST = (EarlyReversal().lead, EarlyReversal().impedance)  # MuJoCo's own, from which they are fitted
@@ -162,24 +163,30 @@ def fit_cogging_axis(log: View, *, hangs: bool = False) -> AxisModel:
 
 
 def _tuned(log: View, form: AxisForm) -> AxisForm | None:
-    """The form with the orders of its waves by the free run, a Gauss-Newton step from those of inverse dynamics.
+    """The form with the orders of its waves by the free run, in Gauss-Newton steps from those of inverse dynamics.
 
     None if the run does not surely show the last wave.  Over many turns a small error of an order is a large one of the
     phase: 0.001 of 12 left three times the noise.  A step that turns the phase by more than a quarter is not taken.
+    An order that was found while another wave was missing takes more than one step.
     """
-    start = min((s.theta for s in inverse_starts(log, form)), key=lambda theta: axis_score(theta, form, log))
-    pieces = shooting_log(log, SHOOTING[1], form)
-    theta, covariance, *_ = fit_pieces(start, pieces)
+    theta = min((s.theta for s in inverse_starts(log, form)), key=lambda theta: axis_score(theta, form, log))
     last = slice(form.growth.start - 2, form.growth.start)
-    amplitude = float(np.linalg.norm(theta[last]))
-    spread = float(np.sqrt(theta[last] @ covariance[last, last] @ theta[last])) / max(amplitude, TINY)
-    if not max(2.0 * spread, np.sqrt(2.0) * LEAST_FORCE * np.std(log.u)) < amplitude:
-        return None
-    orders, found = form.orders.copy(), _of_orders(theta, handed_over(theta, settled(theta, pieces)))
-    if found is not None:
-        near = np.abs(found.estimate) * np.ptp(log.y) < np.pi
-        orders[orders != HANGS[0]] += np.where(near, found.estimate, 0.0)
-    return form._replace(orders=orders)
+    for _ in range(TUNINGS):
+        pieces = shooting_log(log, SHOOTING[1], form)
+        theta, covariance, *_ = fit_pieces(theta, pieces)
+        amplitude = float(np.linalg.norm(theta[last]))
+        spread = float(np.sqrt(theta[last] @ covariance[last, last] @ theta[last])) / max(amplitude, TINY)
+        if not max(2.0 * spread, np.sqrt(2.0) * LEAST_FORCE * np.std(log.u)) < amplitude:
+            return None
+        found = _of_orders(theta, handed_over(theta, settled(theta, pieces)))
+        if found is None:
+            break
+        orders, turned = form.orders.copy(), np.abs(found.estimate) * np.ptp(log.y)
+        orders[orders != HANGS[0]] += np.where(turned < np.pi, found.estimate, 0.0)
+        form = form._replace(orders=orders)
+        if turned.max() < TUNED:
+            break
+    return form
 
 
 def _with_force(model: AxisModel, force: Array, log: View) -> AxisModel:
@@ -351,7 +358,8 @@ def model_of(best: AxisFit, log: View, form: AxisForm) -> tuple[AxisModel, dict[
             covariance = age.widened(covariance)
     orders = None
     if (form.orders != HANGS[0]).any() and covariance.any():
-        orders = _of_orders(best.theta, handed_over(best.theta, settled(best.theta, in_pieces(log, form))))
+        pieces = shooting_log(log, SHOOTING[1], form)  # noise of the drive adds up along longer ones
+        orders = _of_orders(best.theta, handed_over(best.theta, settled(best.theta, pieces)))
         covariance = covariance if orders is None else orders.widened(covariance)
     covariance = covariance * np.outer(free, free)
     own = standard_errors(best.theta, covariance, log, form)
