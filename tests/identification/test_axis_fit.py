@@ -375,9 +375,10 @@ def test_cogging_is_part_of_an_axis_with_its_order_over_several_turns(hangs):
     assert np.sqrt(np.mean(axis_residual(theta, record, form) ** 2)) < 4e-4  # rad, half a count
 
 
-def test_where_nothing_follows_the_position_there_is_no_cogging():
+@pytest.mark.parametrize("effects", [[], [CableSpring(2.0)]])
+def test_where_no_wave_follows_the_position_there_is_no_cogging(effects):
     with pytest.raises(ValueError, match="No wave over the position"):
-        fit_cogging_axis(servo(0, 1000.0))
+        fit_cogging_axis(servo(0, 1000.0, effects))
 
 
 @pytest.mark.parametrize("rate", [1000.0, 100.0])

@@ -21,7 +21,7 @@ from whsklearn.effects import (
 )
 from whsklearn.effects.base import Array
 from whsklearn.filtering.records import HOLDS
-from whsklearn.identification.axis_inverse import Start, acting, form_columns, inverse_starts, next_wave
+from whsklearn.identification.axis_inverse import FEWEST_TURNS, Start, acting, form_columns, inverse_starts, next_wave
 from whsklearn.identification.axis_numbers import (
     axis_log,
     axis_residual,
@@ -165,9 +165,10 @@ def fit_cogging_axis(log: View, *, hangs: bool = False) -> AxisModel:
 def _tuned(log: View, form: AxisForm) -> AxisForm | None:
     """The form with the orders of its waves by the free run, in Gauss-Newton steps from those of inverse dynamics.
 
-    None if the run does not surely show the last wave.  Over many turns a small error of an order is a large one of the
-    phase: 0.001 of 12 left three times the noise.  A step that turns the phase by more than a quarter is not taken.
-    An order that was found while another wave was missing takes more than one step.
+    None if the run does not surely show the last wave, or if one has less than two periods over the travel.  Over many
+    turns a small error of an order is a large one of the phase: 0.001 of 12 left three times the noise.  A step that
+    turns the phase by more than a quarter is not taken.  An order that was found while another wave was missing takes
+    more than one step.
     """
     theta = min((s.theta for s in inverse_starts(log, form)), key=lambda theta: axis_score(theta, form, log))
     last = slice(form.growth.start - 2, form.growth.start)
@@ -183,6 +184,8 @@ def _tuned(log: View, form: AxisForm) -> AxisForm | None:
             break
         orders, turned = form.orders.copy(), np.abs(found.estimate) * np.ptp(log.y)
         orders[orders != HANGS[0]] += np.where(turned < np.pi, found.estimate, 0.0)
+        if not orders[orders != HANGS[0]].min() * np.ptp(log.y) >= FEWEST_TURNS:
+            return None
         form = form._replace(orders=orders)
         if turned.max() < TUNED:
             break
@@ -464,7 +467,7 @@ def axis_of(theta: Array, log: View, form: AxisForm) -> AxisModel:
 
 
 def standard_errors(theta: Array, covariance: Array, log: View, form: AxisForm) -> dict[str, float]:
-    """Standard errors of the axis' own numbers, to first order; knots and orders, which are fixed, have none."""
+    """Standard errors of the axis' own numbers, to first order; knots and orders, which a fit keeps, have none here."""
     names = [k for k in axis_of(theta, log, form).parameters if not k.endswith(("__knot", "__order"))]
 
     def numbers(at: Array) -> Array:

@@ -35,6 +35,7 @@ FEWEST = 20  # samples of a balance: its six numbers and a few
 # Waves over the position: orders and samples that are tried, the highest order as in the catalogue, and how far (rad)
 # the Gaussian may blur it in the slowest fifth of the samples, which is a third of it left
 MOST_TRIED, HIGHEST, BLURRED, SLOWER = 2_000, 256.0, 1.5, 0.2
+FEWEST_TURNS = 4.0 * np.pi  # rad of a wave over the travel, two periods: with fewer it is a cubic
 
 
 def balance(log: View, width: float, form: AxisForm) -> tuple[Array, Array]:
@@ -124,8 +125,8 @@ def next_wave(log: View, form: AxisForm) -> tuple[float, float, float]:
     residual and of the rms drive.
 
     A Gaussian of s seconds damps a wave by exp(-(k v s)^2 / 2), so a narrow one shows high orders, and a wide one those
-    that drown in the noise of the encoder; the width of the largest share decides.  Waves have two periods or more over
-    the travel: with fewer they are cubics.
+    that drown in the noise of the encoder; the width of the largest share decides.  No wave has fewer periods over the
+    travel than `FEWEST_TURNS`.
 
     ``log``: in SI, its position. ``form``: what is known to act. Both shares are zero if no order can be tried.
     """
@@ -142,7 +143,7 @@ def next_wave(log: View, form: AxisForm) -> tuple[float, float, float]:
         reach = max(float(np.ptp(place)), 1e-300)
         highest = min(BLURRED / max(float(np.quantile(blur, SLOWER)), 1e-300), HIGHEST * max(1.0, 1.0 / reach))
         step = max(0.5 * np.pi / reach, highest / MOST_TRIED)
-        lowest = 4.0 * np.pi / reach
+        lowest = FEWEST_TURNS / reach
         orders = np.arange(lowest, highest, step)
         if log.angle:
             orders = np.union1d(orders, np.arange(np.ceil(lowest), highest))

@@ -51,11 +51,11 @@ class AxisForm(NamedTuple):
 
     ``knots`` (> 0) are the speeds at which the slope of the friction changes.  The position-dependent forces are waves
     of these ``orders`` (1/rad), each with two weights, otherwise those of a spring with this number of ``powers`` of e
-    (0: none).  A weight is a wave of order one (`HANGS`).  If the
-    axis is ``loaded``, its dry friction grows with the drive; if its drive is not ``shifted``, it has no offset; if its
-    dry friction reverses ``early``, it is that of `whsklearn.effects.EarlyReversal`.  theta holds inertia, viscous
-    friction, Coulomb friction, offset, one weight per position-dependent force, the growth with the drive, lead and
-    impedance of an early reversal, and one weight per knot.
+    (0: none).  Gravity is a wave of order one (`HANGS`).  If the axis is ``loaded``, its dry friction grows with the
+    drive; if its drive is not ``shifted``, it has no offset; if its dry friction reverses ``early``, it is that of
+    `whsklearn.effects.EarlyReversal`.  theta holds inertia, viscous friction, Coulomb friction, offset, one weight per
+    position-dependent force, the growth with the drive, lead and impedance of an early reversal, and one weight per
+    knot.
 
     If the axis is ``coupled``, it has a load behind a spring, and theta ends with viscous and Coulomb friction of the
     load, resonance, load share and damping ratio; then only friction acts in addition, and the output is the motion of
