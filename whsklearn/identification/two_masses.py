@@ -73,7 +73,7 @@ def fit_two_masses(log: View, *, at_load: bool = False) -> AxisModel:
     apart = [fit.theta - best.theta for fit in ended if fit.cost < AS_LOW * best.cost]
     best = without_step(best, log, RINGS, form)
     covariance = best.covariance + sum(np.outer(d, d) for d in apart)
-    return determined(*model_of(best._replace(covariance=covariance), log, form))
+    return determined(*model_of(best._replace(covariance=covariance), log, form, np.inf))
 
 
 def _possible(fit: AxisFit, dt: float, *, at_load: bool) -> bool:

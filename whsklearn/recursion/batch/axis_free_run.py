@@ -199,13 +199,19 @@ def _says_something(cost: float, rows: Array) -> bool:
 
 
 def _stepped(theta: Array, step: Array, form: AxisForm) -> Array | None:
-    """theta after a step: inertia keeps at least a twentieth, a resonance half; None if friction would drive the axis.
+    """theta after a step: inertia keeps at least a twentieth, a resonance and a lead half; None if friction would drive
+    the axis.
+
+    A lead that is short beside the fine step has hardly any slope left, so a fit that steps there stays there.
 
     Only a law with knots may fall from standstill, as Stribeck's does.
     """
     trial = np.clip(rising_at_last(theta + step, form.knots), *form.limits)
     if form.coupled:
         trial[-3] = np.clip(trial[-3], 0.5 * theta[-3], 2.0 * theta[-3])
+    if form.early:
+        lead = form.reversal.start
+        trial[lead] = np.clip(trial[lead], 0.5 * theta[lead], 2.0 * theta[lead])
     trial[0] = max(trial[0], 0.05 * theta[0])
     return trial if dissipates(trial, form.knots) else None
 
