@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import butter, filtfilt
 
 from whsklearn.filtering import decimate, motion, zero_phase
 from whsklearn.filtering.records import KEPT, encoder_noise, fine_drive, gaussian_derivatives, motion_cutoff
@@ -29,6 +30,14 @@ def test_zero_phase_halves_the_amplitude_at_the_cutoff():
     x = tone(50.0)
     inner = slice(1000, -1000)
     assert np.std(zero_phase(x, RATE, 50.0)[inner]) == pytest.approx(np.std(x[inner]) / 2, rel=1e-3)
+
+
+@pytest.mark.parametrize("order", [2, 4])
+@pytest.mark.parametrize("shape", [(400,), (400, 1), (400, 3, 2)], ids=str)
+def test_each_column_is_filtered_as_by_scipy(shape, order):
+    x = np.random.default_rng(0).standard_normal(shape)
+    expected = filtfilt(*butter(order, 0.1), x, axis=0, padlen=3 * order)
+    np.testing.assert_allclose(zero_phase(x, RATE, 0.05 * RATE, order), expected, atol=1e-12)
 
 
 def test_motion_converges_with_the_fourth_power_of_the_step():

@@ -12,10 +12,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from whsklearn._numba import njit
 from whsklearn.logs.check import lattice
 
 Array = NDArray[np.float64]
 
+UNROLLED = 4  # order of the zero-phase filter that has a loop of its own
 _DECIMATOR_ORDER = 8
 _DECIMATOR_RIPPLE = 0.05  # dB
 _DECIMATOR_EDGE = 0.8  # of the new Nyquist frequency
@@ -94,11 +96,43 @@ def zero_phase(x: ArrayLike, sample_rate: float, cutoff: float, order: int = 4) 
         raise ValueError(f"The record has {len(x)} samples, a zero-phase filter of order {order} needs {pad + 1}.")
     b, a, settled = _butterworth(order, cutoff / (sample_rate / 2))
     # as scipy.signal.filtfilt, which finds the state of a constant input anew in each call: a third of its time
-    settled = settled.reshape(-1, *[1] * (x.ndim - 1))
     y = np.concatenate([2.0 * x[0] - x[pad:0:-1], x, 2.0 * x[-1] - x[-2 : -pad - 2 : -1]])
+    settled = settled.reshape(-1, *[1] * (x.ndim - 1))
+    if order == UNROLLED:
+        columns = y.reshape(len(y), -1)
+        _both_ways(b, a, settled.reshape(order, 1), np.empty((order, columns.shape[1])), columns)
+        return y[pad:-pad]
     for _ in range(2):
         y = lfilter(b, a, y, axis=0, zi=settled * y[:1])[0][::-1]
     return y[pad:-pad]
+
+
+@njit(error_model="numpy", counted=False)
+def _both_ways(b, a, settled, state, y):
+    """Filter the columns of ``y`` (n, k) in place forwards, then backwards, each time as if the first sample had been
+    there forever.  ``settled`` (4, 1) is the state of a constant input of one, ``state`` (4, k) what is overwritten.
+
+    Of the order `UNROLLED`, whose coefficients stay in registers, with neighbouring columns side by side: of six
+    columns `lfilter` takes five times as long, of 128 thirty times, and of one as long.  An arm's 4,000 filterings were
+    a third of the time to its first ranking.
+    """
+    n = y.shape[0]
+    b0, b1, b2, b3, b4, a1, a2, a3, a4 = b[0], b[1], b[2], b[3], b[4], a[1], a[2], a[3], a[4]
+    for backwards in range(2):
+        t, step = (n - 1, -1) if backwards else (0, 1)
+        for j in range(y.shape[1]):
+            for i in range(4):
+                state[i, j] = settled[i, 0] * y[t, j]
+        for _ in range(n):
+            for j in range(y.shape[1]):
+                x = y[t, j]
+                out = b0 * x + state[0, j]
+                state[0, j] = b1 * x - a1 * out + state[1, j]
+                state[1, j] = b2 * x - a2 * out + state[2, j]
+                state[2, j] = b3 * x - a3 * out + state[3, j]
+                state[3, j] = b4 * x - a4 * out
+                y[t, j] = out
+            t += step
 
 
 @lru_cache(maxsize=64)
