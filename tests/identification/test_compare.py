@@ -16,6 +16,7 @@ from whsklearn.identification.compare import (
     _indices,
     _no_chain,
     _of_position,
+    _of_waves,
     _of_weight,
     _score,
     recommend,
@@ -338,6 +339,14 @@ def test_no_load_is_sought_behind_a_spring_where_a_weight_leaves_far_less(least,
     ))  # fmt: skip
     rigid.score, weight.score, load.score = 1.0, least, 0.1
     assert _of_position([rigid, weight, load]) == skipped
+
+
+@pytest.mark.parametrize(("least", "skipped"), [(0.2, True), (0.3, False)])
+def test_no_other_force_is_sought_where_cogging_leaves_far_less(least, skipped):
+    names = ("axis, viscous and Coulomb", "axis with gravity", "axis with cogging")
+    rigid, weight, cogging = (Compared(name, "axis", {}, "") for name in names)
+    rigid.score, weight.score, cogging.score = 2.0, 1.0, least
+    assert _of_waves([rigid, weight, cogging]) == skipped
 
 
 def test_only_a_weight_that_cannot_be_told_from_other_forces_is_called_as_good():

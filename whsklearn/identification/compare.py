@@ -351,10 +351,12 @@ def _each_tried(
             compared.failure = "skipped, because a simpler structure is at the noise floor"
         elif compared.name == CHAIN and _no_chain(tried):
             compared.failure = "skipped, because an axis leaves far less than the best linear model"
-        elif compared.name in COUPLED and _of_position(tried):
+        elif compared.name in (LOADED, *COUPLED) and _of_position(tried):
             compared.failure = (
                 "skipped, because an axis with a force over the position leaves far less than one without"
             )
+        elif compared.name in (LOADED_GRAVITY, FORCE, HARDENING) and _of_waves(tried):
+            compared.failure = "skipped, because an axis with cogging leaves far less than one without"
         elif compared.name in (FORCE, HARDENING) and _of_weight(tried, sure=compared.name == HARDENING):
             compared.failure = "skipped, because gravity is the best so far"  # over little travel a cubic imitates it
         else:
@@ -383,11 +385,15 @@ def _no_chain(tried: list[Compared]) -> bool:
 
 
 def _of_position(tried: list[Compared]) -> bool:
-    """Whether a force over position leaves so much less that a load behind a spring, beside which there is none, cannot
-    make up for it.
-    """
+    """Whether a force over position leaves so much less that an axis without one cannot make up for it."""
     free = _least(tried, lambda c: c.kind == "axis" and "effects" not in c.structure)
     return _least(tried, lambda c: c.name in (*HANGING, SPRING, FORCE, COGGED, COGGED_GRAVITY)) < FAR_BELOW * free
+
+
+def _of_waves(tried: list[Compared]) -> bool:
+    """Whether cogging leaves so much less that an axis without it cannot make up for it."""
+    without = _least(tried, lambda c: c.kind == "axis" and c.name not in (COGGED, COGGED_GRAVITY))
+    return _least(tried, lambda c: c.name in (COGGED, COGGED_GRAVITY)) < FAR_BELOW * without
 
 
 def _least(tried: list[Compared], of: Callable[[Compared], bool]) -> float:
