@@ -472,19 +472,21 @@ class Weighing(Columns):
         return self.weight * super().errors(model)
 
 
+@pytest.mark.parametrize("fitted", ["b", "ba"])
 @pytest.mark.parametrize("kind", [Columns, Weighing])
 @pytest.mark.parametrize(("truth", "names"), [({"a": 0.5}, ["a"]), ({"b": 0.5, "c": 0.2}, ["b", "c"])])
-def test_a_rival_that_alone_leaves_as_little_stands_for_all_names_after_it(truth, names, kind):
+def test_a_rival_that_alone_leaves_as_little_stands_for_all_names_after_it(truth, names, kind, fitted):
     """Gravity and a hardening spring stood for a cable spring, which the first look could not tell from gravity."""
     plant = kind({}, names="abc")
     plant.columns["b"] = plant.columns["a"] - 0.3 * plant.columns["c"]
     plant.y = plant.y + sum(size * plant.columns[n] for n, size in truth.items())
-    look = plant.looks(Regression(), np.random.default_rng(0))[0]
+    looks = plant.looks(Regression(), np.random.default_rng(0))
+    look = looks[0]
     b, a = (Named(k, plant.refine(Regression(), k), plant.y, plant.y) for k in (replace(look, name=n) for n in "ba"))
     c = replace(look, name="c")
     both = plant.refine(b.model, c)
     taken = [replace(b, rivals=["a"]), Named(c, both, plant.errors(b.model), plant.errors(both))]
-    step = SimpleNamespace(taken=taken[0], fitted=[b, a])
+    step = SimpleNamespace(taken=taken[0], fitted=[b, a][: len(fitted)], looks=looks)
     found = Found(Regression(), plant.settled(both), taken, [step])
     assert Search(plant, np.random.default_rng(0), alpha=0.01, max_effects=3)._fewer(found) is (names == ["a"])
     assert [t.name for t in found.taken] == [t.name for t in found.model.terms] == names
@@ -509,7 +511,7 @@ def test_a_trial_of_a_rival_leaves_the_plant_as_it_was():
     )
     both = plant.refine(b.model, replace(look, name="c"))
     taken = [replace(b, rivals=["a", "d"]), Named(replace(look, name="c"), both, plant.y, plant.errors(both))]
-    found = Found(Regression(), both, taken, [SimpleNamespace(taken=taken[0], fitted=[b, *others])])
+    found = Found(Regression(), both, taken, [SimpleNamespace(taken=taken[0], fitted=[b, *others], looks=[])])
     assert not Search(plant, np.random.default_rng(0), alpha=0.01, max_effects=3)._fewer(found)
     assert plant.view == ["of the search"], "after each of two trials"
 

@@ -423,8 +423,8 @@ class Search:
         """
         least = self.plant.tolerance * self.plant.scale
         for i, taken in enumerate(found.taken[:-1]):
-            fitted = next((s.fitted for s in found.steps if s.taken is not None and s.taken.look is taken.look), [])
-            for f in (f for f in fitted if f.name in taken.rivals and not f.reason):
+            step = next((s for s in found.steps if s.taken is not None and s.taken.look is taken.look), None)
+            for f in self._rivals_of(found, i, step) if step else []:
                 state, model = self.plant.snapshot(), self.plant.settled(f.model)
                 # both after the fit, which weights the joints of an arm anew, so that each model's errors are one
                 if self.plant.size(*(self.plant.errors(m) for m in (model, found.model))) >= least:
@@ -436,6 +436,21 @@ class Search:
                 found.model, found.taken = model, [*found.taken[:i], replace(alone, rivals=rivals)]
                 return True
         return False
+
+    def _rivals_of(self, found: Found, i: int, step: Step) -> list[Named]:
+        """The sound rivals of an effect in its round; those that were not fitted there are now.
+
+        What inverse dynamics hardly shows is a rival by its look alone: of a spring that nearly balanced the inertia
+        it showed so little that friction that changes and a hardening spring stood for it.
+        """
+        names = set(found.taken[i].rivals)
+        there = [f for f in step.fitted if f.name in names]
+        rest = [k for k in step.looks if k.name in names - {f.name for f in there}]
+        if rest:
+            state, terms = self.plant.snapshot(), found.model.terms[: found.model.n_base + i]
+            there += self._fitted(self.plant.settled(found.model.with_terms(terms)), rest, [])
+            self.plant.restore(state)
+        return [f for f in there if not f.reason]
 
     def _review(self, found: Found) -> None:
         """Test every effect again beside all others, the last one first, because more was missing when each was added.
