@@ -62,6 +62,15 @@ def test_gravity_is_recommended_for_a_pendulum_and_only_where_the_output_is_an_a
         assert "axis with gravity" not in [c.name for c in identify(u[:200], y[:200], dt=0.005, **other).models]
 
 
+def test_a_spring_beside_a_weight_is_recommended():
+    u, theta = slow_drive(1500, 1), np.array([0.05, 0.1, 0.2, 0.02, 0.6, 0.2, 0.6])
+    y = axis_motion(theta, axis_log(u, orders=HANGS, powers=1)._replace(of_position=True))
+    found = identify(u, y + 1e-4 * RNG.standard_normal(u.size), dt=0.005)
+    assert found.recommended.name == "axis with gravity and a spring", found.reason
+    for name, value in {"gravity_imbalance": np.hypot(0.6, 0.2), "cable_spring": 0.6}.items():
+        assert abs(found.model.parameters[name] - value) < 4.0 * found.model.standard_errors[name]
+
+
 def test_cogging_is_recommended_and_what_takes_longer_is_not_tried():
     u = 2.0 * slow_drive(1500, 1)
     log = axis_log(u, orders=np.array([8.0]))._replace(of_position=True)

@@ -438,17 +438,19 @@ class Search:
         return False
 
     def _rivals_of(self, found: Found, i: int, step: Step) -> list[Named]:
-        """The sound rivals of an effect in its round; those that were not fitted there are now.
+        """The sound rivals of an effect in its round, and what is one by its look alone but explains more, once fitted,
+        than all that were fitted there.
 
-        What inverse dynamics hardly shows is a rival by its look alone: of a spring that nearly balanced the inertia
-        it showed so little that friction that changes and a hardening spring stood for it.
+        Of a spring that nearly balanced the inertia, looks showed so little that friction that changes and a hardening
+        spring stood for it.
         """
-        names = set(found.taken[i].rivals)
+        names, most = set(found.taken[i].rivals), max(f.score for f in step.fitted)
         there = [f for f in step.fitted if f.name in names]
         rest = [k for k in step.looks if k.name in names - {f.name for f in there}]
         if rest:
             state, terms = self.plant.snapshot(), found.model.terms[: found.model.n_base + i]
-            there += self._fitted(self.plant.settled(found.model.with_terms(terms)), rest, [])
+            more = self._fitted(self.plant.settled(found.model.with_terms(terms)), rest, [])
+            there += [f for f in more if f.score > most]
             self.plant.restore(state)
         return [f for f in there if not f.reason]
 

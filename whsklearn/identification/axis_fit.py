@@ -105,16 +105,23 @@ def fit_free_law_axis(log: View) -> AxisModel:
     return _with_force(model, model.law(0.0, log.target), log)
 
 
-def fit_hanging_axis(log: View, *, loaded: bool = False) -> AxisModel:
+def fit_hanging_axis(log: View, *, loaded: bool = False, sprung: bool = False) -> AxisModel:
     """The rigid axis with gravity; the output is its position, an angle, which gravity prevents from drifting.
 
-    Raises ValueError if gravity is negligible or cancels an offset, or as `fit_rigid_axis`.
+    A spring acts beside gravity if the axis is ``sprung``.  Raises ValueError if gravity or the spring is negligible or
+    gravity cancels an offset, or as `fit_rigid_axis`.
     """
-    record, form = _of_position(log), AxisForm(orders=HANGS, loaded=loaded)
+    record, form = _of_position(log), AxisForm(orders=HANGS, powers=int(sprung), loaded=loaded)
+    if sprung:
+        inertia, *_, stiffness = inverse_starts(record, form)[0].theta
+        record = replace(record, steps=max(record.steps, spring_steps(abs(stiffness) / inertia, record.dt)))
     model, own = _fit(record, form)
-    share = model.parameters["gravity_imbalance"] / np.std(log.u)
-    if share < LEAST_FORCE:
-        raise ValueError(f"Gravity would be {100 * share:.2g} % of the drive, so the axis without it is equivalent.")
+    forces = {"Gravity": model.parameters["gravity_imbalance"]}
+    if sprung:
+        forces["The spring"] = abs(model.parameters["cable_spring"]) * float(np.std(log.y))
+    for name, force in forces.items():
+        if (share := force / np.std(log.u)) < LEAST_FORCE:
+            raise ValueError(f"{name} would be {100 * share:.2g} % of the drive, so the axis without it is equivalent.")
     if not abs(model.parameters["input_offset"]) > 2.0 * model.standard_errors["input_offset"]:
         # over part of a turn an offset that is not there cancels a weight that is not, until the axis turns further
         model, own = _fit(record, form._replace(shifted=False))
@@ -249,6 +256,9 @@ def determined(model: AxisModel, own: dict[str, float]) -> AxisModel:
     coupled = any(isinstance(e, FlexibleCoupling) for e in model.effects)
     if coupled and not 2.0 * unsure < inertia:  # its interval holds zero
         raise ValueError(f"Its inertia would be {inertia:.2g} with a standard error of {unsure:.2g}.")
+    both = {"cable_spring", "gravity_imbalance"} <= set(numbers)
+    if both and not 2.0 * errors.get("gravity_imbalance", 0.0) <= numbers["gravity_imbalance"]:
+        raise UntoldError("The weight cannot be told from the spring, so the axis with one of them is equivalent.")
     if errors.get("gravity_imbalance__phase", 0.0) > 1.0:  # rad
         raise UntoldError("On which side the weight is cannot be told, so the axis without it is equivalent.")
     if not max(2.0 * own.get("load_friction", 0.0), LEAST_FORCE) < numbers.get("load_friction", 1.0):

@@ -93,8 +93,7 @@ def axis_theta(model: AxisModel) -> tuple[Array, AxisForm]:
     orders = np.array([e.order if isinstance(e, Cogging) else 1.0 for e in rest if isinstance(e, WAVES)])
     knots = np.array([t.knot for t in hinges])
     theta = [model.inertia, p["viscous"], p["coulomb"], offset.magnitude + base, *forces, *growth, *early]
-    powers = 0 if orders.size else len(forces)
-    form = AxisForm(knots, orders, powers, loaded=bool(growth), early=bool(early))
+    form = AxisForm(knots, orders, len(forces) - 2 * orders.size, loaded=bool(growth), early=bool(early))
     return np.array(theta + [t.magnitude for t in hinges]), form
 
 
@@ -104,32 +103,31 @@ def position_effects(weights: Array, form: AxisForm) -> tuple[float, list[Effect
     w_1 sin(k q) + w_2 cos(k q) is A cos(k q + phi); w_1 q + w_2 q^2 + w_3 q^3 is a cubic about c = -w_2 / (3 w_3) and a
     line.
     """
-    if form.orders.size:
-        waves: list[Effect] = []
-        for order, (sine, cosine) in zip(form.orders.tolist(), weights.reshape(-1, 2), strict=True):
-            amplitude, phase = float(np.hypot(sine, cosine)), float(np.arctan2(-sine, cosine))
-            hangs = order == HANGS[0]
-            waves.append(GravityImbalance(amplitude, phase) if hangs else Cogging(amplitude, order, phase))
-        return 0.0, waves
-    line, square, cube = np.r_[weights, np.zeros(3 - weights.size)].tolist()
-    if weights.size < 2:
-        return 0.0, [CableSpring(line)] * weights.size
+    waves: list[Effect] = []
+    for order, (sine, cosine) in zip(form.orders.tolist(), weights[: 2 * form.orders.size].reshape(-1, 2), strict=True):
+        amplitude, phase = float(np.hypot(sine, cosine)), float(np.arctan2(-sine, cosine))
+        hangs = order == HANGS[0]
+        waves.append(GravityImbalance(amplitude, phase) if hangs else Cogging(amplitude, order, phase))
+    line, square, cube = np.r_[weights[2 * form.orders.size :], np.zeros(3 - form.powers)].tolist()
+    if form.powers < 2:
+        return 0.0, [*waves, *[CableSpring(line)] * form.powers]
     centre = -square / (3.0 * cube) if cube else 0.0  # a start on a linear spring has neither
-    return cube * centre**3, [CableSpring(line - 3.0 * cube * centre**2), HardeningSpring(cube, centre)]
+    return cube * centre**3, [*waves, CableSpring(line - 3.0 * cube * centre**2), HardeningSpring(cube, centre)]
 
 
 def position_weights(effects: list[Effect]) -> tuple[list[float], float]:
     """The inverse of `position_effects`: weights, and the contribution of the cubic to the offset."""
-    if not effects:
-        return [], 0.0
-    first, *more = effects
-    if isinstance(first, WAVES):
-        waves = [e for e in effects if isinstance(e, WAVES)]
-        return [x for e in waves for x in (-e.amplitude * np.sin(e.phase), e.amplitude * np.cos(e.phase))], 0.0
+    waves = [e for e in effects if isinstance(e, WAVES)]
+    weights = [x for e in waves for x in (-e.amplitude * np.sin(e.phase), e.amplitude * np.cos(e.phase))]
+    springs = effects[len(waves) :]
+    if not springs:
+        return weights, 0.0
+    first, *more = springs
     assert isinstance(first, CableSpring)
     if not more:
-        return [first.stiffness], 0.0
+        return [*weights, first.stiffness], 0.0
     (cubic,) = more
     assert isinstance(cubic, HardeningSpring)
     cube, centre = cubic.stiffness, cubic.centre
-    return [first.stiffness + 3.0 * cube * centre**2, -3.0 * cube * centre, cube], -cube * centre**3
+    line, square = first.stiffness + 3.0 * cube * centre**2, -3.0 * cube * centre
+    return [*weights, line, square, cube], -cube * centre**3

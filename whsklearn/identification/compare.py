@@ -55,13 +55,14 @@ LOADED, LOADED_GRAVITY = (
     "axis, friction that grows with the drive",
     "axis with gravity, friction that grows with the drive",
 )
-HANGING = (GRAVITY, LOADED_GRAVITY)
+SPRUNG_GRAVITY = "axis with gravity and a spring"
+HANGING = (GRAVITY, LOADED_GRAVITY, SPRUNG_GRAVITY)
 COGGED, COGGED_GRAVITY = "axis with cogging", "axis with gravity and cogging"
 SPRING, HARDENING = "axis on a spring", "axis on a hardening spring"
 TWO_MASSES, CHAIN = "axis with a load behind a spring", "Wiener-Hammerstein"
 AT_LOAD = "axis with a load behind a spring, measured at the load"
 COUPLED = (TWO_MASSES, AT_LOAD)
-LAST = (LOADED, LOADED_GRAVITY, COGGED, COGGED_GRAVITY, *COUPLED, CHAIN)  # what takes most of the time
+LAST = (LOADED, LOADED_GRAVITY, COGGED, COGGED_GRAVITY, SPRUNG_GRAVITY, *COUPLED, CHAIN)  # what takes most of the time
 # Share of the best linear model's error below which an axis makes a chain needless. Of axes it leaves 0.15 at most, of
 # chains 0.97 at least, and of those axes a chain left seven times as much and more (`benchmarks.which_structure`).
 # So does a force over the position with a load behind a spring, beside which there is none.
@@ -355,7 +356,9 @@ def _each_tried(
             compared.failure = (
                 "skipped, because an axis with a force over the position leaves far less than one without"
             )
-        elif compared.name in (LOADED_GRAVITY, FORCE, HARDENING) and _of_waves(tried):
+        elif compared.name == SPRUNG_GRAVITY and not _helped(tried):
+            compared.failure = "skipped, because neither gravity nor a spring leaves less than an axis without"
+        elif compared.name in (LOADED_GRAVITY, SPRUNG_GRAVITY, FORCE, HARDENING) and _of_waves(tried):
             compared.failure = "skipped, because an axis with cogging leaves far less than one without"
         elif compared.name in (FORCE, HARDENING) and _of_weight(tried, sure=compared.name == HARDENING):
             compared.failure = "skipped, because gravity is the best so far"  # over little travel a cubic imitates it
@@ -388,6 +391,12 @@ def _of_position(tried: list[Compared]) -> bool:
     """Whether a force over position leaves so much less that an axis without one cannot make up for it."""
     free = _least(tried, lambda c: c.kind == "axis" and "effects" not in c.structure)
     return _least(tried, lambda c: c.name in (*HANGING, SPRING, FORCE, COGGED, COGGED_GRAVITY)) < FAR_BELOW * free
+
+
+def _helped(tried: list[Compared]) -> bool:
+    """Whether gravity or a spring leaves less than an axis without, so that both together may leave less still."""
+    free = _least(tried, lambda c: c.kind == "axis" and "effects" not in c.structure)
+    return _least(tried, lambda c: c.name in (GRAVITY, SPRING)) < free
 
 
 def _of_waves(tried: list[Compared]) -> bool:
@@ -459,6 +468,7 @@ def candidates(
         yield of(f"output error, order {order}", "output_error", partial(fit_output_error, order=order), order=order)
     yield of("axis, viscous and Coulomb", "axis", fit_rigid_axis, law=law)
     yield of("axis, free law over speed", "axis", fit_free_law_axis, law=[*law, "speed_hinge"])
+    both = partial(fit_hanging_axis, sprung=True)
     if angle:
         yield of(GRAVITY, "axis", fit_hanging_axis, law=law, effects=["gravity_imbalance"])
     if placed:
@@ -467,6 +477,7 @@ def candidates(
     if placed and angle:
         waves = partial(fit_cogging_axis, hangs=True)
         yield of(COGGED_GRAVITY, "axis", waves, law=law, effects=["gravity_imbalance", "cogging"])
+        yield of(SPRUNG_GRAVITY, "axis", both, law=law, effects=["gravity_imbalance", "cable_spring"])
     grows = partial(fit_rigid_axis, loaded=True)
     yield of(LOADED, "axis", grows, law=[*law, "load_friction"])
     if angle:
@@ -479,6 +490,8 @@ def candidates(
         yield of(AT_LOAD, "axis", partial(fit_two_masses, at_load=True), **coupled, output="load")
     if sprung:
         yield of(SPRING, "axis", partial(fit_sprung_axis, powers=1), law=law, effects=springs[:1])
+        if angle:
+            yield of(SPRUNG_GRAVITY, "axis", both, law=law, effects=["gravity_imbalance", "cable_spring"])
         yield of(HARDENING, "axis", partial(fit_sprung_axis, powers=3), law=law, effects=springs)
     for order in ORDERS[1:] if rectified else ():
         name = f"output error, order {order}, without its sign"
@@ -575,7 +588,7 @@ def _alike(chosen: Compared, tried: list[Compared]) -> str:
         c.name
         for c in tried
         if (c_own := forces.intersection(c.structure.get("effects", ())))
-        and c_own != own
+        and not c_own >= own  # what has both is no other explanation
         and (c.score <= AS_GOOD * chosen.score or c.untold)
     ]
     if not own or not others:

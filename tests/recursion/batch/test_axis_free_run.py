@@ -21,6 +21,7 @@ from whsklearn.recursion.batch.axis_free_run import (
     [
         ({"orders": HANGS}, [0.05, 0.02]),
         ({"powers": 3}, [0.05, 0.02, 0.03]),
+        ({"orders": HANGS, "powers": 2}, [0.05, 0.02, 0.03, 0.02]),
         ({"loaded": True}, [0.05]),
         ({"early": True}, [0.02, 0.8]),
         ({"early": True, "orders": np.array([1.0, 7.0]), "loaded": True}, [0.05, 0.02, 3e-3, -4e-3, 0.05, 0.02, 0.8]),

@@ -1,7 +1,7 @@
 """Free run of a physical axis model, with exact sensitivities.
 
 J dv/dt = u - o - p(q) - B v - (C + c |u|) sign(v) - sum w_k sign(v) max(|v| - knot_k, 0), where p(q) is that of waves,
-the sum of a_k sin(k e) + b_k cos(k e), one of which may be gravity, or of a spring, w_1 e + w_2 e^2 + w_3 e^3, with
+the sum of a_k sin(k e) + b_k cos(k e), one of which may be gravity, and of a spring, w_1 e + w_2 e^2 + w_3 e^3, with
 e = q - centre.
 
 The steps are those of `whsklearn.systems._servo_kernel`: half a drift, a kick, half a drift (second order), linearly
@@ -50,8 +50,8 @@ class AxisForm(NamedTuple):
     """Which forces act in addition to inertia, viscous and dry friction and an offset.
 
     ``knots`` (> 0) are the speeds at which the slope of the friction changes.  The position-dependent forces are waves
-    of these ``orders`` (1/rad), each with two weights, otherwise those of a spring with this number of ``powers`` of e
-    (0: none).  Gravity is a wave of order one (`HANGS`).  If the axis is ``loaded``, its dry friction grows with the
+    of these ``orders`` (1/rad), each with two weights, then those of a spring with this number of ``powers`` of e (0:
+    none).  Gravity is a wave of order one (`HANGS`).  If the axis is ``loaded``, its dry friction grows with the
     drive; if its drive is not ``shifted``, it has no offset; if its dry friction reverses ``early``, it is that of
     `whsklearn.effects.EarlyReversal`.  theta holds inertia, viscous friction, Coulomb friction, offset, one weight per
     position-dependent force, the growth with the drive, lead and impedance of an early reversal, and one weight per
@@ -80,7 +80,7 @@ class AxisForm(NamedTuple):
     @property
     def of_position(self) -> int:
         """Number of position-dependent forces."""
-        return 2 * self.orders.size or self.powers
+        return 2 * self.orders.size + self.powers
 
     @property
     def size(self) -> int:
@@ -462,16 +462,14 @@ def _pass(theta: Array, log: AxisLog, rows: Array, ends: Array = _NOWHERE, chose
 
 @part
 def _of_position(e, orders, force, slope):
-    """Position-dependent forces of unit weight and their slopes, at ``e`` from the centre: waves or powers of e."""
+    """Position-dependent forces of unit weight and their slopes, at ``e`` from the centre: waves, then powers of e."""
+    waves, power = 2 * orders.size, 1.0
     for k in range(orders.size):
         order, at = orders[k], 2 * k
         force[at], force[at + 1] = math.sin(order * e), math.cos(order * e)
         slope[at], slope[at + 1] = order * force[at + 1], -order * force[at]
-    if orders.size:
-        return
-    power = 1.0
-    for k in range(force.size):
-        slope[k] = (k + 1.0) * power
+    for k in range(waves, force.size):
+        slope[k] = (k - waves + 1.0) * power
         power *= e
         force[k] = power
 
