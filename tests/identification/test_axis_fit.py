@@ -37,6 +37,7 @@ from whsklearn.identification.axis_fit import (
     fit_cogging_axis,
     fit_free_law_axis,
     fit_hanging_axis,
+    fit_placed_axis,
     fit_rigid_axis,
     fit_sprung_axis,
     standard_errors,
@@ -76,7 +77,7 @@ def plain_velocity():
 
 
 def test_a_free_law_is_refused_where_friction_is_straight():
-    with pytest.raises(ValueError, match="viscous and Coulomb are equivalent"):
+    with pytest.raises(ValueError, match="a simpler axis is equivalent"):
         fit_free_law_axis(view(U, plain_velocity(), 0.005, "velocity"))
 
 
@@ -331,6 +332,13 @@ def test_a_weight_and_a_cable_are_told_apart_over_a_radian():
 def test_no_spring_is_put_beside_a_weight_that_is_alone():
     with pytest.raises(ValueError, match=r"spring would be .* %|Whether the spring|cannot be told from the spring"):
         fit_hanging_axis(servo(1, 500.0, [GravityImbalance(2.0, 0.3)]), sprung=True)
+
+
+def test_no_cubic_is_put_beside_a_spring_that_is_straight():
+    record = servo(1, 500.0, [CableSpring(2.0)])
+    assert fit_placed_axis(record, 1).parameters["cable_spring"] == pytest.approx(2.0, rel=0.01)
+    with pytest.raises(ValueError, match="a simpler axis is equivalent"):
+        fit_placed_axis(record, 3)
 
 
 def mujoco_loop(seed):

@@ -147,7 +147,8 @@ def fit_placed_axis(log: View, powers: int) -> AxisModel:
     inertia, *_, stiffness = (more or [inverse_starts(record, AxisForm(powers=1))[0].theta])[0]
     record = replace(record, steps=max(record.steps, spring_steps(stiffness / inertia, record.dt)))
     model, own = _fit(record, form, [np.r_[theta, np.zeros(powers - 1)] for theta in more])
-    return determined(_with_force(model, sum(e.value(position=log.y) for e in model.effects[1:]), log), own)
+    force, line = sum(e.value(position=log.y) for e in model.effects[1:]), [log.y] * (powers > 1)
+    return determined(_with_force(model, force, log, line), own)
 
 
 def fit_cogging_axis(log: View, *, hangs: bool = False) -> AxisModel:
@@ -199,13 +200,15 @@ def _tuned(log: View, form: AxisForm) -> AxisForm | None:
     return form
 
 
-def _with_force(model: AxisModel, force: Array, log: View) -> AxisModel:
-    """The model, if its force over the record differs from viscous and Coulomb friction and an offset by enough."""
-    plain = np.column_stack([log.target, np.sign(log.target), np.ones_like(log.target)])
+def _with_force(model: AxisModel, force: Array, log: View, more: Sequence[Array] = ()) -> AxisModel:
+    """The model, if its force over the record differs from viscous and Coulomb friction and an offset by enough, and
+    from what a simpler model has ``more``, (n,) each.
+    """
+    plain = np.column_stack([log.target, np.sign(log.target), np.ones_like(log.target), *more])
     own = force - plain @ np.linalg.lstsq(plain, force, rcond=None)[0]
     share = float(np.std(own) / np.std(log.u))
     if share < LEAST_FORCE:
-        raise ValueError(f"It would add {100 * share:.2g} % to the drive, so viscous and Coulomb are equivalent.")
+        raise ValueError(f"It would add {100 * share:.2g} % to the drive, so a simpler axis is equivalent.")
     return model
 
 
