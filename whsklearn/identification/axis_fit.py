@@ -314,8 +314,8 @@ def _fit(log: View, form: AxisForm, more: Sequence[Array] = ()) -> tuple[AxisMod
     through them. Held, it acts half a sample late, which is what limits a robot's log of 100 Hz.  If the residual is
     not white, dry friction may reverse early, as that of a solver of contacts: taken for one that holds at once, that
     of MuJoCo put inertias 1 % off, at up to 10 standard errors.  Something else that is missing may look so too, such
-    as cogging, but then neither of its numbers is known.  It can also look like a smooth drive, so a held one is tried
-    with it again.
+    as cogging, but then its lead is not known.  It can also look like the other behaviour of the drive, so both are
+    tried with it.
     """
     held, smooth = log, replace(log, hold=HOLDS[1])
     best, log = _best_of(held, form, more), held
@@ -327,11 +327,11 @@ def _fit(log: View, form: AxisForm, more: Sequence[Array] = ()) -> tuple[AxisMod
         early = form._replace(early=True)
         lead = early.reversal.start
         for record, plain in tried:
-            start = np.insert(plain.fit.theta, early.reversal.start, AT_REST)
+            start = np.insert(plain.fit.theta, lead, AT_REST)
             # from the shortest pieces, as the other numbers have to move away from those without it
             found = _best_of(record, early, [start])
-            surely = (found.fit.theta - 2.0 * np.sqrt(np.diag(found.fit.covariance)) > early.limits[0])[lead]
-            if found.score < best.score and surely:
+            least = found.fit.theta[lead] - 2.0 * np.sqrt(found.fit.covariance[lead, lead])
+            if found.score < best.score and least > early.limits[0][lead]:
                 best, log, form = found, record, early
     return model_of(best.fit, log, form, best.seconds)
 

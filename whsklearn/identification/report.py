@@ -216,7 +216,7 @@ def _overlay(ax: Axes, found: Identification) -> None:
     ax.plot(seconds, error, color="C3", lw=0.8, label="difference")
     units = found.model.units
     since = f"{'s' if units.get('time', 's') == 's' else 'samples'} since the state was fitted"
-    title = f"Last window of {found.judged_on}" + ("" if found.tested else ", to which this model is fitted too")
+    title = f"Last window of {found.judged_on}" + ("" if found.tested else ",\nto which this model is fitted too")
     ax.set(xlabel=since, ylabel=titled("output", units.get("output", "")), title=title)
     ax.legend(fontsize=8)
 
