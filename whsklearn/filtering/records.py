@@ -99,9 +99,9 @@ def zero_phase(x: ArrayLike, sample_rate: float, cutoff: float, order: int = 4) 
     y = np.concatenate([2.0 * x[0] - x[pad:0:-1], x, 2.0 * x[-1] - x[-2 : -pad - 2 : -1]])
     settled = settled.reshape(-1, *[1] * (x.ndim - 1))
     if order == UNROLLED:
-        columns = y.reshape(len(y), -1)
+        columns = np.ascontiguousarray(y.reshape(len(y), -1))  # a copy of columns that lie one after the other
         _both_ways(b, a, settled.reshape(order, 1), np.empty((order, columns.shape[1])), columns)
-        return y[pad:-pad]
+        return columns.reshape(y.shape)[pad:-pad]
     for _ in range(2):
         y = lfilter(b, a, y, axis=0, zi=settled * y[:1])[0][::-1]
     return y[pad:-pad]

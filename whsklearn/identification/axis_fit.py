@@ -23,6 +23,7 @@ from whsklearn.effects.base import Array
 from whsklearn.filtering.records import HOLDS
 from whsklearn.identification.axis_inverse import FEWEST_TURNS, Start, acting, form_columns, inverse_starts, next_wave
 from whsklearn.identification.axis_numbers import (
+    PIECE,
     axis_log,
     axis_residual,
     in_pieces,
@@ -373,10 +374,12 @@ def model_of(best: AxisFit, log: View, form: AxisForm, seconds: float) -> tuple[
     free = np.less(*form.limits)
     covariance = best.covariance
     if not form.coupled and covariance.any():
-        # what a timing does to a fit is what it does over the fit's pieces; long ones know it better
-        own, long = (_of_timing(best.theta, pieces) for pieces in (_cut(log, seconds, form), in_pieces(log, form)))
-        if own is not None and long is not None:
-            covariance = own._replace(estimate=long.estimate, covariance=long.covariance).widened(covariance)
+        age = long = _of_timing(best.theta, in_pieces(log, form))
+        if log.logged == "position" and seconds != PIECE:
+            # what a timing does to a fit is what it does over the fit's pieces; long ones know it better
+            age = _of_timing(best.theta, in_pieces(log, form, seconds))
+        if age is not None and long is not None:
+            covariance = age._replace(estimate=long.estimate, covariance=long.covariance).widened(covariance)
     orders = None
     if (form.orders != HANGS[0]).any() and covariance.any():
         pieces = shooting_log(log, SHOOTING[1], form)  # noise of the drive adds up along longer ones
@@ -522,7 +525,7 @@ def _best_minimum(log: View, form: AxisForm, start: Start, found: Found, lengths
     least, theta = found.score, found.fit.theta
     better: list[Found] = []
     for seconds in lengths:
-        pieces = _cut(log, seconds, form)
+        pieces = in_pieces(log, form, seconds)
         ended = fit_pieces(theta, pieces)
         if np.isfinite(ended.cost) and start.holds(ended.theta):
             reached = axis_score(ended.theta, form, log)
@@ -533,11 +536,6 @@ def _best_minimum(log: View, form: AxisForm, start: Start, found: Found, lengths
                 least, theta = min(reached, least), ended.theta
                 better.append(Found(reached, ended, seconds, grows))
     return best_known(better) if better else found
-
-
-def _cut(log: View, seconds: float, form: AxisForm) -> AxisLog:
-    """The record as an axis is fitted to it: a position over pieces of this length, a velocity as `axis_log`."""
-    return shooting_log(log, seconds, form) if log.logged == "position" else axis_log(log, form)
 
 
 def best_known(found: list[Found]) -> Found:

@@ -57,9 +57,11 @@ def shooting_log(log: View, seconds: float, form: AxisForm) -> AxisLog:
     )  # fmt: skip
 
 
-def in_pieces(log: View, form: AxisForm) -> AxisLog:
-    """The record as what an axis leaves of it is told: a position in pieces, otherwise one run."""
-    return shooting_log(log, PIECE, form) if log.logged == "position" else axis_log(log, form)
+def in_pieces(log: View, form: AxisForm, seconds: float = PIECE) -> AxisLog:
+    """The record as an axis is fitted to it, or what it leaves is told: a position in pieces of this length, otherwise
+    as `axis_log`.
+    """
+    return shooting_log(log, seconds, form) if log.logged == "position" else axis_log(log, form)
 
 
 def axis_residual(theta: Array, log: View, form: AxisForm) -> Array:
