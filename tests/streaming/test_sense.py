@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.streaming.test_freeze import axis, streamed
+from tests.streaming.moving_axis import axis, streamed
 
 
 @pytest.mark.parametrize(

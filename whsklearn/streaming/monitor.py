@@ -23,14 +23,10 @@ from sklearn.base import clone
 from whsklearn.change import ChangeAlarm, compare_parameters, forgetting_after, set_forgetting
 from whsklearn.logs.errors import LogError
 from whsklearn.plot import flat_parameters
-from whsklearn.streaming.clock import Clock, Verdict
-from whsklearn.streaming.freeze import Freeze
-from whsklearn.streaming.jumps import Jumps
-from whsklearn.streaming.lone import BEYOND, Lone
-from whsklearn.streaming.pace import Pace
+from whsklearn.streaming.clock import Clock, Pace, Verdict
+from whsklearn.streaming.readings import BEYOND, NEW_EXPERIMENT, Freeze, Jumps, Lone, Turns
 from whsklearn.streaming.rows import BadRow, OtherHeader
 from whsklearn.streaming.sides import Compare, Sides
-from whsklearn.streaming.turns import Turns
 
 BLOCK = 100  # rows
 CONTEXT = 300  # rows before a block, over which the effect of the predictor's start at rest dies out
@@ -107,7 +103,7 @@ TAKEN_OVER = 480  # rows after which the first models of a memory take over
 BRAKES = "viscous", "coulomb"  # effects that are negative together in no joint; beside Stribeck's one may be
 SURE = 5.0  # standard deviations of a ratio of two variances by which an NMSE must exceed one
 DRIFT_LEVEL = 0.01  # probability that a drift is ever reported although there is none
-NEW_EXPERIMENT, NEIGHBOURS = "a new experiment begins", "the rows on both sides are taken as neighbours"
+NEIGHBOURS = "the rows on both sides are taken as neighbours"
 FILLED = "the row that is lost is replaced by what lies between its neighbours"
 TOLD = 10  # bad rows in a row, pauses, and jumps, with a record of their own: enough to see what is wrong with them
 
@@ -348,7 +344,10 @@ class StreamMonitor:
             self._end_of_bad_rows(number)
             if reason:
                 begins = self.carried.experiment > before or row[0] - self.carried.time > self.options.max_step
-                self._pause(number, f"{reason}; {NEW_EXPERIMENT if begins else FILLED if fills else NEIGHBOURS}")
+                self.carried.pauses += 1
+                if self.carried.pauses <= TOLD:
+                    then = NEW_EXPERIMENT if begins else FILLED if fills else NEIGHBOURS
+                    self._warn("pause", number, f"{reason}; {then}")
             self._take(row, number, fills)
             self.carried.held = 0
             return
@@ -356,7 +355,12 @@ class StreamMonitor:
         if what == "bad" and self.options.refuse:
             self._refuse(number, f"{reason}; correct it, or skip bad rows.")
         if what == "bad":
-            self._bad(number, reason)
+            self.carried.bad += 1
+            self.carried.bad_run += 1
+            if self.carried.bad_run <= TOLD:
+                self._tell_bad(number, reason)
+            if not self.options.timed:  # with a time, the next row tells whether a sample is missing there
+                self._replace(number, 1)
             if row and self.carried.bad_run <= TOLD:
                 self._warn("clock_outlier", number, reason)
         elif what == "restart":
@@ -370,13 +374,6 @@ class StreamMonitor:
             if self.carried.repeated_run == 0:
                 self._warn("repeated_rows", number, f"{reason}; such rows are skipped")
             self.carried.repeated_run += 1
-
-    def _pause(self, number: int, reason: str) -> None:
-        """Tell the first pauses: rows were lost, the stream had stopped, or the clock's unit changed."""
-        self._learn_taken()
-        self.carried.pauses += 1
-        if self.carried.pauses <= TOLD:
-            self._warn("pause", number, reason)
 
     def _shows_a_loss(self, row: list[float]) -> bool:
         """Whether the motion covers two steps before this row; if it covers one, only its stamp is late."""
@@ -394,7 +391,6 @@ class StreamMonitor:
         if self.options.timed:
             took, c.time = row[0] - c.time, row[0]
             if self.options.step and took < np.inf and (told := self.pace.take(took, self.options.step)):
-                self._learn_taken()
                 self._warn("rate", number, told)
             c.experiment += self.pace.off or self.options.max_step < took < np.inf
             if self.pace.off:
@@ -410,8 +406,8 @@ class StreamMonitor:
         c.last = row
         c.path = [*c.path[-1:], self._unwrapped(row, number)]
         if fills:
-            self._past_jumps([number, [0.5 * (a + b) for a, b in zip(*c.path, strict=True)]])
-        self._past_jumps([number, c.path[-1]])
+            self._past_readings([number, [0.5 * (a + b) for a, b in zip(*c.path, strict=True)]])
+        self._past_readings([number, c.path[-1]])
 
     def _past_lone(self, row: list[Any]) -> None:
         """Queue a row, with its number; the last sample takes the place of one with a value beyond all others."""
@@ -424,38 +420,38 @@ class StreamMonitor:
             self._learn_taken()
             c.bad += 1
             said = f"a value of {values[wrong[0]]:.6g} stands alone, over {BEYOND:g} times any before it"
-            self.emit({"kind": "bad_row", "line": number, "row": c.rows, "reason": said})
+            self._tell_bad(number, said)
             if self.options.restart_after_hole:
                 c.held_back = c.experiment = c.experiment + 1
             else:
                 timed = int(self.options.timed)
                 self._queue([[number, [*values[:timed], *c.last[timed:]]]])
 
-    def _past_jumps(self, row: list[Any], k: int = 0) -> None:
-        """Pass a row, with its number, on to the positions from the ``k``-th on, each of which may hold it back."""
-        c, positions = self.carried, self.options.positions
-        if k == len(positions):
-            self._past_freezes(row)
+    def _past_readings(self, row: list[Any], k: int = 0) -> None:
+        """Queue a row, with its number, behind the readings that judge it, from the ``k``-th on; any may hold it back.
+
+        They are the jumps of every position, and then its repeated readings.
+        """
+        c, n = self.carried, len(self.options.positions)
+        if k == 2 * n:
+            self._queue([row])
             return
-        for one in self.jumps[k].take(row, positions[k], positions[k] + len(positions)):
+        at = self.options.positions[k % n]
+        for one in self.jumps[k].take(row, at, at + n) if k < n else self.freezes[k - n].take(row, at):
+            if one.anew:
+                self._let_go(k + 1)
+                c.held_back = c.experiment = c.experiment + 1
             if one.told:
-                self._learn_taken()
-                c.jumps += 1
-                if one.anew:
-                    self._let_go(k + 1)
-                    c.held_back = c.experiment = c.experiment + 1
-                if c.jumps <= TOLD:
-                    then = NEW_EXPERIMENT if one.anew else "it is replaced by what lies between its neighbours"
-                    self._warn("jump", one.row[0], f"{self._at_joint(k)}{one.told}; {then}")
-            self._past_jumps(one.row, k + 1)
+                c.jumps += k < n
+                if k >= n or c.jumps <= TOLD:
+                    self._warn("jump" if k < n else "held_rows", one.row[0], f"{self._at_joint(k % n)}{one.told}")
+            self._past_readings(one.row, k + 1)
 
     def _let_go(self, k: int) -> None:
-        """Queue the rows held back behind the jumps of the ``k``-th position, as the last of an experiment."""
-        rows = self.lone.end()
-        for freeze in reversed(self.freezes):
-            rows += freeze.end()
-        for jumps in reversed(self.jumps[k:]):
-            rows += jumps.end()
+        """Queue the rows held back from the ``k``-th reading on, as the last of an experiment."""
+        rows, readings = self.lone.end(), [*(one.end for one in self.jumps), *(one.end for one in self.freezes)]
+        for end in reversed(readings[k:]):
+            rows += end()
         self._queue(rows, self.carried.held_back)
         self.carried.held_back = self.carried.experiment
 
@@ -469,29 +465,9 @@ class StreamMonitor:
         for k, (at, turns) in enumerate(zip(self.options.positions, self.turns, strict=True)):
             out[at], anew = turns.take(row[at], self.options.turns[k] if self.options.turns else ())
             if anew:
-                self._learn_taken()
                 said = f"the position leaps from one end of a turn of {turns.turn:.6g} to the other: it is wrapped"
                 self._warn("wrap", number, f"{self._at_joint(k)}{said}, and is continued from turn to turn")
         return out
-
-    def _past_freezes(self, row: list[Any], k: int = 0) -> None:
-        """Queue a row, with its number, unless it repeats a position, from the ``k``-th on, that was moving."""
-        c, positions = self.carried, self.options.positions
-        if k == len(positions):
-            self._queue([row])
-            return
-        rows, told, anew = self.freezes[k].take(row, row[1][positions[k]])
-        for one in rows:
-            self._past_freezes(one, k + 1)
-        if anew:
-            for other in reversed(self.freezes[k + 1 :]):
-                self._queue(other.end())
-            c.held_back = c.experiment = c.experiment + 1
-        if told:
-            self._learn_taken()
-            self._warn("held_rows", anew[0][0], f"{self._at_joint(k)}{told}; they show no motion, and {NEW_EXPERIMENT}")
-        for one in anew:
-            self._past_freezes(one, k + 1)
 
     def _queue(self, rows: list[list[Any]], experiment: int | None = None) -> None:
         """Queue rows, each with its number, of an experiment: the present one, or another."""
@@ -506,15 +482,6 @@ class StreamMonitor:
             self._rows, self._experiments, self._numbers = [], [], []
             scaled = np.array(rows) * (self.options.factors or 1.0)
             self._learn(scaled, np.array(experiments), numbers)
-
-    def _bad(self, number: int, reason: str) -> None:
-        """Report a row that is skipped; with a time, the next row tells whether a sample is missing there."""
-        self.carried.bad += 1
-        self.carried.bad_run += 1
-        if self.carried.bad_run <= TOLD:
-            self.emit({"kind": "bad_row", "line": number, "row": self.carried.rows, "reason": reason})
-        if not self.options.timed:
-            self._replace(number, 1)
 
     def _replace(self, number: int, missing: int) -> None:
         """Let the last sample stand for missing ones, at most `most_held` in a row; or begin a new experiment."""
@@ -531,19 +498,22 @@ class StreamMonitor:
                     f"more than {self.options.most_held} consecutive bad rows; the last sample is no longer held, and "
                     "a new experiment begins"
                 )
-                self._learn_taken()
                 self._warn("held_rows", number, said)
 
     def _end_of_bad_rows(self, number: int) -> None:
         """Report in one record how many of the bad rows before line ``number`` have no record of their own."""
         more, self.carried.bad_run = self.carried.bad_run - TOLD, 0
         if more > 0:
-            self._learn_taken()
-            row = {"kind": "bad_row", "line": number - 1, "row": self.carried.rows, "rows": more}
-            self.emit(row | {"reason": f"{more} more rows up to here are bad"})
+            self._tell_bad(number - 1, f"{more} more rows up to here are bad", rows=more)
+
+    def _tell_bad(self, line: int, reason: str, **rows: int) -> None:
+        """Emit a record of a row that is not learnt, or of several, behind the rows before it."""
+        self._learn_taken()
+        self.emit({"kind": "bad_row", "line": line, "row": self.carried.rows, **rows, "reason": reason})
 
     def _warn(self, cause: str, number: int, reason: str) -> None:
-        """Emit an alarm about the rows themselves."""
+        """Emit an alarm about the rows themselves, behind those before it, so that it is the same in any chunks."""
+        self._learn_taken()
         self.carried.alarms += 1
         self.emit({"kind": "alarm", "cause": cause, "row": self.carried.rows, "line": number, "reason": reason})
 
@@ -566,8 +536,7 @@ class StreamMonitor:
                         self.taken = numbers[start] - self._first
                         raise Refused(f"line {numbers[start]}: {error}") from None
                     self.carried.bad += 1
-                    bad = {"line": numbers[start], "row": self.carried.rows, "reason": str(error)}
-                    self.emit({"kind": "bad_row", **bad})
+                    self._tell_bad(numbers[start], str(error))
                     start = piece.stop
                     continue
             if self.carried.rows % self.options.every == 0:
