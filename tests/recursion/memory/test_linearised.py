@@ -11,10 +11,9 @@ from whsklearn import WienerHammersteinSystem
 from whsklearn.datasets import make_wiener_hammerstein
 from whsklearn.recursion.memory.gauss_newton import Memory, new_work
 from whsklearn.recursion.memory.linearised import (
-    Pass,
+    Linearisation,
     curvature,
     deviation,
-    empty_rows,
     entries,
     experiments,
     filtered,
@@ -48,7 +47,7 @@ def listed(rows, record, chosen, theta=TRUTH, first=0):
 
 
 def linearised(record, theta):
-    memory = Pass(theta, LAW, record, new_work(DIMS, 1), empty_rows(N, theta.size, 3))
+    memory = Linearisation(theta, LAW, record, new_work(DIMS, 1))
     while memory.done < N:
         memory.read_segment()
     return memory.rows
@@ -77,7 +76,7 @@ def test_it_goes_on_from_a_state_as_if_it_had_read_what_came_before(record):
     state, work = np.zeros(state_size(DIMS)), np.zeros((9, 9))
     replay(TRUTH, LAW, np.inf, record._replace(fill=cut), work, np.zeros(9), state)
     rest = Memory(state, record.u[cut:], record.y[cut:], record.restart[cut:], N - cut, HISTORY, 1, np.ones(N - cut))
-    later = Pass(TRUTH, LAW, rest, new_work(DIMS, 1), empty_rows(N - cut, TRUTH.size, 3))
+    later = Linearisation(TRUTH, LAW, rest, new_work(DIMS, 1))
     while later.done < N - cut:
         later.read_segment()
     for whole, part in zip(system, later.rows, strict=True):

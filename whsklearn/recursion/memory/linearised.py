@@ -42,6 +42,8 @@ JUMPING = frozenset((COULOMB, STRIBECK_EXP, POSITION_FRICTION))  # terms that ju
 NONE = -1  # instead of a row that a sign does not enter because another experiment has begun
 SETTLED = 12.0  # beyond this many standard deviations a listed sign is frozen permanently when a page is turned
 
+Indices = NDArray[np.intp]
+
 
 class Rows(NamedTuple):
     """Values at each sample: [psi, e]; x and dx; the gradient of dx with respect to (a, b)."""
@@ -66,7 +68,7 @@ class Signs(NamedTuple):
     # next page, whose row is not known yet
     at: Integers
 
-    def take(self, chosen: NDArray[np.intp]) -> Signs:
+    def take(self, chosen: Indices) -> Signs:
         """Some of the entries."""
         return Signs._make(v[chosen] for v in self)
 
@@ -108,10 +110,12 @@ class Signs(NamedTuple):
         root = np.sqrt(left)
         return self._replace(scale=self.scale * root, rows=self.rows * root)
 
-    def doubt(self, covariance: Array) -> Array:
-        """|dx| in standard deviations for a given covariance of (a, b)."""
-        # copies: those of a state are read-only, for which the kernel would be compiled once more
-        return np.abs(self.dx) / deviation(np.array(self.gradient), np.ascontiguousarray(covariance))
+    def doubt(self, covariance: Array | None) -> Array:
+        """|dx| in standard deviations; zero if the ``covariance`` of (a, b) is not known."""
+        if covariance is None:
+            return np.zeros(self.dx.size)
+        # a copy: that of a state is read-only, for which the kernel would be compiled once more
+        return np.abs(self.dx) / deviation(np.array(self.gradient), covariance)
 
 
 def jumps(codes: Integers) -> Bools:
@@ -132,50 +136,67 @@ def deviation(gradient, covariance):
     return out
 
 
-def empty_rows(n: int, size: int, n1: int) -> Rows:
-    """Rows for ``n`` samples of a model of ``size`` parameters, ``n1`` of them in L1."""
-    return Rows(np.empty((n, size + 1)), np.empty((n, 2)), np.empty((n, n1)))
+class Linearisation:
+    """A memory linearised at ``theta`` with the true sign, read segment by segment.
 
-
-class Pass:
-    """One pass over a memory at ``theta`` with the true sign, which fills ``rows`` as far as ``done`` samples.
-
-    ``work`` must not hold a re-run that is in progress. Once all samples have been read, ``end`` is the state after the
-    last one, with every sign frozen, as in the rows.
+    ``matrix`` is M of the first ``done`` samples, whose ``rows`` hold [psi, e] already weighted. ``work`` must not hold
+    a re-run that is in progress. Once all samples have been read, ``end`` is the state after the last one, with every
+    sign frozen, as in the rows.
     """
 
-    def __init__(self, theta: Array, law: Law, memory: Memory, work: Work, rows: Rows):
-        n, self.n1 = theta.size, int(law[0][0] - 1 + law[0][1])
-        self.theta, self.law, self.memory = theta, law, memory
-        self.rows, self.done = rows, 0
+    def __init__(self, theta: Array, law: Law, record: Memory, work: Work):
+        n, stop, self.n1 = theta.size, record.fill, int(law[0][0] - 1 + law[0][1])
+        self.theta, self.law, self.record, self.done = theta, law, record, 0
+        self.matrix = np.zeros((n + 1, n + 1))
+        self.rows = Rows(np.empty((stop, n + 1)), np.empty((stop, 2)), np.empty((stop, self.n1)))
         self._work, self.end = work, work.trial_state
         work.at[AT] = work.at[PHASE] = 0.0
         self._nothing = Prior(theta, np.zeros((n, n)))
         nx = max(int(law[0][1]), 1)
-        self._before = np.append(memory.origin[:1], memory.origin[nx : nx + self.n1])  # x(t-1) and its gradient
+        self._before = np.append(record.origin[:1], record.origin[nx : nx + self.n1])  # x(t-1) and its gradient
 
     def read_segment(self) -> None:
-        """Read on to the end of a segment; the values are NaN if the model has diverged."""
-        work, memory, first, m = self._work, self.memory, self.done, self.memory.u.shape[1]
+        """Read on to the end of a segment, which `add_segment` must then add; NaN if the model has diverged."""
+        work, memory, first, m = self._work, self.record, self.done, self.record.u.shape[1]
         budget, work.at[BUDGET] = float(work.at[BUDGET]), 0.0  # read to the end of a segment, whatever it costs
         ended = refine_part(
             self.theta, self.law, np.inf, memory, self._nothing, 0, work.trial_information, work.trial_state, work
         )
         work.at[BUDGET] = budget
+        self.done = memory.fill if ended else int(work.at[AT])
+        self._segment = slice(first, self.done)
         if ended and work.at[COST] == np.inf:
             for values in self.rows:
                 values[first:] = np.nan
-            self.done = memory.fill
             return
-        self.done = memory.fill if ended else int(work.at[AT])
         n, past = self.done - first, work.segment.signals.shape[1] - LENGTH
         x = work.segment.signals[m : m + 1 + self.n1, past : past + n].T
         before = np.vstack([np.zeros_like(self._before) if memory.restart[first] else self._before, x[:-1]])
         self._before = x[-1].copy()
-        self.rows.psi[first : self.done] = work.segment.psi[:, :n].T
-        self.rows.motion[first : self.done, 0] = x[:, 0]
-        self.rows.motion[first : self.done, 1] = x[:, 0] - before[:, 0]
-        self.rows.gradient[first : self.done] = x[:, 1:] - before[:, 1:]
+        self.rows.psi[self._segment] = work.segment.psi[:, :n].T
+        self.rows.motion[self._segment, 0] = x[:, 0]
+        self.rows.motion[self._segment, 1] = x[:, 0] - before[:, 0]
+        self.rows.gradient[self._segment] = x[:, 1:] - before[:, 1:]
+
+    def add_segment(self) -> None:
+        """Weight the rows that were read last, and add them to M."""
+        psi = self.rows.psi[self._segment]
+        psi *= np.sqrt(self.record.weights[self._segment, None])
+        self.matrix += psi.T @ psi
+
+    def doubt(self, covariance: Array | None, part: slice = slice(None)) -> Array:
+        """|dx| of the samples in standard deviations; infinite if the ``covariance`` of (a, b) is not known."""
+        dx, gradient = np.abs(self.rows.motion[part, 1]), self.rows.gradient[part]
+        return np.full(dx.size, np.inf) if covariance is None else dx / deviation(gradient, covariance)
+
+    def in_doubt(self, before: Array, doubt: Array) -> tuple[Indices, Indices]:
+        """Choose the most doubtful of the unsettled signs of the past and of the signs of the memory in doubt."""
+        counts = (self.record.weights != 0.0) & (self.rows.motion[:, 1] != 0.0)
+        kept, chosen = np.flatnonzero(before < SETTLED), np.flatnonzero((doubt < IN_DOUBT) & counts)
+        if kept.size + chosen.size > CAPACITY:
+            bar = np.sort(np.concatenate([before[kept], doubt[chosen]]))[CAPACITY]
+            kept, chosen = kept[before[kept] < bar], chosen[doubt[chosen] < bar]
+        return kept, chosen
 
 
 def experiments(record: Memory) -> Integers:
@@ -209,7 +230,7 @@ def _filter_gradients(gradient, restart, b, out):
         since += 1
 
 
-def curvature(f: Array, experiment: Integers, law: Law, chosen: NDArray[np.intp]) -> Array:
+def curvature(f: Array, experiment: Integers, law: Law, chosen: Indices) -> Array:
     """Second derivatives of dx with respect to (a, b) at the samples ``chosen`` from F, shape (E, n_1, n_1)."""
     n1, nb = f.shape[1], int(law[0][1])
     bent = np.zeros((chosen.size, n1, n1))
@@ -223,7 +244,7 @@ def curvature(f: Array, experiment: Integers, law: Law, chosen: NDArray[np.intp]
     return bent
 
 
-def heights(rows: Rows, chosen: NDArray[np.intp], law: Law) -> Array:
+def heights(rows: Rows, chosen: Indices, law: Law) -> Array:
     """Value of each term at sign 1 at the samples ``chosen``, shape (E, K); zero for terms that do not jump."""
     _, codes, shapes = law
     x, dx = np.ascontiguousarray(rows.motion[chosen].T)
@@ -235,7 +256,7 @@ def heights(rows: Rows, chosen: NDArray[np.intp], law: Law) -> Array:
 
 
 def entries(
-    rows: Rows, experiment: Integers, chosen: NDArray[np.intp], weights: Array, first: int,
+    rows: Rows, experiment: Integers, chosen: Indices, weights: Array, first: int,
     at_sign: tuple[Array, Array], n_c: int,
 ) -> Signs:  # fmt: skip
     """Entries for the samples ``chosen`` of ``rows``, whose [psi, e] are already weighted.

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from whsklearn.recursion.memory.gauss_newton import new_work
 from whsklearn.recursion.memory.linearised import CAPACITY
-from whsklearn.recursion.memory.posterior import Linearisation, initial_past
+from whsklearn.recursion.memory.posterior import initial_past, linearisation
 from whsklearn.recursion.memory.refit import LIVE, left_of, left_of_prior, number_of
 from whsklearn.recursion.memory.schedule import BackgroundRefit, in_one, joined, refit_now, schedule, under_way
 from whsklearn.recursion.memory.settings import Settings, State
@@ -262,12 +262,13 @@ def posterior(state: State, r: Settings, s: int) -> Gaussian | None:
     for k in range(MOST_ROUNDS + 1):
         if not np.isfinite(theta).all():
             break
-        memory = Linearisation(state, r, s, theta.copy(), left * own)
-        memory.begin(new_work(r.dims, r.n_inputs))
-        while not memory.is_read:
+        memory = linearisation(state, r, theta.copy(), left * own, new_work(r.dims, r.n_inputs))
+        while memory.done < fill:
             memory.read_segment()
             memory.add_segment()
-        matrix, signs, count = in_one(joined(memory, left_of_prior(state, fill), number_of(left, own), found))
+        matrix, signs, count = in_one(
+            joined(memory, state, r, s, left_of_prior(state, fill), number_of(left, own), found)
+        )
         if not np.isfinite(matrix).all():
             break
         best = min(best, matrix[-1, -1])

@@ -10,27 +10,13 @@ request (`whsklearn.recursion.memory.multistart.posterior`), not at every sample
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from whsklearn.effects.base import Array, Integers
-from whsklearn.recursion.memory.gauss_newton import Memory, Work
-from whsklearn.recursion.memory.linearised import (
-    CAPACITY,
-    IN_DOUBT,
-    JUMPING,
-    SETTLED,
-    Pass,
-    Rows,
-    Signs,
-    deviation,
-    empty_rows,
-)
+from whsklearn.recursion.memory.gauss_newton import Work
+from whsklearn.recursion.memory.linearised import CAPACITY, JUMPING, Linearisation, Signs
 from whsklearn.recursion.memory.refit import memory_of
 from whsklearn.recursion.memory.settings import Settings, State
-from whsklearn.recursion.memory.sign_posterior import Gaussian
 from whsklearn.recursion.rows.predictor import state_size
-
-Indices = NDArray[np.intp]
 
 
 def has_posterior(r: Settings) -> bool:
@@ -108,96 +94,21 @@ def origin_at(origin: Array, dims: Integers, delta: Array) -> Array:
     return out
 
 
-class Linearisation:
-    """The first samples in memory linearised at ``theta``, together with the summary of all earlier samples.
+def linearisation(state: State, r: Settings, theta: Array, weights: Array, work: Work) -> Linearisation:
+    """The first samples in memory, as many as there are ``weights`` after forgetting, to be linearised at ``theta``."""
+    origin = origin_at(state["past_origin"], r.dims, theta - state["past_theta"])
+    return Linearisation(theta, r.law, memory_of(state, r, weights.size, weights, origin, tail=1), work)
 
-    Every method takes what the ones before returned, so that a stream may do one of them between two samples
-    (`whsklearn.recursion.memory.schedule`).
-    It does not change the ``state`` of the stream, of which ``s`` is the model; as many samples are read as there are
-    ``weights``, which are those after forgetting.
+
+def with_past(page: Linearisation, state: State, s: int, left: float, count: float) -> tuple[Array, float]:
+    """M and the number of samples for past and memory together.
+
+    ``left`` is the weight of the past after forgetting, ``count`` the number of samples of the memory.
     """
-
-    def __init__(self, state: State, r: Settings, s: int, theta: Array, weights: Array):
-        self.state, self.settings, self.model, self.theta, self.weights = state, r, s, theta, weights
-        self.stop, self.first = weights.size, state["seen"] - state["fill"]
-        origin = origin_at(state["past_origin"], r.dims, theta - state["past_theta"])
-        self.record: Memory = memory_of(state, r, self.stop, weights, origin, tail=1)
-        self.matrix = np.zeros((theta.size + 1, theta.size + 1))
-        self.rows: Rows = empty_rows(self.stop, theta.size, int(r.dims[0] - 1 + r.dims[1]))
-
-    def begin(self, work: Work) -> None:
-        """Begin to read; ``work`` must belong to a re-run that has finished."""
-        self._pass = Pass(self.theta, self.settings.law, self.record, work, self.rows)
-
-    @property
-    def is_read(self) -> bool:
-        """Whether all samples have been read."""
-        return self._pass.done >= self.stop
-
-    def read_segment(self) -> None:
-        """Read on to the end of a segment, which `add_segment` must then add to M."""
-        begin = self._pass.done
-        self._pass.read_segment()
-        self._segment = slice(begin, self._pass.done)
-
-    def add_segment(self) -> None:
-        """Weight the rows that were read last, and add them to M."""
-        psi = self.rows.psi[self._segment]
-        psi *= np.sqrt(self.weights[self._segment, None])
-        self.matrix += psi.T @ psi
-
-    def with_past(self, left: float, count: float) -> tuple[Array, float]:
-        """M and the number of samples for past and memory together.
-
-        ``left`` is the weight of the past after forgetting, ``count`` the number of samples of the memory.
-        """
-        state, n = self.state, self.theta.size
-        if self._has_past:
-            matrix = moved(state["past_matrix"], self.theta - state["past_theta"])
-            return self.matrix + left * matrix, count + left * float(state["past_count"][0])
-        # P0, as the information that the re-run of the memory uses
-        matrix = np.zeros((n + 1, n + 1))
-        matrix[:n, :n] = left * state["prior_information"][self.model]
-        return self.matrix + moved(matrix, self.theta - state["prior_theta"][self.model]), count
-
-    @property
-    def _has_past(self) -> bool:
-        return bool(self.state["past_count"][0] > 0.0)
-
-    def past_signs(self, left: float) -> Signs:
-        """The signs of earlier pages, weighted by ``left``."""
-        signs = unpacked(self.state, self.settings)
-        return signs.weighted(left) if self._has_past else signs
-
-    def moved_here(self, signs: Signs) -> Signs:
-        """The signs of earlier pages at ``theta``."""
-        return signs.shifted(self.theta - self.state["past_theta"]) if self._has_past else signs
-
-    def met(self, signs: Signs) -> Signs:
-        """The signs of earlier pages, the last of which enter the first rows of the memory."""
-        return signs.met(self.rows.psi, self.record.restart[: self.stop], self.first) if self._has_past else signs
-
-    def doubt(self, about: Gaussian | None, part: slice = slice(None)) -> Array:
-        """|dx| of the samples in standard deviations; infinite if nothing is known of them."""
-        dx, gradient = np.abs(self.rows.motion[part, 1]), self.rows.gradient[part]
-        if about is None:
-            return np.full(dx.size, np.inf)
-        return dx / deviation(
-            gradient, np.ascontiguousarray(about.covariance[: gradient.shape[1], : gradient.shape[1]])
-        )
-
-    def in_doubt(self, old: Signs, doubt: Array, about: Gaussian | None) -> tuple[Indices, Indices]:
-        """Choose the most doubtful of the unsettled signs of the past and of the signs of the memory in doubt."""
-        n1 = self.rows.gradient.shape[1]
-        before = np.zeros(old.dx.size) if about is None else old.doubt(about.covariance[:n1, :n1])
-        counts = (self.weights != 0.0) & (self.rows.motion[:, 1] != 0.0)
-        kept, chosen = np.flatnonzero(before < SETTLED), np.flatnonzero((doubt < IN_DOUBT) & counts)
-        if kept.size + chosen.size > CAPACITY:
-            bar = np.sort(np.concatenate([before[kept], doubt[chosen]]))[CAPACITY]
-            kept, chosen = kept[before[kept] < bar], chosen[doubt[chosen] < bar]
-        return kept, chosen
-
-    def left_behind(self, matrix: Array, count: float) -> State:
-        """The summary of a page for later ones, without its signs (`stored`), as the state stores it."""
-        past = {"past_matrix": matrix, "past_theta": self.theta.copy(), "past_count": np.array([count])}
-        return past | {"past_origin": self._pass.end.copy()}
+    if state["past_count"][0] > 0.0:
+        matrix = moved(state["past_matrix"], page.theta - state["past_theta"])
+        return page.matrix + left * matrix, count + left * float(state["past_count"][0])
+    # P0, as the information that the re-run of the memory uses
+    matrix = np.zeros_like(page.matrix)
+    matrix[:-1, :-1] = left * state["prior_information"][s]
+    return page.matrix + moved(matrix, page.theta - state["prior_theta"][s]), count

@@ -16,7 +16,7 @@ from __future__ import annotations
 import functools
 import itertools
 from collections.abc import Generator, Iterator
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -37,8 +37,16 @@ from whsklearn.recursion.memory.gauss_newton import (
     refine_part,
     work_on,
 )
-from whsklearn.recursion.memory.linearised import Signs, curvature, entries, experiments, filtered, heights
-from whsklearn.recursion.memory.posterior import Linearisation, flattened, has_posterior, stored
+from whsklearn.recursion.memory.linearised import (
+    Linearisation,
+    Signs,
+    curvature,
+    entries,
+    experiments,
+    filtered,
+    heights,
+)
+from whsklearn.recursion.memory.posterior import flattened, has_posterior, linearisation, stored, unpacked, with_past
 from whsklearn.recursion.memory.predictor_block import new_segment
 from whsklearn.recursion.memory.settings import Settings, State
 from whsklearn.recursion.memory.sign_posterior import Gaussian, frozen
@@ -410,42 +418,43 @@ def in_one(steps: Generator[None, None, Answer]) -> Answer:
 
 
 def joined(
-    page: Linearisation, left: float, count: float, about: Gaussian | None = None
+    page: Linearisation, state: State, r: Settings, s: int, left: float, count: float, about: Gaussian | None = None
 ) -> Generator[None, None, tuple[Array, Signs, float]]:
-    """M, the signs in doubt and the number of samples, for the past and the samples of ``page`` together.
+    """M, the signs in doubt and the number of samples, for the past of model ``s`` and ``page`` together.
 
     ``left`` is the weight of the past after forgetting, ``count`` the number of samples of the page.  Whether a sign is
     in doubt is judged by the covariance ``about``, or else by that with the signs frozen.
     """
-    law = page.settings.law
-    matrix, count = page.with_past(left, count)
+    law, record, first = page.law, page.record, state["seen"] - state["fill"]
+    matrix, count = with_past(page, state, s, left, count)
     yield
-    old = page.past_signs(left)
+    old = unpacked(state, r).weighted(left)
     yield
-    old = page.moved_here(old)
+    old = old.shifted(page.theta - state["past_theta"])
     yield
-    old = page.met(old)
+    old = old.met(page.rows.psi, record.restart[: record.fill], first)
     yield
     about = about or frozen(matrix, page.theta, count)
     yield
-    doubt = np.empty(page.stop)
-    for begin in range(0, page.stop, PIECE):
+    covariance = about and np.ascontiguousarray(about.covariance[: page.n1, : page.n1])
+    doubt = np.empty(record.fill)
+    for begin in range(0, record.fill, PIECE):
         part = slice(begin, begin + PIECE)
-        doubt[part] = page.doubt(about, part)
+        doubt[part] = page.doubt(covariance, part)
         yield
-    kept, chosen = page.in_doubt(old, doubt, about)
+    kept, chosen = page.in_doubt(old.doubt(covariance), doubt)
     yield
     old = old.take(kept)
     yield
-    experiment = experiments(page.record)
+    experiment = experiments(record)
     yield
-    f = filtered(page.rows.gradient, page.record.restart, law, page.theta)
+    f = filtered(page.rows.gradient, record.restart, law, page.theta)
     yield
     bent = curvature(f, experiment, law, chosen)
     yield
     height = heights(page.rows, chosen, law)
     yield
-    new = entries(page.rows, experiment, chosen, page.weights, page.first, (bent, height), int(law[0][2]))
+    new = entries(page.rows, experiment, chosen, record.weights, first, (bent, height), int(law[0][2]))
     yield
     return matrix, old.joined(new), count
 
@@ -466,11 +475,10 @@ class BackgroundRefit:
         self._put_off = False
         self._steps = self._rerun()
         self._ends: list[tuple[Array, Array]] = []
-        self._models: dict[str, Any] = {}
+        self._models: State = {}
         self._parents: list[int] = []
         self._caught_up = 0
-        self._past: dict[str, Any] | None = None
-        self._given: dict[str, Array] = {}
+        self._others: State = {}  # entries besides those of the models: what they are given, and the past
         self._next_memory = NextMemory(state, r, size) if self.is_page else None
         self._known = float(state["page_known"])
         pieces = 4 * PIECES + self.is_page * PIECES_A_MODEL * len(state["page_theta"])
@@ -515,11 +523,8 @@ class BackgroundRefit:
         if self._models:
             self._catch_up()
         s = self.state
-        if self._past is not None:
-            s.update(self._past)
-        if self._models:
-            s.update(self._models)
-        s.update(self._given)
+        s.update(self._models)
+        s.update(self._others)
         if self._next_memory:
             self._next_memory.put()
         s["page_theta"] = s["theta"].copy()
@@ -589,41 +594,37 @@ class BackgroundRefit:
             yield
             self._ends.append((information * search.moved, end))
         if has_posterior(r) and not search.moved:
-            self._past = {"past_origin": self._ends[0][1]}  # at rest, where nothing depends on the parameters
+            self._others["past_origin"] = self._ends[0][1]  # at rest, where nothing depends on the parameters
         elif has_posterior(r):
             yield
-            page = Linearisation(state, r, self._parents[0], thetas[0], search.weights)
+            page = linearisation(state, r, thetas[0], search.weights, self._work)
             yield
-            page.begin(self._work)
-            yield
-            while not page.is_read:
+            while page.done < m:
                 for piece in (page.read_segment, page.add_segment):
                     piece()  # takes as long as the work that one sample allows for one model
                     self._work.at[BUDGET] -= PAGE
                     yield
-            self._past = yield from self._left_behind(page, search)
-
-    def _left_behind(self, page: Linearisation, search: MultistartSearch) -> Generator[None, None, State]:
-        """The summary of a page for later ones, a piece a row."""
-        matrix, signs, count = yield from joined(page, search.kept, search.count)
-        yield
-        rows = flattened(signs)
-        yield
-        kept_signs = stored(rows, signs.at, self.state)
-        yield
-        return page.left_behind(matrix, count) | kept_signs
+            # the summary of the page for later ones
+            matrix, signs, count = yield from joined(page, state, r, self._parents[0], search.kept, search.count)
+            yield
+            rows = flattened(signs)
+            yield
+            self._others |= stored(rows, signs.at, state)
+            yield
+            self._others |= {"past_matrix": matrix, "past_theta": page.theta.copy(), "past_count": np.array([count])}
+            self._others["past_origin"] = page.end.copy()
 
     def _gather(self, given: dict[str, Array]) -> Iterator[None]:
         """Collect the information that the surviving models receive, and add that of the page."""
         for name, value in given.items():
-            self._given[name] = value[self._parents].copy()
+            self._others[name] = value[self._parents].copy()
             yield
         for i, (information, end) in enumerate(self._ends):
             if information.any():  # a page at rest holds no information, and nothing is forgotten in it
-                prior = self._given["prior_information"]
+                prior = self._others["prior_information"]
                 prior[i] = information + self._left * prior[i]
-                self._given["prior_theta"][i] = self._page_theta[i]
-            self._given["origin"][i] = end
+                self._others["prior_theta"][i] = self._page_theta[i]
+            self._others["origin"][i] = end
             yield
 
     def _begin_catching_up(self, thetas: Array) -> Iterator[None]:
