@@ -57,24 +57,15 @@ def encode(value: Any, arrays: list[NDArray[Any]], where: str = "value") -> Any:
         return _encode_array(value, arrays, where)
     if isinstance(value, list):
         return [encode(v, arrays, f"{where}[{i}]") for i, v in enumerate(value)]
-    if isinstance(value, tuple):
-        return {TAG: "tuple", "items": encode(list(value), arrays, where)}
     if isinstance(value, dict):
-        return _encode_dict(value, arrays, where)
-    if isinstance(value, Effect):
-        return {TAG: "effect", "class": _name(type(value)), "fields": encode(vars(value), arrays, where)}
-    if isinstance(value, FrictionLaw):
-        return {TAG: "law", "terms": encode(list(value.terms), arrays, where)}
-    if isinstance(value, BaseEstimator) and not isinstance(value, type):
-        params = value.get_params(deep=False)
-        return {TAG: "estimator", "class": _name(type(value)), "params": encode(params, arrays, where)}
-    if isinstance(value, Arm):
-        fields = {f.name: getattr(value, f.name) for f in dataclasses.fields(value) if f.init}
-        return {TAG: "arm", "fields": encode(fields, arrays, where)}
-    if isinstance(value, np.random.Generator):
-        return {TAG: "generator", "state": encode(value.bit_generator.state, arrays, where)}
-    if isinstance(value, np.random.RandomState):
-        return {TAG: "random_state", "state": encode(value.get_state(legacy=False), arrays, where)}
+        for key in value:
+            if not isinstance(key, str) or key == TAG:
+                raise ValueError(f"{where} has the key {key!r}; expected strings other than {TAG!r}.")
+        return {key: encode(v, arrays, f"{where}.{key}") for key, v in value.items()}
+    for tag, (base, key, parts, made) in _CODED.items():
+        if isinstance(value, base):
+            named = {} if made else {"class": _name(type(value))}
+            return {TAG: tag, **named, key: encode(parts(value), arrays, where)}
     raise ValueError(
         f"{where} is of type {type(value).__qualname__}, which a saved state cannot hold; "
         "use numbers, strings, arrays, lists, dicts, effects, laws or estimators."
@@ -93,7 +84,11 @@ def decode(coded: Any, arrays: list[NDArray[Any]]) -> Any:
     if TAG not in coded:
         return {key: decode(v, arrays) for key, v in coded.items()}
     try:
-        return _DECODERS[coded[TAG]](coded, arrays)
+        if coded[TAG] == "array":
+            return _array(coded, arrays)
+        base, key, _, made = _CODED[coded[TAG]]
+        value = decode(coded[key], arrays)
+        return made(value) if made else _find(base, coded["class"])(**value)
     except (KeyError, IndexError, TypeError, AttributeError) as error:
         raise ValueError(f"a coded {str(coded[TAG])[:40]!r} cannot be read: {error}") from None
 
@@ -105,14 +100,6 @@ def _encode_array(value: NDArray[Any], arrays: list[NDArray[Any]], where: str) -
     # np.array, not ascontiguousarray: the latter turns a 0-d array into one of shape (1,)
     arrays.append(np.array(value, dtype=value.dtype.newbyteorder("<"), order="C"))
     return {TAG: "array", "index": len(arrays) - 1}
-
-
-def _encode_dict(value: dict[Any, Any], arrays: list[NDArray[Any]], where: str) -> dict[str, Any]:
-    """A dict with string keys, none of them the tag."""
-    for key in value:
-        if not isinstance(key, str) or key == TAG:
-            raise ValueError(f"{where} has the key {key!r}; expected strings other than {TAG!r}.")
-    return {key: encode(v, arrays, f"{where}.{key}") for key, v in value.items()}
 
 
 def _name(cls: type) -> str:
@@ -134,19 +121,18 @@ def _find(base: type, name: str) -> Callable[..., Any]:
     return found
 
 
-def _generator(coded: dict[str, Any], arrays: list[NDArray[Any]]) -> np.random.Generator:
+def _generator(state: dict[str, Any]) -> np.random.Generator:
     """A generator that continues where the saved one stood."""
-    state = decode(coded["state"], arrays)
     kinds = {k.__name__: k for k in (np.random.PCG64, np.random.PCG64DXSM, np.random.MT19937, np.random.Philox)}
     generator = np.random.Generator(kinds[state["bit_generator"]]())
     generator.bit_generator.state = state
     return generator
 
 
-def _random_state(coded: dict[str, Any], arrays: list[NDArray[Any]]) -> np.random.RandomState:
+def _random_state(state: dict[str, Any]) -> np.random.RandomState:
     """A legacy random state that continues where the saved one stood."""
     generator = np.random.RandomState()
-    generator.set_state(decode(coded["state"], arrays))
+    generator.set_state(state)
     return generator
 
 
@@ -158,15 +144,20 @@ def _array(coded: dict[str, Any], arrays: list[NDArray[Any]]) -> NDArray[Any]:
     return arrays[index]
 
 
-_DECODERS: dict[str, Callable[[dict[str, Any], list[NDArray[Any]]], Any]] = {
-    "array": _array,
-    "tuple": lambda c, a: tuple(decode(c["items"], a)),
-    "effect": lambda c, a: _find(Effect, c["class"])(**decode(c["fields"], a)),
-    "law": lambda c, a: FrictionLaw(decode(c["terms"], a)),
-    "estimator": lambda c, a: _find(BaseEstimator, c["class"])(**decode(c["params"], a)),
-    "arm": lambda c, a: Arm(**decode(c["fields"], a)),
-    "generator": _generator,
-    "random_state": _random_state,
+def _fields(arm: Arm) -> dict[str, Any]:
+    return {f.name: getattr(arm, f.name) for f in dataclasses.fields(arm) if f.init}
+
+
+# By tag: the type, the key and the value of what an object is coded as, and what makes the object of that again; if
+# None, the file names its class, which takes it as keywords.
+_CODED: dict[str, tuple[type, str, Callable[[Any], Any], Callable[[Any], Any] | None]] = {
+    "tuple": (tuple, "items", list, tuple),
+    "effect": (Effect, "fields", vars, None),
+    "law": (FrictionLaw, "terms", lambda law: list(law.terms), FrictionLaw),
+    "estimator": (BaseEstimator, "params", lambda estimator: estimator.get_params(deep=False), None),
+    "arm": (Arm, "fields", _fields, lambda fields: Arm(**fields)),
+    "generator": (np.random.Generator, "state", lambda generator: generator.bit_generator.state, _generator),
+    "random_state": (np.random.RandomState, "state", lambda state: state.get_state(legacy=False), _random_state),
 }
 
 
@@ -336,7 +327,7 @@ def _arrays(described: Any, buffer: bytes) -> list[NDArray[Any]]:
     try:
         for name, shape in described:
             dtype = np.dtype(name)
-            if dtype.kind not in "biufcU" or dtype.itemsize == 0 or any(type(n) is not int or n < 0 for n in shape):
+            if dtype.kind not in _ARRAY_KINDS or dtype.itemsize == 0 or any(type(n) is not int or n < 0 for n in shape):
                 raise ValueError(f"dtype {name!r}, shape {shape!r}")
             stop = start + math.prod(shape) * dtype.itemsize
             if stop > len(buffer):
