@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import functools
 from typing import Any
 
@@ -163,19 +164,15 @@ class ChangeAlarm(BaseEstimator):
 
     def get_state(self) -> dict[str, Any]:
         """Everything that `set_state` needs to continue identically."""
-        names = ("n_samples_", "n_alarms_", "_settled", "_filled", "_buffer", "_past", "_ar", "_edges", "_counts")
-        return {
-            name: value.copy() if isinstance(value, np.ndarray) else value
-            for name in (*names, "_evidence", "_rest", "_power")
-            if (value := getattr(self, name, None)) is not None
-        }
+        learnt = vars(self).keys() - self.get_params()
+        return {name: copy.copy(value) for name, value in vars(self).items() if name in learnt and value is not None}
 
     def set_state(self, state: dict[str, Any]) -> ChangeAlarm:
         """Continue from a ``state`` that `get_state` returned."""
         self._begin()
         self._buffer = None
         for name, value in state.items():
-            setattr(self, name, value.copy() if isinstance(value, np.ndarray) else value)
+            setattr(self, name, copy.copy(value))
         return self
 
     def _check_params(self) -> None:
