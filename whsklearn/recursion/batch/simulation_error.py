@@ -147,11 +147,8 @@ def sensitivities(chain: FittedChain, data: IOData) -> tuple[Array, Array]:
 def refine(chain: FittedChain, data: IOData, iterations: int, *, free: bool = True) -> Fitted:
     """Levenberg-Marquardt on the free-run error; steps to a pole beyond radius 0.9999 are rejected.
 
-    ``chain``: the starting point; its weights may be arbitrary.
-    ``data``: the record.
-    ``iterations``: largest number of iterations.
-    ``free``: whether the scale of x is free. If it is, x is scaled to unit standard deviation and the knots of the law
-        follow it. Otherwise b1[0] and b2[0] stay as they are, which laws such as tanh(dx) need.
+    The weights of ``chain`` may be arbitrary. If the scale of x is ``free``, x is scaled to unit standard deviation and
+    the knots of the law follow it. Otherwise b1[0] and b2[0] stay as they are, which laws such as tanh(dx) need.
     """
     best = least = solve_law(chain, data)
     if free:
@@ -169,8 +166,7 @@ def refine(chain: FittedChain, data: IOData, iterations: int, *, free: bool = Tr
         rows = sensitivities(best.chain, data)[1] * data.scale
         n = best.chain.linear_part.size
         rows[held] = 0.0
-        information = _with_unit_scale(rows @ rows.T)
-        gradient = rows @ best.error
+        information, gradient = rows @ rows.T, rows @ best.error
         accepted = False
         for _ in range(7):
             trial = best.chain.moved(damped_step(information, gradient, damping)[:n])
@@ -183,13 +179,6 @@ def refine(chain: FittedChain, data: IOData, iterations: int, *, free: bool = Tr
         if not accepted or (gain < 1e-7 and i > max(PLACE_AT[:2])):
             break
     return min(best, least, key=lambda f: f.cost)
-
-
-def _with_unit_scale(information: Array) -> Array:
-    """The normal equations; a parameter that has no effect on the record gets a unit scale and does not move."""
-    diagonal = np.diag(information)
-    information[np.diag_indices_from(information)] = np.where(diagonal > 0, diagonal, 1.0)
-    return information
 
 
 def normalised(chain: FittedChain, data: IOData) -> FittedChain:
@@ -279,22 +268,15 @@ def information_of(chain: FittedChain, data: IOData, at: Coordinates) -> Array:
 def block_update(
     chain: FittedChain, information: Array, data: IOData, at: Coordinates
 ) -> tuple[FittedChain, Array, float]:
-    """The chain after a block.
+    """The chain and R (p, p) after a block, and the sum of squared errors of the block before the update.
 
-    ``chain``: the estimate so far.
-    ``information`` (p, p): R.
-    ``data``: the block, preceded by samples that do not count but determine the state.
-    ``at``: coordinates of theta.
-    Returns ``information`` (p, p).
-    Returns ``loss``: sum of squared errors of the block before the update.
+    In ``data`` samples that do not count, but determine the state, precede the block.
     """
     gone = np.zeros(len(information))
     error, rows = at.rows(chain, data)
     loss = cost = float(error @ error)
     for _ in range(STEPS):
         total = rows @ rows.T + information
-        diagonal = np.diag(total)
-        total[np.diag_indices_from(total)] = np.where(diagonal > 0, diagonal, 1.0)
         gradient = rows @ error - information @ gone
         for damping in DAMPING:
             step = damped_step(total, gradient, damping)

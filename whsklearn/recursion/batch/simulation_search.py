@@ -23,7 +23,9 @@ from whsklearn.recursion.batch.simulation_error import Fitted, FittedChain, refi
 
 Roots = list[NDArray[np.complex128]]  # groups that stay together
 
-
+# A linear model of the whole chain does not show which of its poles and zeros are before the law and which are
+# behind it (Schoukens, Tiels 2017, Automatica 85, sec. 5).  A search that has put one on the wrong side finds no
+# downhill path to the other.
 MOST = 512  # divisions tried at most; order 8 with real roots only would have 65,536
 
 
@@ -40,9 +42,7 @@ def divisions(ratio: Ratio, orders: Orders) -> Iterator[tuple[Ratio, Ratio]]:
     """All pairs of blocks whose product has the zeros and poles of the ratio; conjugate pairs stay together.
 
     Where the orders leave no room for a pair, its roots are real and nearly equal, and noise made a pair of them: one
-    zero in each block.  Each of the two is then their real part.
-
-    ``ratio``: the linear model. ``orders``: orders of the blocks. A block with more zeros than poles is skipped, except
+    zero in each block.  Each of the two is then their real part.  A block with more zeros than poles is skipped, except
     for one zero without a pole.
     """
     zeros, poles = _groups(np.roots(ratio.b)), _groups(np.roots(ratio.a))
@@ -95,7 +95,7 @@ def reflections(b: Array) -> list[Array]:
     return found
 
 
-def _groups(roots: NDArray[Any]) -> list[NDArray[np.complex128]]:
+def _groups(roots: NDArray[Any]) -> Roots:
     """Real roots alone, conjugate pairs together; roots at zero, which are delays, are skipped."""
     roots = roots[np.abs(roots) > 1e-9]
     upper = roots[roots.imag > 1e-9 * np.abs(roots)]
@@ -103,19 +103,15 @@ def _groups(roots: NDArray[Any]) -> list[NDArray[np.complex128]]:
     return [np.array([r, np.conj(r)]) for r in upper] + [np.array([r]) for r in real]
 
 
-def _chosen(groups: list[NDArray[np.complex128]], marks: tuple[bool, ...], wanted: bool) -> NDArray[np.complex128]:
+def _chosen(groups: Roots, marks: tuple[bool, ...], wanted: bool) -> NDArray[np.complex128]:
     parts = [g for g, mark in zip(groups, marks, strict=True) if mark is wanted]
-    return np.concatenate(parts) if parts else np.empty(0, dtype=complex)
+    return np.concatenate([*parts, np.empty(0, dtype=complex)])
 
 
 def _polynomial(roots: NDArray[np.complex128]) -> Array:
     return np.atleast_1d(np.real(np.poly(roots)))
 
 
-# --- new starts from a minimum that has a zero or a pole in the wrong block -----------------------------------------
-# A linear model of the whole chain does not show which of its poles and zeros are before the law and which are
-# behind it (Schoukens, Tiels 2017, Automatica 85, sec. 5).  A search that has put one on the wrong side finds no
-# downhill path to the other.
 # --- find the poles that a chain lacks: a score test of its free-run error -------------------------------------------
 # A pole that is cancelled by a zero changes nothing.  The sensitivities at that location give the decrease of the sum
 # of squares if the two were free to move, before anything is refitted (the Lagrange multiplier test: Godfrey 1988,
@@ -127,36 +123,26 @@ UNTOLD = 1e-5  # of the largest singular value; along smaller ones the parameter
 BY_CHANCE = 0.01  # probability of such a decrease at the best location if nothing is missing and the error is white
 
 
-class Promise(NamedTuple):
-    """Decrease of the sum of squares, to first order, and the chain with the pole and the zero that cancels it."""
-
-    gain: float
-    chain: FittedChain
+# the grid of denominators: real poles alone, complex ones in pairs
+GRID = [np.array([1.0, -r]) for r in REAL]
+GRID += [np.array([1.0, -2.0 * r * np.cos(w), r * r]) for r in RADII for w in ANGLES]
 
 
-def denominators() -> list[Array]:
-    """The grid: real poles alone, complex ones in pairs."""
-    return [np.array([1.0, -r]) for r in REAL] + [
-        np.array([1.0, -2.0 * r * np.cos(w), r * r]) for r in RADII for w in ANGLES
-    ]
+def missing_poles(fitted: Fitted, data: IOData, largest: int, kept: int) -> list[tuple[float, FittedChain]]:
+    """The ``kept`` most promising locations in each block, best first; none if the residual looks like noise.
 
-
-def missing_poles(fitted: Fitted, data: IOData, largest: int, kept: int) -> list[Promise]:
-    """The most promising locations in each block, best first; none if the residual looks like noise.
-
-    ``fitted``: a chain at a minimum for these data. ``data``: the record. ``largest``: largest number of poles of a
-    block. ``kept``: number of locations returned for each block.
+    Each comes as the decrease of the sum of squares, to first order, and the chain with the pole and the zero that
+    cancels it. ``fitted`` is at a minimum for these data. No block gets more than ``largest`` poles.
     """
     chain = fitted.chain
     signals = run(chain, data)
     slopes = sensitivities(chain, data)[1] * data.scale
     slopes /= np.maximum(np.linalg.norm(slopes, axis=1), 1e-300)[:, None]
     basis = orth(slopes.T, rcond=UNTOLD).T
-    grid = denominators()
     # twice a chi-squared of two degrees of freedom exceeds this once in 1/BY_CHANCE grids
-    least = 2.0 * np.log(2 * len(grid) / BY_CHANCE) * fitted.cost / max(int(data.counts.sum()), 1)
-    found: tuple[list[Promise], list[Promise]] = ([], [])
-    for a in grid:
+    least = 2.0 * np.log(2 * len(GRID) / BY_CHANCE) * fitted.cost / max(int(data.counts.sum()), 1)
+    found: tuple[list[tuple[float, FittedChain]], ...] = ([], [])
+    for a in GRID:
         for block, signal in enumerate((signals.x, signals.y)):
             if (chain.a1, chain.a2)[block].size + a.size - 2 > largest:
                 continue
@@ -165,9 +151,9 @@ def missing_poles(fitted: Fitted, data: IOData, largest: int, kept: int) -> list
                 rows = filter_rows(chain.b2, chain.a2, rows * signals.by_x, data.bounds)
             gain = _explained(rows * data.scale, basis, fitted.error)
             if gain > least:
-                found[block].append(Promise(gain, with_pole(chain, block, a)))
-    best = [p for of_block in found for p in sorted(of_block, key=lambda p: -p.gain)[:kept]]
-    return sorted(best, key=lambda p: -p.gain)
+                found[block].append((gain, with_pole(chain, block, a)))
+    best = [p for of_block in found for p in sorted(of_block, key=lambda p: -p[0])[:kept]]
+    return sorted(best, key=lambda p: -p[0])
 
 
 def with_pole(chain: FittedChain, block: int, a: Array) -> FittedChain:
@@ -203,14 +189,12 @@ def improved(fitted: Fitted, data: IOData) -> Fitted:
     """Leave a wrong minimum: add poles where the error shows that some are missing, and reflect zeros.
 
     Zeros are reflected at the unit circle.  One round of moves is always made; there is no further round once the error
-    shows that no pole is missing.
-
-    ``fitted``: a chain with one input, at a minimum for these data. ``data``: the record.
+    shows that no pole is missing.  ``fitted`` has one input and is at a minimum for these data.
     """
     short = data.head(SHORT)
     for i in range(ROUNDS):
         chain = fitted.chain
-        trials = [p.chain for p in missing_poles(fitted, data, LARGEST, PLACES)]
+        trials = [chain for _, chain in missing_poles(fitted, data, LARGEST, PLACES)]
         if i and not trials:
             break
         trials += [chain._replace(b1=b[None, :]) for b in reflections(chain.b1[0])]
@@ -244,8 +228,7 @@ def simplest(candidates: list[Fitted], later: IOData) -> Fitted:
     The best one counts as different if its held-out error is lower by 3 % or by two standard errors.  Any lower error
     is enough if its additional parameters gain more on the data of the fit than chance would (likelihood ratio).
 
-    ``candidates``: fits to the same data, the simplest first. ``later``: the record, in which only the samples that the
-    fits have not seen count.
+    The simplest of ``candidates`` comes first; in ``later`` only the samples that their fits have not seen count.
     """
     with np.errstate(over="ignore", invalid="ignore"):
         squares = [((later.y - run(f.chain, later).y) * later.scale)[later.counts] ** 2 for f in candidates]
@@ -318,10 +301,8 @@ def record(
 def search(data: IOData, law: FrictionLaw, structures: tuple[SearchedOrders, ...] = UNKNOWN) -> Fitted:
     """The chain with the least free-run error; held-out data decide between structures.
 
-    ``data``: the record.
-    ``law``: a law in x; its knots are placed again.
-    ``structures``: simplest first. If there are several, the blocks may grow beyond them, and a polynomial replaces the
-        law if held-out data cannot distinguish the two.
+    The knots of the ``law`` in x are placed again. If there are several ``structures``, the simplest first, the blocks
+    may grow beyond them, and a polynomial replaces the law if held-out data cannot distinguish the two.
     """
     if len(structures) == 1:
         return finish(halving(data, law, structures[0]).chain, data)
