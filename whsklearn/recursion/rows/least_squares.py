@@ -37,7 +37,6 @@ def run_rows(theta, ud, loss, recent, targets, since, forgetting, ceiling, p, va
     ``loss`` (2,): weighted sum of squared innovations, and sum of the weights.
     ``recent``, ``targets`` (p, n), (p,): the latest rows and targets, at index t mod p.
     ``since``: number of rows since the experiment began.
-    ``forgetting``: forgetting factor.
     ``ceiling``: limit up to which forgetting inflates P.
     ``variance``: noise variance of one update: p if a row is to count once in all, 1 for the published equations.
     ``rows``, ``y`` (m, n), (m,): new rows and targets, in time order.
@@ -85,7 +84,8 @@ def _learn_window(theta, ud, loss, recent, targets, since, forgetting, ceiling, 
 SINCE, BUSY, FORGETTING, CEILING, WINDOW, VARIANCE, N_SETTINGS = range(7)
 
 
-def pack_size(n: int, p: int) -> int:
+@register_jitable
+def pack_size(n, p):
     """Length of the one array of `one_row`."""
     return N_SETTINGS + n + n * n + 2 + p * n + p + 2 * n
 
@@ -130,7 +130,7 @@ def one_row():
 
 def _one_row(flat, since, rows, y):
     n, p = rows.shape[1], int(flat[WINDOW])
-    if rows.shape[0] != 1 or y.size != 1 or flat.size != N_SETTINGS + n + n * n + 2 + p * n + p + 2 * n:
+    if rows.shape[0] != 1 or y.size != 1 or flat.size != pack_size(n, p):
         return -1
     if flat[BUSY] != 0.0 or (flat[SINCE] >= 0.0 and flat[SINCE] != since):
         return -1

@@ -108,15 +108,10 @@ def run_windows(
 
     ``recent``: the latest samples, newest first: u of shape ((p + lags) * n_inputs,), y and weights of shape (p +
         lags,).
-    ``since``: number of samples since the experiment began.
-    ``seen``: number of samples in all.
-    ``law``: dims, codes, shapes.
-    ``p``: innovation length.
+    ``since``, ``seen``: number of samples since the experiment began, and in all; returns ``since`` after the last one.
     ``frozen``: whether all rows of a window are evaluated at the parameters before it.
-    ``samples``: the new samples.
     ``still`` (m,): from `mark_still`: a STILL sample advances the state and changes nothing else; nothing is forgotten
         at an IDLE one.
-    Returns ``since`` after the last sample.
     """
     na, nb, _, _, nw = law[0].tolist()
     m, n, n_state = samples.u.shape[1], models.theta.shape[1], models.before.shape[1]
