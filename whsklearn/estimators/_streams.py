@@ -18,8 +18,8 @@ from whsklearn.effects.base import Array, Bools
 from whsklearn.estimators._model import Structure
 from whsklearn.estimators._undo import Undo
 from whsklearn.recursion.memory import multistart
+from whsklearn.recursion.memory.linearised import has_posterior
 from whsklearn.recursion.memory.multistart import posterior
-from whsklearn.recursion.memory.posterior import has_posterior
 from whsklearn.recursion.memory.schedule import BackgroundRefit
 from whsklearn.recursion.memory.settings import State
 from whsklearn.recursion.memory.sign_posterior import Gaussian

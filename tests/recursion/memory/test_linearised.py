@@ -1,6 +1,8 @@
-"""The memory linearised with its signs frozen."""
+"""The memory linearised with its signs frozen, and what a page leaves of itself."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,14 +14,19 @@ from whsklearn.datasets import make_wiener_hammerstein
 from whsklearn.recursion.memory.gauss_newton import Memory, new_work
 from whsklearn.recursion.memory.linearised import (
     Linearisation,
+    Signs,
     curvature,
     deviation,
-    entries,
-    experiments,
     filtered,
-    heights,
+    flattened,
+    has_posterior,
+    initial_past,
     jumps,
+    moved,
+    stored,
+    unpacked,
 )
+from whsklearn.recursion.memory.settings import Settings
 from whsklearn.recursion.rows.predictor import record_errors, state_size
 
 EXAMPLE = WienerHammersteinSystem.example()
@@ -27,6 +34,9 @@ DIMS = np.array([2, 2, 2, 2, 3])
 LAW = DIMS, EXAMPLE.law.codes, EXAMPLE.law.shapes
 TRUTH = np.concatenate([EXAMPLE.a[1:], EXAMPLE.b, EXAMPLE.law.weights, EXAMPLE.c[1:], EXAMPLE.d])
 N, HISTORY = 300, 2
+READING = Settings(
+    dims=DIMS, codes=LAW[1], shapes=LAW[2], p=4, p0=1e6, forgetting=1.0, n_starts=4, memory=256, frozen=False, seed=0
+)
 
 
 @pytest.fixture(scope="module")
@@ -39,36 +49,36 @@ def record():
     return Memory(np.zeros(state_size(DIMS)), u, y, restart, N, HISTORY, 1, np.ones(N))
 
 
-def listed(rows, record, chosen, theta=TRUTH, first=0):
+def listed(page, record, chosen, theta=TRUTH, first=0):
     """The signs of the samples ``chosen``."""
-    experiment = experiments(record)
-    bent = curvature(filtered(rows.gradient, record.restart, LAW, theta), experiment, LAW, chosen)
-    return entries(rows, experiment, chosen, np.ones(N), first, (bent, heights(rows, chosen, LAW)), int(DIMS[2]))
+    experiment = np.cumsum(record.restart)
+    bent = curvature(filtered(page.gradient, record.restart, LAW, theta), experiment, LAW, chosen)
+    return page.entries(chosen, experiment, bent, page.heights(chosen), first)
 
 
 def linearised(record, theta):
     memory = Linearisation(theta, LAW, record, new_work(DIMS, 1))
     while memory.done < N:
         memory.read_segment()
-    return memory.rows
+    return memory
 
 
 def test_errors_are_those_of_the_true_sign_and_gradients_those_of_the_smooth_part(record):
-    rows = linearised(record, TRUTH)
+    page = linearised(record, TRUTH)
     errors = np.empty(N)
     record_errors(
         TRUTH, *LAW, np.inf, record.u[HISTORY:], record.y[HISTORY:], record.restart, errors, np.empty((0, TRUTH.size))
     )
-    np.testing.assert_allclose(rows.psi[:, -1], errors, atol=1e-12)
+    np.testing.assert_allclose(page.rows[:, -1], errors, atol=1e-12)
     step = 1e-7
     for k in range(TRUTH.size):
-        moved = linearised(record, TRUTH + step * np.eye(TRUTH.size)[k])
-        same = np.sign(moved.motion[:, 1]) == np.sign(rows.motion[:, 1])
+        there = linearised(record, TRUTH + step * np.eye(TRUTH.size)[k])
+        same = np.sign(there.motion[:, 1]) == np.sign(page.motion[:, 1])
         assert same.all()
-        np.testing.assert_allclose((rows.psi[:, -1] - moved.psi[:, -1]) / step, rows.psi[:, k], atol=1e-4)
+        np.testing.assert_allclose((page.rows[:, -1] - there.rows[:, -1]) / step, page.rows[:, k], atol=1e-4)
         if k < 3:
-            slope = (moved.motion[:, 1] - rows.motion[:, 1]) / step
-            np.testing.assert_allclose(slope, rows.gradient[:, k], atol=1e-4)
+            slope = (there.motion[:, 1] - page.motion[:, 1]) / step
+            np.testing.assert_allclose(slope, page.gradient[:, k], atol=1e-4)
 
 
 def test_it_goes_on_from_a_state_as_if_it_had_read_what_came_before(record):
@@ -79,28 +89,28 @@ def test_it_goes_on_from_a_state_as_if_it_had_read_what_came_before(record):
     later = Linearisation(TRUTH, LAW, rest, new_work(DIMS, 1))
     while later.done < N - cut:
         later.read_segment()
-    for whole, part in zip(system, later.rows, strict=True):
-        np.testing.assert_allclose(part, whole[cut:], atol=1e-12)
+    for name in ("rows", "motion", "gradient"):
+        np.testing.assert_allclose(getattr(later, name), getattr(system, name)[cut:], atol=1e-12)
 
 
 def test_a_sign_enters_the_rows_after_it_but_for_those_of_another_experiment(record):
-    rows = linearised(record, TRUTH)
-    signs = listed(rows, record, np.array([10, 138, 139, N - 1]), first=1000)
+    page = linearised(record, TRUTH)
+    signs = listed(page, record, np.array([10, 138, 139, N - 1]), first=1000)
     # the last one enters rows of the next page, 1300 and 1301, which are not known yet
     assert signs.at.tolist() == [[1011, 1012], [1139, -1], [-1, -1], [-1302, -1303]]
-    np.testing.assert_array_equal(signs.rows[0], rows.psi[11:13])
+    np.testing.assert_array_equal(signs.rows[0], page.rows[11:13])
     assert not signs.rows[1, 1].any()
     assert signs.height[0].tolist() == [0.0, 1.0, 0.0]  # of the three terms only Coulomb friction jumps
 
 
 def test_the_last_sign_of_a_page_enters_the_first_rows_of_the_next_one(record):
-    rows = linearised(record, TRUTH)
-    signs = listed(rows, record, np.array([10, N - 2, N - 1]))
+    page = linearised(record, TRUTH)
+    signs = listed(page, record, np.array([10, N - 2, N - 1]))
     psi, restart = np.random.default_rng(0).standard_normal((4, TRUTH.size + 1)), np.zeros(4, dtype=bool)
     met = signs.met(psi, restart, N)
     assert met.at.tolist() == [[11, 12], [N - 1, N], [N, N + 1]]
     np.testing.assert_array_equal(met.rows[2], psi[:2])
-    np.testing.assert_array_equal(met.rows[1], [rows.psi[N - 1], psi[0]])
+    np.testing.assert_array_equal(met.rows[1], [page.rows[N - 1], psi[0]])
     np.testing.assert_array_equal(met.rows[0], signs.rows[0])
     restart[1] = True
     assert signs.met(psi, restart, N).at.tolist() == [[11, 12], [N - 1, N], [N, -1]]
@@ -173,3 +183,29 @@ def test_without_a_denominator_nothing_is_bent():
     bent = curvature(f, np.zeros(9, dtype=int), law, np.arange(3))
     assert bent.shape == (3, 2, 2)
     assert not bent.any()
+
+
+def test_moved_is_the_matrix_of_the_moved_rows():
+    rows = np.random.default_rng(0).standard_normal((30, 4))
+    delta = np.array([0.3, -0.1, 0.2])
+    after = rows.copy()
+    after[:, -1] -= rows[:, :-1] @ delta
+    np.testing.assert_allclose(moved(rows.T @ rows, delta), after.T @ after)
+
+
+def test_the_state_keeps_signs_as_they_are():
+    state, rng = initial_past(READING), np.random.default_rng(0)
+    signs = Signs(
+        rng.standard_normal(5), np.array([1.0, -1, 1, 1, -1]), np.ones(5), rng.standard_normal((5, 3)),
+        rng.standard_normal((5, 3, 3)), rng.standard_normal((5, 3)), rng.standard_normal((5, 2, 10)),
+        np.arange(10).reshape(5, 2),
+    )  # fmt: skip
+    for a, b in zip(signs, unpacked(stored(flattened(signs), signs.at, state), READING), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_only_a_law_that_jumps_behind_an_unknown_block_has_signs_in_doubt():
+    assert has_posterior(READING)
+    assert not has_posterior(replace(READING, memory=0))
+    assert not has_posterior(replace(READING, codes=np.zeros(3, dtype=int)))
+    assert not has_posterior(replace(READING, dims=np.array([1, 0, 2, 2, 3])))

@@ -45,7 +45,7 @@ def test_the_same_numbers_from_the_same_seed(problem):
 
 
 def test_a_rough_mean_says_where_to_linearise(problem):
-    """Over 20 draws it is off by less than what ends the rough rounds (`posterior.NEAR`)."""
+    """Over 20 draws it is off by less than what ends the rough rounds (`multistart.NEAR`)."""
     start = frozen(problem.matrix, problem.theta, N)
     exact = sample(problem, start, np.random.default_rng(99))
     sd = np.sqrt(np.diag(exact.covariance))
@@ -75,10 +75,10 @@ n = TRUTH.size
 
 @pytest.fixture(scope="module")
 def problem(record):
-    rows = linearised(record, TRUTH)
+    page = linearised(record, TRUTH)
     chosen = np.arange(N - 2)
-    signs = listed(rows, record, chosen)
-    return posed(rows.psi.T @ rows.psi, TRUTH, DIMS, N, signs)
+    signs = listed(page, record, chosen)
+    return posed(page.rows.T @ page.rows, TRUTH, DIMS, N, signs)
 
 
 def curvature(record):
@@ -109,7 +109,7 @@ def test_turned_signs_give_the_squared_errors_of_the_parameters_moved(problem, r
         if (sign == frozen_sign).all() or (sign != np.sign(moved.motion[:, 1])).any():
             continue  # nothing turns, or dx is bent further than its curvature says
         z = np.append(-delta, 1.0)
-        true = moved.psi[:, -1] @ moved.psi[:, -1]
+        true = moved.rows[:, -1] @ moved.rows[:, -1]
         assert abs(z @ matrix @ z - true) < 0.2 * abs(z @ problem.matrix @ z - true)
         compared += 1
     assert compared >= 5
@@ -118,12 +118,12 @@ def test_turned_signs_give_the_squared_errors_of_the_parameters_moved(problem, r
 def test_turned_signs_give_the_rows_that_they_enter(problem, record):
     """All derivatives of them, written out over the record: v(t) passes through 1 + c_2 / q, from rest at a restart."""
     delta = np.array([0.3, 0.02, -0.03])
-    rows = linearised(record, TRUTH)
-    dx = rows.motion[:, 1] + (rows.gradient + 0.5 * curvature(record) @ delta) @ delta
-    jump = np.sign(dx) - np.sign(rows.motion[:, 1])
+    page = linearised(record, TRUTH)
+    dx = page.motion[:, 1] + (page.gradient + 0.5 * curvature(record) @ delta) @ delta
+    jump = np.sign(dx) - np.sign(page.motion[:, 1])
     jump[N - 2 :] = 0.0  # not among the signs of the problem
     assert np.count_nonzero(jump) > 10
-    (coulomb, c2), psi = TRUTH[[4, 6]], rows.psi.copy()
+    (coulomb, c2), psi = TRUTH[[4, 6]], page.rows.copy()
     for begin, end in ((0, 140), (140, N)):
         lag1, lag2 = (np.append(np.zeros(k), jump[begin:end])[: end - begin] for k in (1, 2))
         psi[begin:end, 4] += lag1 + c2 * lag2

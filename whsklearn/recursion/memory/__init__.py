@@ -6,8 +6,7 @@ number of passes over the memory per row, and ends in the minimum that a batch f
 
 Mathematics, each a state in and a state out: `gauss_newton` (squared errors of the samples in memory, and one
 model to their minimum), `starts` (where models begin), `refit` (which models continue),
-`linearised`, `sign_posterior` and `posterior` (the posterior of the parameters, including the signs of
-dx that are in doubt).
+`linearised` and `sign_posterior` (the posterior of the parameters, including the signs of dx that are in doubt).
 
 Scheduling: only `schedule` decides when a re-run begins, how much of it each row may do, and when its result takes
 over.  Work that takes longer than a row is a generator there, and nowhere else: it calls the mathematics piece by piece

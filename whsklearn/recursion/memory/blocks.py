@@ -24,15 +24,10 @@ def increment_rms(theta: Array, dims: Integers, u: Array, restart: Bools) -> flo
 
 
 def first_block(theta: Array, dims: Integers, u: Array, restart: Bools, spread: Array) -> tuple[Array, float]:
-    """x, dx = x(t) - x(t-1), and |E sign(dx)| if (a, b) has the covariance ``spread``; and the size of dx.
+    """x, dx = x(t) - x(t-1), and |E sign(dx)| if (a, b) has a covariance; and the root mean square of dx.
 
-    ``theta`` (n,): natural parameters, of which only (a, b) is used.
-    ``dims`` is (5,).
-    ``u`` is (n, n_inputs).
-    ``restart`` (n,): where an experiment begins; its past is unknown.
-    ``spread`` is (n_1, n_1) or (0, 0).
-    Returns ``signals`` (3, n), or (2, n) without a covariance.
-    Returns ``increment_rms``: root mean square of dx.
+    Of the natural parameters ``theta`` only (a, b) is used. ``restart`` (n,): where an experiment begins; its past is
+    unknown. ``spread`` is (n_1, n_1), or (0, 0) if there is no covariance; then the signals are (2, n), else (3, n).
     """
     na, nb, n1 = int(dims[0]), int(dims[1]), len(spread)
     signals = np.empty((3 if n1 else 2, len(u)))

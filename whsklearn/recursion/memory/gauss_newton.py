@@ -73,16 +73,11 @@ class Work(NamedTuple):
     trial_state: Array  # (n_state,)
 
 
-def new_work(dims: Integers, n_inputs: int) -> Work:
-    """Work that has not started and has no budget."""
-    return work_on(new_segment(dims, n_inputs), dims)
-
-
-def work_on(segment: Segment, dims: Integers) -> Work:
-    """`new_work`, given the segment."""
+def new_work(dims: Integers, n_inputs: int, segment: Segment | None = None) -> Work:
+    """Work that has not started and has no budget; a row that cannot wait has its ``segment`` made before."""
     n = int(parameter_count(dims))
     slopes = np.zeros(n), np.zeros(n), np.zeros(n)
-    end = np.zeros(int(state_size(dims)))
+    end, segment = np.zeros(int(state_size(dims))), segment or new_segment(dims, n_inputs)
     return Work(np.zeros(SIZE), segment, np.zeros((3, LENGTH)), *slopes, np.zeros((n, n)), end)
 
 

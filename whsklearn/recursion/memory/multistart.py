@@ -19,8 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.recursion.memory.gauss_newton import new_work
-from whsklearn.recursion.memory.linearised import CAPACITY
-from whsklearn.recursion.memory.posterior import initial_past, linearisation
+from whsklearn.recursion.memory.linearised import CAPACITY, initial_past, linearisation
 from whsklearn.recursion.memory.refit import LIVE, left_of, left_of_prior, number_of
 from whsklearn.recursion.memory.schedule import BackgroundRefit, in_one, joined, refit_now, schedule, under_way
 from whsklearn.recursion.memory.settings import Settings, State

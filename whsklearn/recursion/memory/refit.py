@@ -10,12 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from whsklearn._numba import njit
-from whsklearn.effects.base import Array, Bools
-from whsklearn.recursion.memory.blocks import increment_rms
+from whsklearn.effects.base import Array
 from whsklearn.recursion.memory.gauss_newton import HUGE, Memory
 from whsklearn.recursion.memory.settings import Settings, State
 from whsklearn.recursion.rows.covariance import factors_of_inverse
-from whsklearn.recursion.rows.predictor import LEAST_MOTION
 
 LADDER = (1.0, 2.0, 4.0, 8.0, 20.0, 50.0, 100.0, 200.0, 400.0)
 ITERATIONS = 8
@@ -25,7 +23,9 @@ LEAST = 1e-9
 FEWEST = 40.0  # or to what P was when only this many samples were known
 SLACK = 1.01  # factor on the error: on a staircase a better estimate may be one step higher
 INFERENCE = 20.0  # sharpness at which P is evaluated: the intervals have their coverage there (benchmarks/accuracy.py)
-LONG_INFERENCE = 150.0  # the same for a full memory; sharper costs coverage of L1, blunter costs accuracy
+# The same for a full memory; sharper costs coverage of L1, blunter costs accuracy.  There the information is taken with
+# the error of the true sign and the slope of a smooth one (a negative sharpness).
+LONG_INFERENCE = 150.0
 LIVE = 2  # models updated at every sample; the others wait for the next re-run, which starts from their parameters
 KEPT_SHARE = 0.62  # share of the starts that continue after the first re-run; fewer at each later one
 FRESH_IN_STREAM = 2  # initial starts per fresh start, at each re-run in the background
@@ -105,11 +105,6 @@ def _multiply_back(left):
 def number_of(left: Array, weight: Array) -> float:
     """Number of samples, after forgetting and whatever their own ``weight``, unless that is zero."""
     return float(left[weight > 0.0].sum())
-
-
-def inference_sharpness(theta: Array, r: Settings, u: Array, restart: Bools) -> float:
-    """Sharpness at which the information of a long record is taken: error of the true sign, slope of a smooth one."""
-    return -LONG_INFERENCE / max(float(increment_rms(theta, r.dims, u, restart)), LEAST_MOTION)
 
 
 def left_of_prior(state: State, fill: int) -> float:

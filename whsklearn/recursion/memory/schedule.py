@@ -35,24 +35,26 @@ from whsklearn.recursion.memory.gauss_newton import (
     Work,
     new_work,
     refine_part,
-    work_on,
 )
 from whsklearn.recursion.memory.linearised import (
     Linearisation,
     Signs,
     curvature,
-    entries,
-    experiments,
     filtered,
-    heights,
+    flattened,
+    has_posterior,
+    linearisation,
+    stored,
+    unpacked,
+    with_past,
 )
-from whsklearn.recursion.memory.posterior import flattened, has_posterior, linearisation, stored, unpacked, with_past
 from whsklearn.recursion.memory.predictor_block import new_segment
 from whsklearn.recursion.memory.settings import Settings, State
 from whsklearn.recursion.memory.sign_posterior import Gaussian, frozen
 from whsklearn.recursion.memory.starts import (
     N_SIZES,
     exchanged,
+    least_squares_start,
     random_start,
     regressors,
     scales_from,
@@ -182,7 +184,7 @@ class MultistartSearch:
         self._y = state["memory_y"][h : h + size]
         self.given = {name: state[name] for name in ("origin", "prior_theta", "prior_information")}
 
-    def prepare(self) -> Generator[None, None, None]:
+    def _prepare(self) -> Generator[None, None, None]:
         """Compute what needs the whole memory once: the weights and their sum, the prior's weight, and any motion.
 
         Everything after this is done in small pieces too.  Code that runs once per page is no longer cached, and
@@ -204,6 +206,8 @@ class MultistartSearch:
 
         There is no search on an axis at rest.
         """
+        yield from self._prepare()
+        yield
         if not self.moved:
             return []
         r, work = self.settings, self.work
@@ -267,8 +271,8 @@ class MultistartSearch:
         u, restart = self.state["memory_u"][h : h + self.size], self.state["memory_restart"][: self.size]
         found = []
         for start in exchanged(best.theta, tuple(self.settings.dims.tolist())):
-            rows = regressors(start, law, u, self._y, restart)
-            found.append((yield from self.refine(0, with_solution(start, law, solved(rows, self._y), rows), climb)))
+            theta = least_squares_start(start, law, regressors(start, law, u, self._y, restart), self._y)
+            found.append((yield from self.refine(0, theta, climb)))
         return [c for c in found if c is not None and refit.SLACK * c.cost < best.cost]
 
     def _drawn(
@@ -317,12 +321,16 @@ class MultistartSearch:
         if best is None:
             return None
         yield
-        moves = max(increment_rms(best.theta, r.dims, *self.latest), LEAST_MOTION)
+        moves = self.moves(best.theta)
         if state["blocks"] or self.size >= r.memory:
             return (yield from self._with_true_sign(best, (memory, prior), moves))
         end = np.empty(state["before"].shape[1])
         yield from self._run(best.theta.copy(), (memory, prior), refit.INFERENCE / moves, 0, best.information, end)
         return best
+
+    def moves(self, theta: Array) -> float:
+        """Root mean square of dx, to which every sharpness is relative."""
+        return max(increment_rms(theta, self.settings.dims, *self.latest), LEAST_MOTION)
 
     def _climbed(self, parent: int, theta: Array, record: tuple[Memory, Prior], steps: list[float]) -> Steps:
         """Sharpen ``theta``, in place, rung by rung; the result is the rung with the least error under the true sign.
@@ -334,7 +342,7 @@ class MultistartSearch:
         for relative in steps:
             if work.at[SPENT] >= self.limit:
                 break
-            kappa = relative / max(increment_rms(theta, r.dims, *self.latest), LEAST_MOTION)
+            kappa = relative / self.moves(theta)
             work.at[BUDGET] -= COST_OF_RUNG if self._is_hurried else COST_OF_RARE_RUNG
             information, before = np.zeros((r.size, r.size)), np.zeros(self.state["before"].shape[1])
             yield from self._run(theta, record, kappa, self.iterations, information, before)
@@ -396,7 +404,6 @@ def refit_now(state: State, r: Settings) -> None:
     work.at[BUDGET] = UNBOUNDED
     search = MultistartSearch(state, r, state["fill"], work)
     search.is_last = True
-    in_one(search.prepare())
     chosen = in_one(search.run(state["theta"]))
     if chosen:
         parents = [c.parent for c in chosen]
@@ -432,7 +439,7 @@ def joined(
     yield
     old = old.shifted(page.theta - state["past_theta"])
     yield
-    old = old.met(page.rows.psi, record.restart[: record.fill], first)
+    old = old.met(page.rows, record.restart[: record.fill], first)
     yield
     about = about or frozen(matrix, page.theta, count)
     yield
@@ -446,15 +453,15 @@ def joined(
     yield
     old = old.take(kept)
     yield
-    experiment = experiments(record)
+    experiment = np.cumsum(record.restart[: record.fill], dtype=np.int64)
     yield
-    f = filtered(page.rows.gradient, record.restart, law, page.theta)
+    f = filtered(page.gradient, record.restart, law, page.theta)
     yield
     bent = curvature(f, experiment, law, chosen)
     yield
-    height = heights(page.rows, chosen, law)
+    height = page.heights(chosen)
     yield
-    new = entries(page.rows, experiment, chosen, record.weights, first, (bent, height), int(law[0][2]))
+    new = page.entries(chosen, experiment, bent, height, first)
     yield
     return matrix, old.joined(new), count
 
@@ -547,7 +554,7 @@ class BackgroundRefit:
         yield  # the row that ends a page already has to wait for the new arrays
         segment = new_segment(r.dims, r.n_inputs)
         yield
-        self._work = work_on(segment, r.dims)
+        self._work = new_work(r.dims, r.n_inputs, segment)
         self._begun = True
         yield
         limit = np.inf
@@ -555,9 +562,6 @@ class BackgroundRefit:
             rows = (self.end - size) * (1.0 - 1.0 / NOTED) - PIECES
             limit = (FILLING - refit.LIVE * COST_OF_WINDOW) * rows - RESERVED * size
         search = MultistartSearch(state, r, size, self._work, limit)
-        yield
-        yield from search.prepare()
-        self._left = search.kept
         yield
         thetas, self._parents = state["page_theta"], list(range(len(state["page_theta"])))
         chosen = yield from search.run(thetas)
@@ -574,7 +578,7 @@ class BackgroundRefit:
             yield
         yield from self._begin_catching_up(thetas)
         yield
-        yield from self._gather(search.given)
+        yield from self._gather(search)
         if self._next_memory:
             yield from self._next_memory.make_room()
             self._next_memory.go_on()
@@ -585,7 +589,7 @@ class BackgroundRefit:
         nothing = np.zeros((r.size, r.size))
         for theta, parent in zip(thetas, self._parents, strict=True):
             information, end = np.zeros((r.size, r.size)), np.zeros(state["before"].shape[1])
-            kappa = refit.inference_sharpness(theta, r, *search.latest)
+            kappa = -refit.LONG_INFERENCE / search.moves(theta)
             self._work.at[AT] = self._work.at[PHASE] = 0
             memory = refit.memory_of(state, r, m, search.weights, state["origin"][parent], tail=1)
             yield
@@ -614,15 +618,15 @@ class BackgroundRefit:
             self._others |= {"past_matrix": matrix, "past_theta": page.theta.copy(), "past_count": np.array([count])}
             self._others["past_origin"] = page.end.copy()
 
-    def _gather(self, given: dict[str, Array]) -> Iterator[None]:
+    def _gather(self, search: MultistartSearch) -> Iterator[None]:
         """Collect the information that the surviving models receive, and add that of the page."""
-        for name, value in given.items():
+        for name, value in search.given.items():
             self._others[name] = value[self._parents].copy()
             yield
         for i, (information, end) in enumerate(self._ends):
             if information.any():  # a page at rest holds no information, and nothing is forgotten in it
                 prior = self._others["prior_information"]
-                prior[i] = information + self._left * prior[i]
+                prior[i] = information + search.kept * prior[i]
                 self._others["prior_theta"][i] = self._page_theta[i]
             self._others["origin"][i] = end
             yield

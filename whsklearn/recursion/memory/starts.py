@@ -68,11 +68,7 @@ def exchanged(theta: Array, dims: tuple[int, ...]) -> list[Array]:
     """theta with zeros of L1 and L2 exchanged, with poles exchanged, and with both exchanged.
 
     The best linear approximation of a chain has the poles of both blocks, so a search easily ends where one block has
-    those of the other.
-
-    ``theta`` (n_parameters,): a_2 ..., b_1 ..., weights of the law, c_2 ..., d_1 ...
-    ``dims``: n_a, n_b, n_c, n_d and the number of the law's terms.
-    Returns the new starts, without ``theta`` itself; the weights of the law are unchanged.
+    those of the other.  ``theta`` itself is not among the starts; the weights of the law are unchanged.
     """
     na, nb, nc, nd, nw = dims
     first = slice(0, na - 1), slice(na - 1, na - 1 + nb)
