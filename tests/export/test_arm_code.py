@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import dataclasses
 import subprocess
 
 import numpy as np
@@ -46,3 +47,14 @@ def test_the_c_code_asks_for_the_drives_of_the_arm(seed, real, compiler, tmp_pat
     asked[:, 2] += 0.2
     asked[:, 2] += 0.1 * np.abs(asked[:, 2]) * np.sign(v[:, 2])
     np.testing.assert_allclose(torque, asked, atol=(1e-9 if real == "double" else 1e-4) * np.abs(asked).max())
+
+
+@pytest.mark.parametrize("to", ["c", "mjcf"])
+def test_what_a_slide_loses_is_told_in_newtons_and_its_phase_in_radians(to, tmp_path):
+    arm = dataclasses.replace(drawn_arm(2, 0), slides=np.array([True, False]))
+    effects = {arm.joints[0]: (DisturbanceTone(0.1, 5.0, 0.3), Cogging(0.2, 5.5, 0.4))}
+    losses = {
+        x.name.partition("'s ")[2]: x.size for x in export_model(arm.with_effects(effects), to=to, out=tmp_path).losses
+    }
+    assert losses["disturbance_tone"] == "amplitude 0.1 N, frequency 5 Hz, phase 0.3 rad"
+    assert losses.get("cogging", "phase 0.4 rad").endswith("phase 0.4 rad")

@@ -37,9 +37,9 @@ def test_parts_are_lost_where_the_format_lacks_them():
     axis = ServoAxis(
         drive=Drive(delay=0.002, limit=5.0), transmission=Transmission(stiffness=100.0), sensor=Sensor(noise=1e-4)
     )
-    names = {x.name for x in lost_parts(axis, timing=False, transmission=False, limit=False)}
+    names = {x.name for x in lost_parts(axis)}
     assert names == {"drive delay", "drive limit", "transmission", "sensor noise"}
-    assert {x.name for x in lost_parts(axis, timing=True, transmission=True, limit=True)} == {"sensor noise"}
+    assert {x.name for x in lost_parts(axis, moving=True, limit=True)} == {"sensor noise"}
 
 
 def test_an_axis_stays_one_and_a_chain_is_not_taken_for_it():
@@ -55,7 +55,7 @@ def test_the_blocks_of_a_chain_answer_a_sample_late_and_lose_no_effect():
     out = as_exported(system)
     np.testing.assert_array_equal(out.chain.b1, [0.0, 1.0, 2.2])
     np.testing.assert_array_equal(out.chain.f2, [1.0, 0.15, 0.4])
-    assert [e.name for e in out.chain_effects] == ["quadratic_drag"]
+    assert [e.name for e in out.chain.effects] == ["quadratic_drag"]
 
 
 def test_a_file_is_what_was_saved_and_a_position_is_integrated(tmp_path):

@@ -8,6 +8,7 @@ instead of numbers, with known geometry and links, so that zeros and constants a
 from __future__ import annotations
 
 import math
+from functools import partialmethod
 from types import FunctionType, SimpleNamespace
 from typing import Any
 
@@ -19,7 +20,7 @@ from whsklearn.effects import codes
 from whsklearn.export.axis_code import Fragment, arranged_law, compensated, static_torque
 from whsklearn.export.code import render
 from whsklearn.export.languages import C, Symbol
-from whsklearn.export.model import Loss, losses_of
+from whsklearn.export.model import Loss, losses_of, of_joint
 from whsklearn.export.specialise import Specialiser
 from whsklearn.systems import _arm_kernels as kernels
 from whsklearn.systems._servo_kernel import plant_of
@@ -43,28 +44,18 @@ class Traced:
     def __init__(self, work: Specialiser, value: Any):
         self.work, self.value = work, value
 
-    def _with(self, op: str, a: Any, b: Any) -> Any:
-        pair = (x.value if isinstance(x, Traced) else float(x) for x in (a, b))
+    def _with(self, op: str, other: Any, *, first: bool = True) -> Any:
+        number = other.value if isinstance(other, Traced) else float(other)
+        pair = (self.value, number) if first else (number, self.value)
         value = self.work.bind("x", self.work.binary(op, *pair))
         return Traced(self.work, value) if isinstance(value, Symbol) else value
 
-    def __add__(self, other: Any) -> Any:
-        return self._with("Add", self, other)
-
-    def __radd__(self, other: Any) -> Any:
-        return self._with("Add", other, self)
-
-    def __sub__(self, other: Any) -> Any:
-        return self._with("Sub", self, other)
-
-    def __rsub__(self, other: Any) -> Any:
-        return self._with("Sub", other, self)
-
-    def __mul__(self, other: Any) -> Any:
-        return self._with("Mult", self, other)
-
-    def __rmul__(self, other: Any) -> Any:
-        return self._with("Mult", other, self)
+    __add__ = partialmethod(_with, "Add")
+    __radd__ = partialmethod(_with, "Add", first=False)
+    __sub__ = partialmethod(_with, "Sub")
+    __rsub__ = partialmethod(_with, "Sub", first=False)
+    __mul__ = partialmethod(_with, "Mult")
+    __rmul__ = partialmethod(_with, "Mult", first=False)
 
     def wave(self, name: str) -> Traced:
         """Its sine or cosine."""
@@ -146,11 +137,12 @@ def c_of_arm(arm: Arm, name: str, real: str = "double") -> tuple[dict[str, str],
 
 def arm_losses(arm: Arm) -> list[Loss]:
     """Effects that its code cannot represent."""
-    losses = []
+    losses: list[Loss] = []
+    slides = dict(zip(arm.joints, arm.slides, strict=True))
     for joint, acting in {**dict(zip(arm.joints, arm.effects, strict=True)), **arm.sums}.items():
         held = (codes.LOAD_FRICTION, codes.INPUT_OFFSET)
         out = [e for e in acting if e.magnitude != e.neutral and not _static(e) and e.code not in held]
-        losses += [Loss(f"{joint}'s {x.name}", x.size, x.reason) for x in losses_of(out, _UNKNOWN)]
+        losses += of_joint(joint, losses_of(out, _UNKNOWN), bool(slides.get(joint)))
     return losses
 
 

@@ -34,48 +34,43 @@ WAVE = 3  # numbers stored per wave: the argument, its cosine and its sine
 
 @dataclass
 class Fragment:
-    """Statements, their variables and the expression of the result.
+    """Statements, the kinds of their variables, the expression of the result, and lengths of what is kept by name.
 
-    >>> twice = Fragment(["x = 2.0 * u;"], {"x": "double"}, "x + 1.0")
-    >>> twice.result
-    'x + 1.0'
+    >>> Fragment(["x = 2.0 * t;"], {"x": "real"}, "x + 1.0").timed
+    True
     """
 
     lines: list[str]
     variables: dict[str, str]
     result: str = ""
+    states: dict[str, int] = field(default_factory=dict)
+
+    @property
+    def timed(self) -> bool:
+        """Whether the time ``t`` is in it."""
+        return any(re.search(r"\bt\b", line) for line in [*self.lines, self.result])
 
 
-@dataclass
-class AxisCode:
-    """The input of a template for an axis.
+class AxisCode(NamedTuple):
+    """What a template shows of an axis.
 
     >>> from whsklearn import ServoAxis
     >>> from whsklearn.export.languages import C
     >>> code = axis_code(ServoAxis(0.05, law="viscous", sample_rate=500.0), C())
-    >>> code.dt, code.substeps, code.history, code.lags
-    (0.002, 20, 1, False)
+    >>> code.dt, code.substeps, code.history, code.states
+    (0.002, 20, 1, {'position': 0, 'velocity': 0})
     """
 
-    # reading, substep: the measured position as a function of the state; one fine step under the drive ``u`` at the
-    # time ``t``
-    reading: Fragment
-    substep: Fragment
-    states: dict[str, int]  # names and lengths of the variables kept between samples
+    reading: Fragment  # the measured position
+    substep: Fragment  # one fine step under the drive ``u`` at the time ``t``
+    states: dict[str, int]
     dt: float
     substeps: int
-    # older, newer, share: for each fine step, the past samples that act (0 is the newest), and the share of the older
-    # one
+    history: int  # past samples that act
+    # for each fine step, the two samples that act (0 is the newest), and the share of the older one
     older: list[int]
     newer: list[int]
     share: list[float]
-    lags: bool
-    timed_reading: bool
-    timed_substep: bool
-    history: int = field(init=False)
-
-    def __post_init__(self) -> None:
-        self.history = max(self.older) + 1
 
 
 class Law(NamedTuple):
@@ -159,17 +154,8 @@ def axis_code(
         states["lag"] = 2
     if work.waves:
         states["wave"] = WAVE * len(work.waves)
-    reading = Fragment(*seeing.finish(y), seeing.text(y))
-    substep = Fragment(*work.finish())
-    return AxisCode(
-        reading, substep, states, dt, axis.substeps,
-        older, newer, share, chain.lag > 0.0 or chain.second_lag > 0.0, _timed(reading), _timed(substep),
-    )  # fmt: skip
-
-
-def _timed(part: Fragment) -> bool:
-    """Whether the time ``t`` is in it."""
-    return any(re.search(r"\bt\b", line) for line in [*part.lines, part.result])
+    reading, substep = Fragment(*seeing.finish(y), seeing.text(y)), Fragment(*work.finish())
+    return AxisCode(reading, substep, states, dt, axis.substeps, max(older) + 1, older, newer, share)
 
 
 def arranged_law(rows: Any, p: Any, effects: Iterable[Effect]) -> Law:

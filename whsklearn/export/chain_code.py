@@ -62,21 +62,6 @@ class CodedChain:
         return numerator, denominator
 
 
-@dataclass
-class ChainCode:
-    """One sample as statements, and the variables kept between samples.
-
-    >>> from whsklearn.export.languages import C
-    >>> late = np.array([0.0, 1.0])
-    >>> code = chain_code(CodedChain(0.5 * late, np.array([1.0, -0.5]), None, late, np.ones(1), dt=0.01), C())
-    >>> code.states, code.step.lines[1]
-    ({'first': 1, 'second': 1}, 's->first[0] = (0.5 * drive) - ((-0.5) * m_0);')
-    """
-
-    step: Fragment
-    states: dict[str, int]
-
-
 def _filtered(b, f, z, n, u):  # type: ignore[no-untyped-def]
     """One sample of b/f in the transposed direct form II, as in scipy.signal.lfilter."""
     if n == 0:
@@ -154,8 +139,15 @@ def _ahead(f, z, n, first, x):  # type: ignore[no-untyped-def]
     return (z[1] if n > 1 else 0.0) - f[1] * first + x - first
 
 
-def chain_code(chain: CodedChain, language: Language, *, drive: str = "drive", out: float = 1.0) -> ChainCode:
-    """Specialise a chain to its numbers; ``out`` as for `axis_code`, ``drive`` the input's variable."""
+def chain_code(chain: CodedChain, language: Language, *, drive: str = "drive", out: float = 1.0) -> Fragment:
+    """One sample of a chain, specialised to its numbers; ``out`` as for `axis_code`, ``drive`` the input's variable.
+
+    >>> from whsklearn.export.languages import C
+    >>> late = np.array([0.0, 1.0])
+    >>> code = chain_code(CodedChain(0.5 * late, np.array([1.0, -0.5]), None, late, np.ones(1), dt=0.01), C())
+    >>> code.states, code.lines[1]
+    ({'first': 1, 'second': 1}, 's->first[0] = (0.5 * drive) - ((-0.5) * m_0);')
+    """
     work, state = Specialiser(language), language.state
     states: dict[str, int] = {}
 
@@ -185,4 +177,4 @@ def chain_code(chain: CodedChain, language: Language, *, drive: str = "drive", o
         work.store(state("total"), total)
         y = work.binary("Mult", total, chain.dt)
     y = work.bind("y", work.binary("Mult", y, 1.0 / out))
-    return ChainCode(Fragment(*work.finish(y), work.text(y)), states)
+    return Fragment(*work.finish(y), work.text(y), states)

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import jinja2
@@ -13,8 +11,8 @@ from whsklearn import __version__
 from whsklearn.export.axis_code import WAVE, axis_code, compensated, torque_code
 from whsklearn.export.chain_code import chain_code
 from whsklearn.export.languages import C, Language, StructuredText
-from whsklearn.export.model import Exported, Loss, left_out, lost_parts, rigid, size_of
-from whsklearn.logs.files import atomic_write
+from whsklearn.export.model import Exported, Loss, left_out, losses_of, lost_parts, rigid
+from whsklearn.logs.units import factor_of
 from whsklearn.systems.chain import FAR
 
 # No drive is larger, and products of four such numbers stay finite in the number format.
@@ -39,10 +37,9 @@ def identifier(text: str) -> str:
 def code_losses(model: Exported, what: str) -> list[Loss]:
     """Parts of a model that its code or compensator cannot represent."""
     if model.axis is None:
-        direct = model.chain is not None and model.chain.direct
         reason = "effects of a chain with a direct path are not exported"
-        return [Loss(e.name, size_of(e), reason) for e in model.chain_effects if direct]
-    out = lost_parts(model.axis, timing=True, transmission=True, limit=True)
+        return losses_of(model.chain.effects, reason) if model.chain is not None and model.chain.direct else []
+    out = lost_parts(model.axis, moving=True, limit=True)
     if what == "compensator":
         out += left_out(model.axis, _steady, _NOT_STEADY)
     return model.told(out)
@@ -54,8 +51,8 @@ def _steady(effect: Any) -> bool:
     return compensated(effect.code) if effect.code >= 0 else effect.port == "torque"
 
 
-def c_files(model: Exported, name: str, what: str = "model", real: str = "double") -> dict[str, str]:
-    """Header and source by file name.
+def c_files(model: Exported, name: str, what: str = "model", real: str = "double") -> tuple[dict[str, str], list[Loss]]:
+    """Header and source by file name, and the losses.
 
     ``name``: prefix of all functions, and name of the files. ``what`` {"model", "compensator"}: the compensator is the
     function NAME_torque alone. ``real`` is {"double", "float"}.
@@ -71,12 +68,13 @@ def c_files(model: Exported, name: str, what: str = "model", real: str = "double
             names["counters"] = ["samples", "newest"]
     elif names["chain"] is not None:
         names["states"] = names["chain"].states
-    return {f"{name}.h": render("model.h.j2", **names), f"{name}.c": render("model.c.j2", **names)}
+    return {f"{name}.{end}": render(f"model.{end}.j2", **names) for end in ("h", "c")}, names["losses"]
 
 
-def st_file(model: Exported, name: str, what: str = "model") -> str:
-    """A function block NAME (or a function NAME_torque) in Structured Text."""
-    return render("model.st.j2", **_shown(model, StructuredText(), name, what, drive="acting"))
+def st_file(model: Exported, name: str, what: str = "model") -> tuple[str, list[Loss]]:
+    """A function block NAME (or a function NAME_torque) in Structured Text, and the losses."""
+    names = _shown(model, StructuredText(), name, what, drive="acting")
+    return render("model.st.j2", **names), names["losses"]
 
 
 def _shown(
@@ -88,27 +86,14 @@ def _shown(
     title = f"{'Compensator' if what == 'compensator' else 'Free run'} of an identified {kind}."
     names |= {"title": title, "losses": code_losses(model, what), "largest": LARGEST_DRIVE[real]}
     if what == "compensator":
-        names["torque"] = torque_code(rigid(model.need_axis("A compensator")), lang, *model.steady_factors)
+        factors = (*model.factors, factor_of(model.position_unit)[0])
+        names["torque"] = torque_code(rigid(model.need_axis("A compensator")), lang, *factors)
     elif model.axis is not None:
         velocity, remember = model.logged == "velocity", isinstance(lang, C)
         names["code"] = axis_code(model.axis, lang, velocity=velocity, remember=remember, out=model.factors[1])
     elif model.chain is not None:
         names["chain"] = chain_code(model.chain, lang, drive=drive, out=model.factors[1])
     return names | _units(model, lang, what)
-
-
-def write_sources(out: Path, files_of: Callable[[str], dict[str, str]]) -> list[Path]:
-    """Write header and source: ``out`` is a folder (files ``model.h`` and ``model.c``) or the path of the source.
-
-    ``files_of``: texts by file name, for a name of the model.
-    """
-    folder, stem = (out.parent, out.stem) if out.suffix in (".c", ".h") else (out, "model")
-    folder.mkdir(parents=True, exist_ok=True)
-    paths = []
-    for file, text in files_of(identifier(stem)).items():
-        atomic_write(folder / file, text.encode())
-        paths.append(folder / file)
-    return paths
 
 
 def _units(model: Exported, lang: Language, what: str) -> dict[str, str]:

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
 from whsklearn.effects.base import ArgumentError
-from whsklearn.export.arm_code import arm_losses, c_of_arm
-from whsklearn.export.code import c_files, code_losses, identifier, st_file, write_sources
+from whsklearn.export.arm_code import c_of_arm
+from whsklearn.export.code import c_files, identifier, st_file
 from whsklearn.export.fmu import write_fmu
 from whsklearn.export.model import Loss, as_exported
-from whsklearn.export.robots import arm_mjcf, arm_urdf, isaac, mjcf, urdf, write_text
+from whsklearn.export.robots import arm_mjcf, arm_urdf, isaac, mjcf, urdf
 from whsklearn.export.tables import Left, Ratings, write_tables
+from whsklearn.logs.files import atomic_write
 from whsklearn.models import ArmModel, load_model
 from whsklearn.systems.arm import Arm
 
@@ -26,7 +28,10 @@ FORMATS = {
     "table": "tables for drives, cogging.csv and friction.csv",
     "fmu": "FMI 2.0 co-simulation with sources, model.fmu",
 }
-_FILES = {"mjcf": "model.xml", "urdf": "model.urdf", "isaac": "actuator.py"}  # in a folder that is given as the path
+# In a folder that is given as the path.
+_FILES = {"mjcf": "model.xml", "urdf": "model.urdf", "isaac": "actuator.py", "st": "model.st"}
+_OF_AXIS: dict[str, Callable[[Any], tuple[str, list[Loss]]]] = {"mjcf": mjcf, "urdf": urdf, "isaac": isaac}
+_OF_ARM: dict[str, Callable[[Any], tuple[str, list[Loss]]]] = {"mjcf": arm_mjcf, "urdf": arm_urdf}
 
 
 @dataclass(frozen=True)
@@ -119,28 +124,34 @@ def export_model(
     if isinstance(model, str | PathLike):
         model = load_model(model)
     if isinstance(model, Arm | ArmModel):
-        return _export_arm(model if isinstance(model, Arm) else model.arm, to, path, real)
+        arm = model if isinstance(model, Arm) else model.arm
+        if to not in ("mjcf", "urdf", "c"):
+            raise ArgumentError(f"An arm of {arm.n_joints} joints is exported to mjcf, urdf or c, not to {to}.")
+        return _texts(arm, to, path, what, real)
     exported = as_exported(model)
     if to == "table":
         return Export(*write_tables(exported, path, ratings or Ratings()))
-    if to == "c":
-        paths = write_sources(path, lambda name: c_files(exported, name, what, real))
-        return Export(paths, code_losses(exported, what))
     if to == "fmu":
         written, losses = write_fmu(exported, path)
         return Export([written], losses)
-    if to == "st":
-        text = st_file(exported, identifier(path.stem if path.suffix else "model"), what)
-        return Export([write_text(text, path, "model.st")], code_losses(exported, what))
-    text, losses = {"mjcf": mjcf, "urdf": urdf, "isaac": isaac}[to](exported)
-    return Export([write_text(text, path, _FILES[to])], losses)
+    return _texts(exported, to, path, what, real)
 
 
-def _export_arm(arm: Arm, to: str, path: Path, real: str) -> Export:
-    """Export an arm, in the formats for several joints; its C code is its inverse dynamics."""
+def _texts(model: Any, to: str, path: Path, what: str, real: str) -> Export:
+    """Write an arm or an `Exported` in a format of text; ``path`` is a folder or the file, of C the source."""
+    of_arm = isinstance(model, Arm)
     if to == "c":
-        return Export(write_sources(path, lambda name: c_of_arm(arm, name, real)[0]), arm_losses(arm))
-    if to not in ("mjcf", "urdf"):
-        raise ArgumentError(f"An arm of {arm.n_joints} joints is exported to mjcf, urdf or c, not to {to}.")
-    text, losses = (arm_mjcf if to == "mjcf" else arm_urdf)(arm)
-    return Export([write_text(text, path, _FILES[to])], losses)
+        folder, stem = (path.parent, path.stem) if path.suffix in (".c", ".h") else (path, "model")
+        name = identifier(stem)
+        files, losses = c_of_arm(model, name, real) if of_arm else c_files(model, name, what, real)
+    else:
+        folder, file = (path.parent, path.name) if path.suffix else (path, _FILES[to])
+        if to == "st":
+            text, losses = st_file(model, identifier(Path(file).stem), what)
+        else:
+            text, losses = (_OF_ARM if of_arm else _OF_AXIS)[to](model)
+        files = {file: text}
+    folder.mkdir(parents=True, exist_ok=True)
+    for file, text in files.items():
+        atomic_write(folder / file, text.encode())
+    return Export([folder / file for file in files], losses)

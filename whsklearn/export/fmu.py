@@ -11,7 +11,7 @@ import uuid
 import zipfile
 from pathlib import Path
 
-from whsklearn.export.code import c_files, code_losses, identifier, render
+from whsklearn.export.code import c_files, identifier, render
 from whsklearn.export.model import Exported, Loss
 from whsklearn.logs.files import atomic_write
 from whsklearn.logs.units import factor_of
@@ -49,8 +49,7 @@ def write_fmu(model: Exported, out: Path) -> tuple[Path, list[Loss]]:
     path = out if out.suffix == ".fmu" else out / "model.fmu"
     path.parent.mkdir(parents=True, exist_ok=True)
     name = identifier(path.stem)
-    files = c_files(model, "model")
-    losses = code_losses(model, "model")
+    files, losses = c_files(model, "model")
     dt = 1.0 / model.axis.sample_rate if model.axis is not None else (model.chain.dt if model.chain else 1.0)
     reading = ""
     if model.axis is not None:
@@ -59,13 +58,13 @@ def write_fmu(model: Exported, out: Path) -> tuple[Path, list[Loss]]:
     guid = "{" + str(uuid.uuid5(uuid.NAMESPACE_OID, "".join(files.values()))) + "}"  # same model, same file
     names = {"name": name, "guid": guid, "dt": repr(dt), "units": model.units, "losses": losses, "reading": reading}
     names["defined"] = unit_definitions(model.units)
-    source = render("fmi2.c.j2", **names)
+    sources = {**files, "fmi2.c": render("fmi2.c.j2", **names)}
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("modelDescription.xml", render("modelDescription.xml.j2", **names))
-        for file, text in {**files, "fmi2.c": source}.items():
+        for file, text in sources.items():
             archive.writestr(f"sources/{file}", text)
-        binary = _binary({**files, "fmi2.c": source})
+        binary = _binary(sources)
         if binary is not None:
             archive.writestr(f"binaries/linux64/{name}.so", binary)
         else:

@@ -75,7 +75,7 @@ def _transfer(model: Exported) -> tuple[Any, Any, float, list[Loss]]:
         terms = model.chain.law.terms if model.chain.law else ()
         bent = [t for t in terms if t.name not in ("power", "viscous") or t.shape.get("degree", 1.0) != 1.0]
         losses = [Loss(t.name, size_of(t), "it is not linear") for t in bent]
-        losses += [Loss(e.name, size_of(e), "a transfer function holds no effects") for e in model.chain_effects]
+        losses += [Loss(e.name, size_of(e), "a transfer function holds no effects") for e in model.chain.effects]
         if model.chain.offset:
             losses.append(Loss("offset", f"{model.chain.offset:.6g}", "it is not linear"))
         numerator, denominator = model.chain.linear()
@@ -90,7 +90,7 @@ def _transfer(model: Exported) -> tuple[Any, Any, float, list[Loss]]:
     axis, losses = with_held_law(model.need_axis("A linear system"))
     effects = parts_of(rigid(axis))
     losses += left_out(axis, lambda e: e.name in _LINEAR, "it is not linear")
-    losses += lost_parts(axis, timing=False, transmission=False, limit=False)
+    losses += lost_parts(axis)
     springs = [e for e in effects if e.name == "cable_spring" and e.shape["centre"]]
     losses += [Loss(e.name, f"centre {e.shape['centre']:.6g} rad", "held with its centre at zero") for e in springs]
     dt = 1.0 / axis.sample_rate

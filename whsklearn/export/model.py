@@ -8,7 +8,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -129,7 +129,7 @@ def left_out(axis: ServoAxis, held: Callable[[Effect], bool], reason: str) -> li
     return losses_of([e for e in parts_of(axis) if not held(e)], reason)
 
 
-def losses_of(lost: list[Effect], reason: str) -> list[Loss]:
+def losses_of(lost: Sequence[Effect], reason: str) -> list[Loss]:
     """A loss for each effect, with a single one for a learned torque."""
     hills = [e for e in lost if isinstance(e, LearnedTorque)]
     out = [Loss(e.name, size_of(e), reason) for e in lost if not isinstance(e, LearnedTorque)]
@@ -140,20 +140,36 @@ def losses_of(lost: list[Effect], reason: str) -> list[Loss]:
     return out
 
 
-def lost_parts(axis: ServoAxis, *, timing: bool, transmission: bool, limit: bool) -> list[Loss]:
-    """Losses among drive, transmission and sensor; each argument says whether the format represents that part."""
-    out = []
-    if not timing and axis.drive.delay:
-        out.append(Loss("drive delay", f"{axis.drive.delay:.6g} s", "the format has no dead time"))
-    if not timing and axis.drive.lag:
-        out.append(Loss("drive lag", f"{axis.drive.lag:.6g} s", "the format has no actuator dynamics"))
-    if not limit and axis.drive.limit < float("inf"):
-        out.append(Loss("drive limit", f"{axis.drive.limit:.6g} Nm", "the format has no limit"))
-    if not transmission and axis.transmission is not None:
-        t = axis.transmission
-        out.append(
-            Loss("transmission", f"stiffness {t.stiffness:.6g} Nm/rad, gap {t.gap:.6g} rad", "the format has one mass")
-        )
+def in_symbols(losses: Iterable[Loss], drive: str, motion: str) -> list[Loss]:
+    """Losses in Nm and rad, in other symbols; a phase is always an angle."""
+
+    def spelled(part: str) -> str:
+        return part if part.startswith("phase") else respelled(part, {"Nm": drive, "rad": motion})[1]
+
+    return [dataclasses.replace(x, size=", ".join(map(spelled, x.size.split(", ")))) for x in losses]
+
+
+def of_joint(name: str, losses: Iterable[Loss], slides: bool) -> list[Loss]:
+    """The losses with the name of their joint, in its units."""
+    here = in_symbols(losses, "N", "m") if slides else losses
+    return [dataclasses.replace(x, name=f"{name}'s {x.name}") for x in here]
+
+
+def lost_parts(axis: ServoAxis, *, moving: bool = False, limit: bool = False) -> list[Loss]:
+    """Losses among drive, transmission and sensor; each argument says whether the format represents that part.
+
+    ``moving``: dead time, lag and transmission.
+    """
+    out, drive, t = [], axis.drive, axis.transmission
+    if not moving and drive.delay:
+        out.append(Loss("drive delay", f"{drive.delay:.6g} s", "the format has no dead time"))
+    if not moving and drive.lag:
+        out.append(Loss("drive lag", f"{drive.lag:.6g} s", "the format has no actuator dynamics"))
+    if not limit and drive.limit < float("inf"):
+        out.append(Loss("drive limit", f"{drive.limit:.6g} Nm", "the format has no limit"))
+    if not moving and t is not None:
+        size = f"stiffness {t.stiffness:.6g} Nm/rad, gap {t.gap:.6g} rad"
+        out.append(Loss("transmission", size, "the format has one mass"))
     if axis.sensor.noise:
         out.append(Loss("sensor noise", f"{axis.sensor.noise:.6g} rad", "the exported model is free of noise"))
     return out
@@ -190,19 +206,9 @@ class Exported:
         """The unit of a position beside the output: of a velocity in rpm, turns."""
         return integral_of(self.units.get("output", ""))[1]
 
-    @property
-    def steady_factors(self) -> tuple[float, float, float]:
-        """Factors that convert the drive, a velocity and a position to SI."""
-        return *self.factors, factor_of(self.position_unit)[0]
-
     def told(self, losses: list[Loss]) -> list[Loss]:
-        """Losses with their sizes, in Nm and rad, in the SI symbols of this model; a phase is always an angle."""
-        own = dict(zip(("Nm", "rad"), self.si, strict=True))
-
-        def spelled(size: str) -> str:
-            return ", ".join(p if p.startswith("phase") else respelled(p, own)[1] for p in size.split(", "))
-
-        return [dataclasses.replace(loss, size=spelled(loss.size)) for loss in losses]
+        """The losses in the SI symbols of this model."""
+        return in_symbols(losses, *self.si)
 
     def foreign(self) -> list[Loss]:
         """Units that a format in Nm or N and rad or m does not support: a current, counts, or an unknown unit."""
@@ -222,11 +228,6 @@ class Exported:
                 )
                 out.append(Loss(f"unit of the {what}", symbol, f"{text} in {symbol} alone; scale them {how}"))
         return out
-
-    @property
-    def chain_effects(self) -> tuple[Effect, ...]:
-        """Effects of a chain."""
-        return self.chain.effects if self.chain is not None else ()
 
     @property
     def linear(self) -> bool:

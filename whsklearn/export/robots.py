@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, NamedTuple
-from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,12 +22,12 @@ from whsklearn.export.model import (
     losses_of,
     lost_parts,
     of_a_whole_order,
+    of_joint,
     parts_of,
     rigid,
     size_of,
     with_held_law,
 )
-from whsklearn.logs.files import atomic_write
 from whsklearn.systems._servo_kernel import body_of, chain_of
 from whsklearn.systems.arm import BETWEEN, Arm, closed
 from whsklearn.systems.arm_files import inertia_matrix
@@ -40,10 +39,10 @@ def urdf(model: Exported) -> tuple[str, list[Loss]]:
     axis, losses = with_held_law(model.need_axis("URDF"))
     held = {"viscous", "coulomb", "saturation", "end_stop", *(() if model.linear else ("gravity_imbalance",))}
     losses += left_out(axis, lambda e: e.name in held, "URDF has damping, friction, a mass and limits only")
-    losses += lost_parts(axis, timing=False, transmission=False, limit=True)
+    losses += lost_parts(axis, limit=True)
     stops = [e for e in parts_of(axis) if isinstance(e, EndStop)]
     losses += [Loss("end_stop", f"stiffness {e.magnitude:.6g} Nm/rad", "held as a rigid limit") for e in stops]
-    kind = ("prismatic" if model.linear else "revolute") if stops else ("prismatic" if model.linear else "continuous")
+    kind = "prismatic" if model.linear else "revolute" if stops else "continuous"
     losses = [*model.foreign(), *model.told(losses)]
     gravity = Mjcf()
     for effect in parts_of(axis):
@@ -67,7 +66,7 @@ def isaac(model: Exported) -> tuple[str, list[Loss]]:
     axis, losses = with_held_law(model.need_axis("An Isaac Lab actuator"))
     held = ("viscous", "coulomb", "saturation", "input_delay", "stribeck")
     losses += left_out(axis, lambda e: e.name in held, "Isaac Lab's actuators have friction, armature, limit and delay")
-    losses += [x for x in lost_parts(axis, timing=False, transmission=False, limit=True) if x.name != "drive delay"]
+    losses += [x for x in lost_parts(axis, limit=True) if x.name != "drive delay"]
     chain = chain_of(pack(axis))
     limit, delay = float(chain.limit), float(chain.delay)
     effects = parts_of(rigid(axis))
@@ -91,14 +90,6 @@ def isaac(model: Exported) -> tuple[str, list[Loss]]:
 def total(effects: list[Effect] | tuple[Effect, ...], name: str) -> float:
     """Sum of the sizes of the effects of one name."""
     return float(sum(e.magnitude for e in effects if e.name == name))
-
-
-def write_text(text: str, out: Path, name: str) -> Path:
-    """Write a file; ``out`` is its path, or a folder in which it is called ``name``."""
-    path = out if out.suffix else out / name
-    path.parent.mkdir(parents=True, exist_ok=True)
-    atomic_write(path, text.encode())
-    return path
 
 
 # --- MJCF: the axis as a MuJoCo model of one joint, or of two if motor and load move separately ----------------------
@@ -200,7 +191,7 @@ def mapped(axis: ServoAxis, linear: bool = False) -> Mjcf:
     """The parts of an axis that MuJoCo can represent with its own elements; the others are ``losses``."""
     axis, lost = with_held_law(axis)
     packed = pack(axis)
-    m = Mjcf(losses=[*lost, *lost_parts(axis, timing=True, transmission=True, limit=True)])
+    m = Mjcf(losses=[*lost, *lost_parts(axis, moving=True, limit=True)])
     m.delay, first, second, _, m.limit = (float(x) for x in chain_of(packed))
     m.lag = first + second
     if first and second:
@@ -208,9 +199,8 @@ def mapped(axis: ServoAxis, linear: bool = False) -> Mjcf:
     _, share, stiffness, damping, gap, _, dry, *_ = (float(x) for x in body_of(packed))
     if share > 0.0:
         m.load = {"frictionloss": dry, "damping": total(axis.effects, "load_viscous")}
-        m.twist = {"stiffness": stiffness, "damping": damping, "gap": gap, "ratio": 0.3, "frequency": 0.0}
         reduced = axis.inertia * share * (1.0 - share)
-        m.twist["frequency"] = math.sqrt(stiffness / reduced)
+        m.twist = {"stiffness": stiffness, "damping": damping, "gap": gap, "frequency": math.sqrt(stiffness / reduced)}
         m.twist["ratio"] = damping / (2.0 * math.sqrt(stiffness * reduced))
     if axis.sensor.resolution:
         m.losses.append(Loss("encoder", f"step {axis.sensor.resolution:.6g} rad", "MuJoCo's sensors are not quantized"))
@@ -320,16 +310,16 @@ def arm_mjcf(arm: Arm) -> tuple[str, list[Loss]]:
     """
     from scipy.spatial.transform import Rotation
 
-    root = ElementTree.Element("mujoco", model="arm")
-    ElementTree.SubElement(root, "compiler", angle="radian")
+    root = Element("mujoco", model="arm")
+    SubElement(root, "compiler", angle="radian")
     options = {"gravity": _text(arm.gravity), "timestep": "0.0005", "integrator": "implicitfast"}
-    ElementTree.SubElement(root, "option", options)
-    bodies = [ElementTree.SubElement(root, "worldbody")]
+    SubElement(root, "option", options)
+    bodies = [SubElement(root, "worldbody")]
     losses: list[Loss] = []
     held: list[Mjcf] = []
     for k, name in enumerate(arm.joints):
         x, y, z, w = Rotation.from_matrix(arm.rotations[k]).as_quat()
-        body = ElementTree.SubElement(
+        body = SubElement(
             bodies[arm.parents[k] + 1], "body", name=f"{name}_link", pos=_text(arm.places[k]), quat=_text([w, x, y, z])
         )
         bodies.append(body)
@@ -344,27 +334,25 @@ def arm_mjcf(arm: Arm) -> tuple[str, list[Loss]]:
         if passive["frictionloss"]:
             joint["solreffriction"] = _text([m.creep[0], 1.0])
             joint |= {"solimpfriction": _text([m.creep[1], m.creep[1], 0.001])} if m.creep[1:] else {}
-        ElementTree.SubElement(body, "joint", joint | {key: _text([v]) for key, v in passive.items() if v})
+        SubElement(body, "joint", joint | {key: _text([v]) for key, v in passive.items() if v})
         mass, centre, about = _body(arm, k, losses)
         full = _text(about[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]])
-        ElementTree.SubElement(body, "inertial", mass=_text([mass]), pos=_text(centre), fullinertia=full)
-    actuators = ElementTree.SubElement(root, "actuator")
+        SubElement(body, "inertial", mass=_text([mass]), pos=_text(centre), fullinertia=full)
+    actuators = SubElement(root, "actuator")
     for name, m in zip(arm.joints, held, strict=True):
         bias = {"biastype": "affine", "biasprm": _text([m.force, 0.0, 0.0])} if m.force else {}
-        ElementTree.SubElement(actuators, "general", {"name": f"{name}_motor", "joint": name} | bias)
-    tendons = ElementTree.SubElement(root, "tendon") if arm.sums or any(m.stops for m in held) else root
+        SubElement(actuators, "general", {"name": f"{name}_motor", "joint": name} | bias)
+    tendons = SubElement(root, "tendon") if arm.sums or any(m.stops for m in held) else root
     for name, m in zip(arm.joints, held, strict=True):
         _beside(name, m, actuators, tendons)
     for name, direction in arm._directions().items():
         damping, friction, lost = _passive(name, arm.sums[name], "MuJoCo's tendons hold damping and frictionloss only")
         losses += lost
         passive = {"damping": damping, "frictionloss": friction, "armature": arm.sum_armature.get(name, 0.0)}
-        tendon = ElementTree.SubElement(
-            tendons, "fixed", {"name": name} | {k: _text([v]) for k, v in passive.items() if v}
-        )
+        tendon = SubElement(tendons, "fixed", {"name": name} | {k: _text([v]) for k, v in passive.items() if v})
         for of, coefficient in zip(arm.joints, direction, strict=True):
             if coefficient:
-                ElementTree.SubElement(tendon, "joint", joint=of, coef=_text([coefficient]))
+                SubElement(tendon, "joint", joint=of, coef=_text([coefficient]))
     return _written(root, losses), losses
 
 
@@ -385,34 +373,25 @@ def _at_joint(name: str, acting: Iterable[Effect], slides: bool) -> Mjcf:
         else:
             lost.append(e)
     lost += [e for e in acting if isinstance(e, BETWEEN)]
-    m.losses = _of_joint(name, [*m.losses, *losses_of(lost, "MuJoCo's joints hold nothing like it")], slides)
+    m.losses = of_joint(name, [*m.losses, *losses_of(lost, "MuJoCo's joints hold nothing like it")], slides)
     return m
 
 
-def _beside(name: str, m: Mjcf, actuators: ElementTree.Element, tendons: ElementTree.Element) -> None:
+def _beside(name: str, m: Mjcf, actuators: Element, tendons: Element) -> None:
     """Add the elements of a joint that are not its own attributes, after the motors, whose controls stay the first."""
     rows: list[tuple[str, tuple[float, ...]]] = [*(("cogging", n) for n in m.cogging), *(("lugre", n) for n in m.lugre)]
     for i, (kind, numbers) in enumerate(rows):
         motor = {"name": f"{name}_{kind}{i + 1}", "joint": name, "input": "none", "resistance": "1"}
-        ElementTree.SubElement(actuators, "dcmotor", motor | {"motorconst": "0 0", kind: _text(numbers)})
+        SubElement(actuators, "dcmotor", motor | {"motorconst": "0 0", kind: _text(numbers)})
     for i, (stiffness, low, high, _) in enumerate(m.stops):
         ends = {"stiffness": _text([stiffness]), "springlength": _text([low, high])}
-        stop = ElementTree.SubElement(tendons, "fixed", {"name": f"{name}_end_stop{i + 1}"} | ends)
-        ElementTree.SubElement(stop, "joint", joint=name, coef="1")
+        stop = SubElement(tendons, "fixed", {"name": f"{name}_end_stop{i + 1}"} | ends)
+        SubElement(stop, "joint", joint=name, coef="1")
 
 
 def _polynomial(by_power: dict[int, float]) -> list[float]:
     """Coefficients as MuJoCo takes them, of the first power up to the last there is."""
     return [by_power.get(k, 0.0) for k in range(1, max(by_power, default=0) + 1)]
-
-
-def _of_joint(name: str, losses: Iterable[Loss], slides: bool) -> list[Loss]:
-    """The losses with the name of their joint, in its units."""
-    out = []
-    for x in losses:
-        size = x.size.replace("Nm", "N").replace("rad", "m") if slides else x.size
-        out.append(Loss(f"{name}'s {x.name}", size, x.reason))
-    return out
 
 
 def arm_urdf(arm: Arm) -> tuple[str, list[Loss]]:
@@ -425,37 +404,36 @@ def arm_urdf(arm: Arm) -> tuple[str, list[Loss]]:
     """
     from scipy.spatial.transform import Rotation
 
-    root = ElementTree.Element("robot", name="arm")
-    ElementTree.SubElement(root, "link", name="base")
+    root = Element("robot", name="arm")
+    SubElement(root, "link", name="base")
     losses: list[Loss] = []
     for k, name in enumerate(arm.joints):
         mass, centre, about = _body(arm, k, losses)
-        inertial = ElementTree.SubElement(ElementTree.SubElement(root, "link", name=f"{name}_link"), "inertial")
-        ElementTree.SubElement(inertial, "origin", xyz=_text(centre), rpy="0 0 0")
-        ElementTree.SubElement(inertial, "mass", value=_text([mass]))
+        inertial = SubElement(SubElement(root, "link", name=f"{name}_link"), "inertial")
+        SubElement(inertial, "origin", xyz=_text(centre), rpy="0 0 0")
+        SubElement(inertial, "mass", value=_text([mass]))
         ways = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
-        ElementTree.SubElement(inertial, "inertia", {key: _text([about[at]]) for key, at in ways.items()})
+        SubElement(inertial, "inertia", {key: _text([about[at]]) for key, at in ways.items()})
         kind = "prismatic" if arm.slides[k] else "continuous"
-        joint = ElementTree.SubElement(root, "joint", name=name, type=kind)
+        joint = SubElement(root, "joint", name=name, type=kind)
         parent = int(arm.parents[k])
-        ElementTree.SubElement(joint, "parent", link="base" if parent < 0 else f"{arm.joints[parent]}_link")
-        ElementTree.SubElement(joint, "child", link=f"{name}_link")
+        SubElement(joint, "parent", link="base" if parent < 0 else f"{arm.joints[parent]}_link")
+        SubElement(joint, "child", link=f"{name}_link")
         rpy = Rotation.from_matrix(arm.rotations[k]).as_euler("xyz")
-        ElementTree.SubElement(joint, "origin", xyz=_text(arm.places[k]), rpy=_text(rpy))
-        ElementTree.SubElement(joint, "axis", xyz=_text(arm.axes[k]))
+        SubElement(joint, "origin", xyz=_text(arm.places[k]), rpy=_text(rpy))
+        SubElement(joint, "axis", xyz=_text(arm.axes[k]))
         damping, friction, lost = _passive(
             name, arm.effects[k], "URDF has damping and friction only", bool(arm.slides[k])
         )
-        ElementTree.SubElement(joint, "dynamics", damping=_text([damping]), friction=_text([friction]))
+        SubElement(joint, "dynamics", damping=_text([damping]), friction=_text([friction]))
         if arm.slides[k]:
-            ElementTree.SubElement(joint, "limit", effort="1e9", velocity="1e9", lower="-1e3", upper="1e3")
+            SubElement(joint, "limit", effort="1e9", velocity="1e9", lower="-1e3", upper="1e3")
         if arm.armature[k]:
             size = f"armature {arm.armature[k]:.6g} {'kg' if arm.slides[k] else 'kg m2'}"
             losses.append(Loss(f"{name}'s motor", size, "URDF has no motor inertia"))
         losses += lost
     for name, acting in arm.sums.items():
-        reason = "URDF has no friction along two joints"
-        losses += [Loss(f"{name}'s {x.name}", x.size, x.reason) for x in losses_of(acting, reason)]
+        losses += of_joint(name, losses_of(acting, "URDF has no friction along two joints"), slides=False)
         if arm.sum_armature.get(name):
             losses.append(Loss(f"{name}'s motor", f"{arm.sum_armature[name]:.6g} kg m2", "URDF has no motor inertia"))
     if not np.allclose(arm.gravity, (0.0, 0.0, -9.81), atol=0.02):
@@ -473,7 +451,7 @@ def _passive(name: str, acting: Iterable[Effect], reason: str, slides: bool = Fa
         elif e.magnitude != e.neutral:
             lost.append(e)
     lost += [e for e in acting if isinstance(e, BETWEEN) and e.magnitude != e.neutral]
-    return sizes["viscous"], sizes["coulomb"], _of_joint(name, losses_of(lost, reason), slides)
+    return sizes["viscous"], sizes["coulomb"], of_joint(name, losses_of(lost, reason), slides)
 
 
 def _body(arm: Arm, k: int, losses: list[Loss]) -> tuple[float, NDArray[Any], NDArray[Any]]:
@@ -492,9 +470,9 @@ def _text(values: Any) -> str:
     return " ".join(f"{v:.12g}" for v in np.ravel(values))
 
 
-def _written(root: ElementTree.Element, losses: list[Loss]) -> str:
+def _written(root: Element, losses: list[Loss]) -> str:
     """The file, with its losses as a comment."""
     told = "".join(f"\n     Not held: {loss}".replace("--", "- ") for loss in losses)
-    ElementTree.indent(root)
+    indent(root)
     comment = f"<!-- Written by whsklearn. Units: kg, m, rad, s, Nm.{told} -->"
-    return f"{comment}\n{ElementTree.tostring(root, encoding='unicode')}\n"
+    return f"{comment}\n{tostring(root, encoding='unicode')}\n"

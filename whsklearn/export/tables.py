@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -108,7 +109,15 @@ def write_tables(model: Exported, out: Path, ratings: Ratings) -> tuple[list[Pat
     losses += model.told(losses_of(changed, ROUNDED))
     if waves and length != "rad":
         losses += model.told(losses_of(waves, "a table over a turn needs a rotary axis"))
-    parts = _Tabled(waves if length == "rad" else [], asked, friction, unit, length, ratings)
+    rated, ampere = ratings.torque, ratings.constant
+    if unit in AMPERES:  # the tables are then in amperes, too
+        rated, ampere = None if rated is None or ampere is None else rated / ampere, 1.0
+    parts = _Tabled(
+        partial(torque_of, waves, velocity=np.zeros(1)) if waves and length == "rad" else None,
+        partial(torque_of, asked, velocity=np.zeros(1)),
+        partial(torque_of, friction, np.zeros(1)) if friction else None,
+        unit, length, rated, ampere, ratings.speed or _USUAL,
+    )  # fmt: skip
     out.mkdir(parents=True, exist_ok=True)
     paths: list[Path] = []
     left: list[Left] = []
@@ -126,86 +135,61 @@ def write_tables(model: Exported, out: Path, ratings: Ratings) -> tuple[list[Pat
 
 
 class _Tabled(NamedTuple):
-    """What the tables are made from; a method gives the lines of one file (none if it cannot be made) and what is left.
+    """What the tables are made from; a method gives the lines of a file (none if it cannot be) and what is left."""
 
-    ``waves`` have whole orders, ``asked`` are the same waves as identified.
-    """
-
-    waves: list[Effect]
-    asked: list[Effect]
-    friction: list[Effect]
+    cogging: Torque | None  # over the angle, of waves of whole orders
+    identified: Torque  # of the same waves as they were identified
+    friction: Torque | None  # over the speed
     unit: str
     length: str
-    ratings: Ratings
-
-    def _cogging(self, angle: Array) -> Array:
-        return torque_of(self.waves, angle, np.zeros(1))
-
-    def _identified(self, angle: Array) -> Array:
-        return torque_of(self.asked, angle, np.zeros(1))
-
-    def _rubbing(self, speed: Array) -> Array:
-        return torque_of(self.friction, np.zeros(1), speed)
-
-    @property
-    def _rated(self) -> float | None:
-        """The rated torque in the unit of the tables: a current if the drive is a current."""
-        torque, constant, _ = self.ratings
-        if torque is None or self.unit not in AMPERES:
-            return torque
-        return None if constant is None else torque / constant
-
-    @property
-    def _top(self) -> float:
-        return self.ratings.speed or _USUAL
+    rated: float | None  # rated torque in ``unit``
+    ampere: float | None  # ``unit`` for each ampere
+    top: float  # highest speed
 
     def over_a_turn(self) -> tuple[list[str], list[Left]]:
-        if not self.waves:
+        if self.cogging is None:
             return [], []
         angle = np.arange(ENTRIES) * 2 * np.pi / ENTRIES
-        lines = [f"angle_rad,feedforward_{self.unit.lower()}", *_rows(angle, self._cogging(angle))]
-        return lines, [_over_a_turn("cogging.csv", self._identified, self._cogging, ENTRIES, hold=False)]
+        lines = [f"angle_rad,feedforward_{self.unit.lower()}", *_rows(angle, self.cogging(angle))]
+        return lines, [_over_a_turn("cogging.csv", self.identified, self.cogging, ENTRIES, hold=False)]
 
     def over_speed(self) -> tuple[list[str], list[Left]]:
-        if not self.friction:
+        if self.friction is None:
             return [], []
-        top = self._top
-        speeds = top * np.concatenate([-np.geomspace(1, 1e-3, 100), np.geomspace(1e-3, 1, 100)])
-        torque = self._rubbing(speeds)
+        speeds = self.top * np.concatenate([-np.geomspace(1, 1e-3, 100), np.geomspace(1e-3, 1, 100)])
+        torque = self.friction(speeds)
         lines = [f"velocity_{self.length}_per_s,feedforward_{self.unit.lower()}", *_rows(speeds, torque)]
-        return lines, [_over_speed("friction.csv", self._rubbing, speeds, top, torque)]
+        return lines, [_over_speed("friction.csv", self.friction, speeds, self.top, torque)]
 
     def tf5200(self) -> tuple[list[str], list[Left]]:
-        rated, top = self._rated, self._top
-        if not self.friction or rated is None or self.length not in ("rad", "m"):
+        rated = self.rated
+        if self.friction is None or rated is None or self.length not in ("rad", "m"):
             return [], []
-        speeds = top * np.geomspace(1e-3, 1, _TF5200_ENTRIES)
+        speeds = self.top * np.geomspace(1e-3, 1, _TF5200_ENTRIES)
         unit = _MILLIDEGREE if self.length == "rad" else 1e-6
         steps = np.maximum(np.round(speeds / unit), 1.0).astype(int)
-        values = np.round(_both_ways(self._rubbing, speeds) * 1000 / rated).astype(int)
+        values = np.round(_both_ways(self.friction, speeds) * 1000 / rated).astype(int)
         lines = ["frict_comp.mode 3", f"frict_comp.table_entries {steps.size}", "frict_comp.scaling_factor 1000"]
         for i, (v, x) in enumerate(zip(steps.tolist(), values.tolist(), strict=True)):
             lines += [f"frict_comp.table[{i}].in {v}", f"frict_comp.table[{i}].out {x}"]
         read = values * rated / 1000
-        return lines, [_over_speed("tf5200_frict_comp.lis", self._rubbing, steps * unit, top, read)]
+        return lines, [_over_speed("tf5200_frict_comp.lis", self.friction, steps * unit, self.top, read)]
 
     def servo_one(self) -> tuple[list[str], list[Left]]:
-        rated, top = self._rated, self._top
-        ampere = 1.0 if self.unit in AMPERES else self.ratings.constant
         lines: list[str] = []
         left: list[Left] = []
-        if self.waves and ampere is not None:
-            current = self._cogging(np.arange(_KEBA_ENTRIES) * 2 * np.pi / _KEBA_ENTRIES) / ampere
+        if self.cogging is not None and self.ampere is not None:
+            current = self.cogging(np.arange(_KEBA_ENTRIES) * 2 * np.pi / _KEBA_ENTRIES) / self.ampere
             lines += [f"380,{i},CON_TCoggAddTab,{x:.6g},A" for i, x in enumerate(current.tolist())]
             name = "servo_one.csv (P 380)"
-            left.append(_over_a_turn(name, self._identified, self._cogging, _KEBA_ENTRIES, hold=True))
-        if self.friction and self.length == "rad" and rated is not None:
-            speeds = _three(self._rubbing, top)
-            read = _both_ways(self._rubbing, speeds)
-            steps = np.diff(read, prepend=0.0) * 100 / rated
+            left.append(_over_a_turn(name, self.identified, self.cogging, _KEBA_ENTRIES, hold=True))
+        if self.friction is not None and self.length == "rad" and self.rated is not None:
+            speeds = _three(self.friction, self.top)
+            read = _both_ways(self.friction, speeds)
+            steps = np.diff(read, prepend=0.0) * 100 / self.rated
             lines += [f"386,{i},CON_SCON_TFric,{x:.6g},%" for i, x in enumerate(steps.tolist())]
             lines += [f"387,{i},CON_SCON_TFricSpeed,{x:.6g},rpm" for i, x in enumerate((speeds / _RPM).tolist())]
-            left.append(_over_speed("servo_one.csv (P 386)", self._rubbing, speeds, top, read))
+            left.append(_over_speed("servo_one.csv (P 386)", self.friction, speeds, self.top, read))
         return (["parameter,index,name,value,unit", *lines] if lines else []), left
 
 
@@ -223,19 +207,14 @@ def divided(axis: ServoAxis) -> tuple[list[Effect], list[Effect], list[Effect]]:
     friction: list[Effect] = []
     rest: list[Effect] = []
     for effect in parts_of(axis):
-        if effect.place == "sensor" or not compensated(effect.code):
-            rest.append(effect)
-            continue
+        table = np.zeros((1, 1))
         with np.errstate(invalid="ignore", divide="ignore"):  # a delay needs time, and is NaN without it
-            table = np.array([torque_of([effect], angles, np.array([v])) for v in speeds])
-        if not np.isfinite(table).all():
-            rest.append(effect)
-            continue
-        size = np.abs(table).max()
-        moves = np.ptp(table, axis=0).max() > 1e-9 * size
-        turns = np.ptp(table, axis=1).max() > 1e-9 * size
+            if effect.place != "sensor" and compensated(effect.code):
+                table = np.array([torque_of([effect], angles, np.array([v])) for v in speeds])
+            size = np.abs(table).max()
+            moves, turns = (np.ptp(table, axis=k).max() > 1e-9 * size for k in (0, 1))
         whole = of_a_whole_order(effect) is not None
-        if size == 0.0 or (turns and (moves or not whole)):
+        if not 0.0 < size < np.inf or (turns and (moves or not whole)):
             rest.append(effect)
         else:
             (waves if turns or whole else friction).append(effect)
