@@ -17,7 +17,7 @@ import numpy as np
 from tqdm import tqdm
 
 from whsklearn import InverseDynamicsLags, RLSRegressor
-from whsklearn.cli.axis_stream import EFFECTS
+from whsklearn.cli.stream import EFFECTS
 from whsklearn.datasets import default_axis, make_servo_log
 from whsklearn.effects import Coulomb
 from whsklearn.streaming import Options, StreamMonitor

@@ -16,7 +16,7 @@ import click
 import numpy as np
 
 from whsklearn import InverseDynamicsLags, RLSRegressor
-from whsklearn.cli.axis_stream import EFFECTS
+from whsklearn.cli.stream import EFFECTS
 from whsklearn.datasets import make_servo_log
 
 NUMBERS = ("inertia", "viscous", "coulomb")

@@ -258,7 +258,7 @@ def test_rows_are_taken_up_again_and_a_missing_column_stays_missing(folder, tmp_
     kept.write()
     again = Kept(tmp_path / "t.parquet", "p=1", folder, "axis")
     assert again.rows(["a0", "a1"]) == rows
-    again.remove()
+    again.path.unlink()
     assert again.rows(["a0"]) == []
 
 

@@ -10,13 +10,13 @@ import pytest
 
 from tests.cli.fleet_folder import MODEL, source, write_axis
 from whsklearn import InverseDynamicsLags, RLSRegressor
-from whsklearn.cli.fleet_axis import axes_of, identify_axes, identify_axis, outliers, read_axis
+from whsklearn.cli.fleet_axis import axes_of, identify_axes, identify_axis, outliers, read_rows
 
 
 def test_rows_are_put_in_the_order_of_time(fleet):
-    X, y = read_axis(fleet, "axis", "ax01", ["u"], "y", "t")
-    np.testing.assert_array_equal(X[:, 0], np.random.default_rng(1).normal(size=600))
-    assert y.shape == (600,)
+    rows = read_rows(fleet, "axis", "ax01", ["u", "y", "t"], "t")
+    np.testing.assert_array_equal(rows[:, 0], np.random.default_rng(1).normal(size=600))
+    assert rows.shape == (600, 3)
 
 
 def test_failures_of_an_axis_are_a_row(tmp_path):

@@ -21,10 +21,10 @@ from whsklearn.cli.arm_log import (
     robot_of,
     to_si,
 )
-from whsklearn.cli.axis_stream import AT_FIRST, Learnt, head_of, without_holes
 from whsklearn.cli.job import say_where, table, tracker_for, wrapped, writable_file, writable_folder
 from whsklearn.cli.options import given
 from whsklearn.cli.records import long_segments, note, rows_of, warnings_as_notes
+from whsklearn.cli.stream import AT_FIRST, Learnt, head_of, without_holes
 from whsklearn.logs.errors import ColumnError, LogError
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from whsklearn.cli.job import command, seed_option, table, wrapped, writable_folder
-from whsklearn.cli.options import FILE, FOLDER, POSITIVE, effects_option
+from whsklearn.cli.options import FILE, FOLDER, POSITIVE, effects_option, load_effects
 
 LIMITS = ("position", "speed", "drive", "seconds")
 MOST_RIVALS = 3  # in addition to the named effects; each takes three simulated runs of some seconds
@@ -47,10 +47,7 @@ def main(**options: Any) -> None:
     from whsklearn.logs.units import factor_of
 
     folder = writable_folder(options["out"])
-    if options["effects"]:
-        from whsklearn.cli.own_effects import load_effects
-
-        load_effects(options["effects"])
+    load_effects(options["effects"])
     data, axis, rivals, law = diagnosis_of(Path(options["gap_file"]), options["rivals"])
     drive, position = (data.get("units", {}).get(role, "") for role in ("drive", "position"))
     by, far = (factor_of(unit)[0] if unit else 1.0 for unit in (drive, position))

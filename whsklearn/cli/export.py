@@ -7,7 +7,7 @@ from typing import Any
 import click
 
 from whsklearn.cli.job import command, entry, no_room, table
-from whsklearn.cli.options import FILE, POSITIVE, effects_option
+from whsklearn.cli.options import FILE, POSITIVE, effects_option, load_effects
 
 FORMAT_NAMES = "mjcf urdf isaac c st table fmu".split()  # as in `whsklearn.export.FORMATS`, which takes a second
 
@@ -30,14 +30,12 @@ def main(model: str, to: str, out: str, effects: str | None, spread: str | None,
 
     Example: whsklearn export model.json --to mjcf --out axis.xml
     """
-    from whsklearn.cli.own_effects import load_effects
     from whsklearn.export import FORMATS, Ratings, export_model
     from whsklearn.export.model import write_ranges
 
     if spread and to != "mjcf":
         raise click.UsageError(f"--spread writes ranges for MuJoCo, and --to is {to}; give --to mjcf.")
-    if effects is not None:
-        load_effects(effects)
+    load_effects(effects)
     try:
         ratings = Ratings(options["rated_torque"], options["torque_constant"], options["speed"])
         done = export_model(model, to=to, out=out, what=options["what"], real=options["real"], ratings=ratings)

@@ -79,7 +79,7 @@ def main(**options: Any) -> None:
     seconds = time.perf_counter() - began
     found = to_table(rows, names)
     write_table(found, out)
-    kept.remove()
+    kept.path.unlink(missing_ok=True)
     apart, failed = outliers(found), found[found["failure"] != ""]
     click.echo(summary(found, apart, failed, out, seconds))
     tracker = tracker_for("fleet", options["track"])
@@ -94,7 +94,7 @@ def main(**options: Any) -> None:
 def model_of(options: dict[str, Any]) -> Any:
     """The estimator that is cloned for every axis: of a servo axis, if the columns are its drive and position."""
     from whsklearn import InverseDynamicsLags, RLSRegressor
-    from whsklearn.cli.axis_stream import EFFECTS, of_an_axis
+    from whsklearn.cli.stream import EFFECTS, of_an_axis
     from whsklearn.lags.axis_rows import effect_terms
     from whsklearn.logs.units import UNSTATED, unit_of
 
@@ -261,10 +261,6 @@ class Kept:
 
         write_table(pd.DataFrame(self._done).assign(settings=self._settings), self.path)
         self._written, self._due = len(self._done), time.monotonic() + EVERY_SECONDS
-
-    def remove(self) -> None:
-        """Remove the file, after the table itself is written."""
-        self.path.unlink(missing_ok=True)
 
     def __enter__(self) -> Self:
         return self

@@ -63,25 +63,18 @@ def read_rows(folder: Path, axis: str, name: str, columns: list[str], time_colum
     return rows
 
 
-def read_axis(
-    folder: Path, axis: str, name: str, inputs: list[str], output: str, time_column: str | None
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """X (n, n_inputs) and y (n,) of one axis; see `read_rows`."""
-    columns = [*inputs, output, *([time_column] if time_column else [])]
-    rows = read_rows(folder, axis, name, columns, time_column)
-    return rows[:, : len(inputs)], rows[:, len(inputs)]
+def servo_log(name: str, columns: list[str], rows: NDArray[np.float64]) -> Any:
+    """The `whsklearn.logs.Log` of the rows of a servo axis in the units of its columns, repaired as that of a file.
 
-
-def read_servo(folder: Path, axis: str, name: str, inputs: list[str], output: str, time_column: str) -> Any:
-    """The `whsklearn.logs.Log` of one servo axis in the units of its columns, repaired as that of a single file."""
+    ``columns``: of drive, position and time.
+    """
     from whsklearn.logs import Column, LogWarning, Source, load_log
 
-    columns = [time_column, *inputs, output]
-    rows = read_rows(folder, axis, name, columns, time_column)
     source = Source(name, columns, lambda names: {n: Column(rows[:, columns.index(n)]) for n in names})
+    drive, position, time = columns
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LogWarning)  # a fleet's table has a row for each axis, and no room for remarks
-        return load_log(source, time=time_column, drive=inputs[0], position=output)
+        return load_log(source, time=time, drive=drive, position=position)
 
 
 def identify_axis(
@@ -114,24 +107,24 @@ def identify_axis(
 
 
 def identify_axes(model: Any, names: list[str], source: dict[str, Any], test_share: float) -> list[Row]:
-    """One result row for each of the named axes; ``source`` holds the arguments of `read_axis`."""
+    """One result row for each of the named axes; ``source``: those options of the command that say what to read."""
+    folder, axis, inputs, clock = Path(source["folder"]), source["axis"], source["inputs"], source["time_column"]
+    columns = [*inputs, source["output"], *([clock] if clock else [])]
     done = []
     for name in names:
         began = time.perf_counter()
-        folder = Path(source["folder"])
-        row: Row = {"axis": name, "rows": 0, "failure": "", "digest": digest_of(folder, source["axis"], name)}
+        row: Row = {"axis": name, "rows": 0, "failure": "", "digest": digest_of(folder, axis, name)}
         try:
-            of_this = source | {"name": name, "folder": folder}
+            rows = read_rows(folder, axis, name, columns, clock)
             if "lags__sample_rate" in model.get_params():
-                log = read_servo(**of_this)
+                log = servo_log(name, columns, rows)
                 row["rows"] = len(log.drive)
                 known = clone(model).set_params(lags__sample_rate=log.sample_rate)
                 seen = np.column_stack([log.position, log.drive])  # the age of the drive is seen in both
                 row |= identify_axis(known, seen, log.drive, test_share, log.groups)
             else:
-                X, y = read_axis(**of_this)
-                row["rows"] = len(y)
-                row |= identify_axis(model, X, y, test_share)
+                row["rows"] = len(rows)
+                row |= identify_axis(model, rows[:, : len(inputs)], rows[:, len(inputs)], test_share)
         except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
             row["failure"] = str(error).splitlines()[0]
         done.append(row | {"seconds": time.perf_counter() - began})

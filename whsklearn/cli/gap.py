@@ -101,10 +101,7 @@ def main(**options: Any) -> None:
         second = gap_log(again) if options["second"] else None
     else:
         opt.refuse_without_robot(options)
-        if options["effects"]:
-            from whsklearn.cli.own_effects import load_effects  # this compiles, and --help must not
-
-            load_effects(options["effects"])
+        opt.load_effects(options["effects"])
         try:
             log, second = axis_logs(options)
         except LogError as error:
@@ -133,23 +130,6 @@ def used_of(options: dict[str, Any], log: Bunch) -> Bunch:
     return records.liveliest(records.long_segments(log) if options["kind"] == "servo" else records.bridged(log))
 
 
-def zeros_apart(log: Bunch, several: bool) -> list[str]:
-    """What is said of several logs whose position was integrated: the integral begins at zero in each.
-
-    >>> from sklearn.utils import Bunch
-    >>> from whsklearn.logs import Finding, LogReport
-    >>> speed = Bunch(report=LogReport((Finding("LOG018", "warning", "Only the velocity is logged."),)))
-    >>> [len(zeros_apart(log, several)) for log in (speed, Bunch(report=LogReport())) for several in (False, True)]
-    [0, 1, 0, 0]
-    """
-    report = log.get("report")
-    if not several or report is None or "LOG018" not in report.codes:
-        return []
-    return [
-        "The angle begins at zero in each log, so that waves over it do not add up; diagnose each log alone as well."
-    ]
-
-
 def diagnose(options: dict[str, Any], log: Bunch, second: Bunch | None, folder: Path) -> GapFinder:
     """Run the finder on a log, write the report, print the result, and record both; recording comes last.
 
@@ -160,10 +140,12 @@ def diagnose(options: dict[str, Any], log: Bunch, second: Bunch | None, folder: 
     from whsklearn.gap.standard_errors import with_drive_error
 
     record, columns = as_record(options, log)
-    record = [record, *map(partial(another, options, log), options["more"])] if options.get("more") else record
+    record = [record, *map(partial(another, options, log), options["more"])] if options["more"] else record
     if options["kind"] == "servo" and not options["robot"]:
         records.note_slips(log, options)
-    for text in zeros_apart(log, bool(options.get("more"))):
+    if options["more"] and "LOG018" in log.report.codes:  # the position is an integral, which begins at zero in each
+        text = "The angle begins at zero in each log, so that waves over it do not add up; "
+        text += "diagnose each log alone as well."
         records.note(text)
         log.notes = (*log.notes, text)
     tracker = tracker_for("close_gap", options["track"], data=Path(options["log_file"]).stem)

@@ -25,40 +25,23 @@ USAGE, UNUSABLE, ENDED, INTERRUPTED = 2, 3, 143, 130  # besides 0 for a result a
 
 
 class WrongOption(click.ClickException):
-    """An option that does not fit the log, such as a column that does not exist.
-
-    >>> error = WrongOption("The log has no column 'u'.")
-    >>> error.exit_code, error.format_message()
-    (2, "The log has no column 'u'.")
-    """
+    """An option that does not fit the log, such as a column that does not exist."""
 
     exit_code = USAGE
 
 
 class UnusableLog(click.ClickException):
-    """A log from which nothing can be learned.
-
-    >>> UnusableLog("Row 17 has 3 cells, the header 4.").exit_code
-    3
-    """
+    """A log from which nothing can be learned."""
 
     exit_code = UNUSABLE
 
 
 class RecordLost(click.ClickException):
-    """The tracking server was lost during the run; the files that the job writes are on the disk.
-
-    >>> RecordLost("The record cannot be written.").exit_code
-    1
-    """
+    """The tracking server was lost during the run; the files that the job writes are on the disk."""
 
 
 class Ended(KeyboardInterrupt):
-    """SIGTERM, treated like Ctrl-C, so that runs are closed and temporary files are removed.
-
-    >>> issubclass(Ended, KeyboardInterrupt), ENDED
-    (True, 143)
-    """
+    """SIGTERM, treated like Ctrl-C, so that runs are closed and temporary files are removed."""
 
 
 def command(function: Callable[..., None]) -> click.Command:

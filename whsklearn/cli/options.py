@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import importlib.util
 import math
+import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -36,44 +38,31 @@ POSITIVE = FiniteRange(min=0, min_open=True)
 PROBABILITY = FiniteRange(0.0, 1.0, min_open=True, max_open=True)
 
 
-class OrdersType(click.ParamType):
+def orders_of(text: str) -> tuple[int, ...]:
     """Four whole numbers, as in ``2,2,2,2``.
 
-    >>> ORDERS.convert("3, 2, 2,1", None, None)
+    >>> orders_of("3, 2, 2,1")
     (3, 2, 2, 1)
     """
-
-    name = "n_a,n_b,n_c,n_d"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, ...]:
-        """The numbers of a text."""
-        parts = value if isinstance(value, tuple) else [p.strip() for p in value.split(",")]
-        if len(parts) != 4 or not all(str(p).isdigit() for p in parts):
-            self.fail(f"{value!r}; expected four whole numbers n_a,n_b,n_c,n_d such as 2,2,2,2.", param, ctx)
-        return tuple(map(int, parts))
+    parts = [p.strip() for p in text.split(",")]
+    if len(parts) != 4 or not all(map(str.isdigit, parts)):
+        raise click.BadParameter(f"{text!r}; expected four whole numbers n_a,n_b,n_c,n_d such as 2,2,2,2.")
+    return tuple(map(int, parts))
 
 
-ORDERS = OrdersType()
+ORDERS = click.types.FuncParamType(orders_of)
+ORDERS.name = "n_a,n_b,n_c,n_d"  # in the help
 
 
-class TorqueConstantType(click.ParamType):
-    """A torque constant as text, as in ``0.12+-0.01``.
+def torque_constant(text: str) -> str:
+    """The text itself; a wrong option if it is no torque constant such as ``0.12+-0.01``."""
+    from whsklearn.logs.current import TorqueConstant
 
-    >>> TorqueConstantType().convert("0.12+-0.01", None, None)
-    '0.12+-0.01'
-    """
-
-    name = "K+-S"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        """The text; a wrong option if it is no torque constant."""
-        from whsklearn.logs.current import TorqueConstant
-
-        try:
-            TorqueConstant.of(value)
-        except ValueError as error:
-            self.fail(str(error), param, ctx)
-        return str(value)
+    try:
+        TorqueConstant.of(text)
+    except ValueError as error:
+        raise click.BadParameter(str(error)) from error
+    return text
 
 
 def _together(*options: Callable[[Command], Command]) -> Callable[[Command], Command]:
@@ -102,7 +91,7 @@ reading_options = _together(
     rate_option,
     click.option(
         "--torque-constant",
-        type=TorqueConstantType(),
+        type=torque_constant,
         metavar="K+-S",
         help="Nm/A with its standard deviation, for a drive in amperes.",
     ),
@@ -150,6 +139,41 @@ model_options = _together(
     click.option("--p", type=click.IntRange(min=1), default=4, help="Innovation length."),
     click.option("--forgetting", type=FiniteRange(0.0, 1.0, min_open=True), default=1.0, help="Forgetting factor."),
 )
+
+
+def load_effects(path: str | Path | None) -> None:
+    """Run the Python file of ``--effects``, check every effect that it defines, and include them in the search.
+
+    Raises ValueError if the file cannot be run, defines no effect, uses a name of the library, or an effect breaks the
+    contract.
+    """
+    if path is None:
+        return
+    from whsklearn.checks import check_effect  # this compiles, and --help must not
+    from whsklearn.effects import effect_names, get_effect
+
+    path = Path(path)
+    known = {name: get_effect(name) for name in effect_names()}
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    if spec is None or spec.loader is None:
+        raise ValueError(f"{path.name} is not a Python file; give one that defines effects, such as my_effects.py.")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[path.stem] = module  # dataclasses look up their module
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:  # any error of the user's code becomes one sentence
+        raise ValueError(f"{path.name} cannot be run: {type(error).__name__}: {error}.") from error
+    defined = {name: get_effect(name) for name in effect_names() if known.get(name) is not get_effect(name)}
+    taken = [name for name in defined if name in known and known[name].__module__ != path.stem]
+    if taken:
+        raise ValueError(f"{path.name} defines {taken[0]!r}, which the library already has; give it another name.")
+    if not defined:
+        raise ValueError(
+            f"{path.name} defines no effect; write a class derived from whsklearn.effects.Effect that has a name "
+            "and a place, as docs/your_effect.md shows."
+        )
+    for cls in defined.values():
+        check_effect(cls)
 
 
 def given(options: Mapping[str, Any]) -> dict[str, Any]:

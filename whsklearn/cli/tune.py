@@ -17,6 +17,7 @@ import numpy as np
 from whsklearn.cli.job import job, progress_bar, say_where, table, tracker_for, wrapped
 from whsklearn.cli.options import LOG, ORDERS, given, logged_option, reading_options, system_options
 from whsklearn.cli.records import note, record_of
+from whsklearn.cli.simulated_example import SNR_DB, simulated_records
 
 if TYPE_CHECKING:
     from whsklearn.cli.comparison import ComparedRecord
@@ -58,7 +59,10 @@ def main(**options: Any) -> None:
     from whsklearn import RMILSRegressor, WienerHammersteinLags
     from whsklearn.tracking.served import alias_of
 
-    record = record_of(options) if options["log_file"] else example(options["samples"], options["seed"])
+    if options["log_file"]:
+        record = record_of(options)
+    else:
+        record, *_ = simulated_records(options["samples"], SNR_DB, options["seed"])
     grid = grid_of(options)
     estimator = RMILSRegressor(lags=WienerHammersteinLags(), random_state=options["seed"])
     check_values(estimator, grid)
@@ -135,14 +139,6 @@ def what_is_better(search: Any, record: ComparedRecord, champion: Callable[[], A
     return ""
 
 
-def example(samples: int, seed: int) -> ComparedRecord:
-    """Example 5.1 as a record."""
-    from whsklearn.cli.comparison import ComparedRecord
-    from whsklearn.datasets import make_wiener_hammerstein
-
-    return ComparedRecord("example-5.1", *make_wiener_hammerstein(samples, snr_db=7.462, random_state=seed))
-
-
 def grid_of(options: dict[str, Any]) -> list[dict[str, list[Any]]]:
     """One grid for each combination of orders and law, because orders move together."""
     from whsklearn import RMILSRegressor
@@ -168,16 +164,12 @@ def check_values(estimator: Any, grid: list[dict[str, list[Any]]]) -> None:
         clone(estimator).set_params(**{name: value})._check_parameters()
 
 
-_NOT_ALLOWED = object()
-
-
-def numbers(text: str, option: str, kind: type, default: Any = _NOT_ALLOWED) -> list[Any]:
-    """Numbers from ``1,2,4``; the word ``default`` stands for the estimator's default, if it has one."""
-    words = [v.strip() for v in text.split(",")]
+def numbers(text: str, option: str, kind: type, **words: Any) -> list[Any]:
+    """Numbers from ``1,2,4``, and what each of the ``words`` stands for."""
     try:
-        return [default if v == "default" and default is not _NOT_ALLOWED else kind(v) for v in words]
+        return [words[v] if v in words else kind(v) for v in map(str.strip, text.split(","))]
     except ValueError:
-        like = "1,2,4" if default is _NOT_ALLOWED else "default,1,1e6"
+        like = "default,1,1e6" if words else "1,2,4"
         raise ValueError(f"{option} is {text!r}; expected numbers joined by commas, such as {like}.") from None
 
 
