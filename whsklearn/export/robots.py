@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
@@ -11,6 +11,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 import numpy as np
 from numpy.typing import NDArray
 
+from whsklearn import __version__
 from whsklearn.effects import Effect, EndStop
 from whsklearn.effects.hysteresis import LuGre, PreslidingHysteresis
 from whsklearn.export.code import render
@@ -51,14 +52,20 @@ def urdf(model: Exported) -> tuple[str, list[Loss]]:
     hanging = pendulum_of(gravity.gravity, axis.inertia)
     if hanging.g:
         losses.append(Loss("gravity", f"{GRAVITY} m/s2 along -z", "URDF has no gravity; set it in the simulator"))
-    low, high = max((-FAR, *(e.ends[0] for e in stops))), min((FAR, *(e.ends[1] for e in stops)))
-    text = render(
-        "model.urdf.j2", kind=kind, inertia=axis.inertia, hanging=hanging,
-        damping=total(rigid(axis).law.terms, "viscous"),
-        friction=total(parts_of(rigid(axis)), "coulomb"), limit=float(chain_of(pack(axis)).limit), low=low, high=high,
-        inf=math.inf, linear=model.linear, losses=losses, units=", ".join((*model.si, "s")),
-    )  # fmt: skip
-    return text, losses
+    root = Element("robot", name="axis")
+    SubElement(root, "link", name="base")
+    mass = axis.inertia if model.linear else hanging.mass if hanging.g else 0.001
+    x, z = hanging.place
+    _link(root, "moving", mass, (x, 0.0, z), hanging.own * np.eye(3))
+    friction = total(rigid(axis).law.terms, "viscous"), total(parts_of(rigid(axis)), "coulomb")
+    joint = _joint(root, "axis", kind, ("base", "moving"), (0.0, -1.0, 0.0) if hanging.g else (0.0, 0.0, 1.0), friction)
+    effort = float(chain_of(pack(axis)).limit)
+    limit = {"effort": _text(effort if effort < math.inf else 1e9), "velocity": "1e9"}
+    if kind != "continuous":
+        low, high = max((-FAR, *(e.ends[0] for e in stops))), min((FAR, *(e.ends[1] for e in stops)))
+        limit |= {"lower": _text(low), "upper": _text(high)}
+    SubElement(joint, "limit", limit)
+    return _written(root, f"Units: {', '.join((*model.si, 's'))}.", losses), losses
 
 
 def isaac(model: Exported) -> tuple[str, list[Loss]]:
@@ -132,7 +139,7 @@ class Mjcf:
     lugre: list[tuple[float, ...]] = field(default_factory=list)
     # stiffness, lower and upper end, and the time constant of the damping, which acts in contact only
     stops: list[tuple[float, float, float, float]] = field(default_factory=list)
-    twist: dict[str, float] = field(default_factory=dict)
+    twist: dict[str, Any] = field(default_factory=dict)  # attributes of the joint between motor and load
     load: dict[str, float] = field(default_factory=dict)  # friction of a load that moves by itself
     creep: tuple[float, ...] = (CREEP,)  # time constant of friction at rest (s), and its impedance if not MuJoCo's
     losses: list[Loss] = field(default_factory=list)
@@ -147,17 +154,100 @@ def mjcf(model: Exported) -> tuple[str, list[Loss]]:
     step = dt / math.ceil(dt / FINEST - 1e-9)
     load = axis.inertia * float(body_of(pack(axis)).share)
     hanging = pendulum_of(m.gravity, load or axis.inertia)
-    if m.delay and abs(round(m.delay / step) * step - m.delay) > 1e-3 * step:
-        held = round(m.delay / step) * step
-        m.losses.append(Loss("drive delay", f"{m.delay:.6g} s", f"rounded to {held:.6g} s, whole steps of MuJoCo"))
+    samples = round(m.delay / step)
+    if m.delay and abs(samples * step - m.delay) > 1e-3 * step:
+        size = f"rounded to {samples * step:.6g} s, whole steps of MuJoCo"
+        m.losses.append(Loss("drive delay", f"{m.delay:.6g} s", size))
     m.losses = [*model.foreign(), *model.told(m.losses)]
-    text = render(
-        "model.mjcf.j2", m=m, kind="slide" if model.linear else "hinge", step=step, dt=dt,
-        inertia=axis.inertia - load, load=load, hanging=hanging, samples=round(m.delay / step), inf=math.inf,
-        drive=drive, motion=motion,
-        soft=SOFT,
-    )  # fmt: skip
-    return text, m.losses
+    root = Element("mujoco", model="axis")
+    SubElement(root, "compiler", angle="radian", autolimits="true")
+    gravity = _text([0.0, 0.0, -hanging.g])
+    SubElement(root, "option", timestep=_text(step), integrator="implicitfast", gravity=gravity)
+    body = SubElement(SubElement(root, "worldbody"), "body", name="axis")
+    way = {"type": "slide", "axis": "0 0 1"} if model.linear else {"type": "hinge", "axis": "0 -1 0"}
+    SubElement(body, "joint", {"name": "axis"} | way | _at_rest(m, spring=not load))
+    if load:
+        _inertial(body, *_moved(axis.inertia - load, model.linear))
+        body = SubElement(body, "body", name="load")
+        SubElement(body, "joint", {"name": "twist"} | way | {k: _text(v) for k, v in m.twist.items()})
+    if hanging.g:
+        _inertial(body, hanging.mass, hanging.own, hanging.place)
+    else:
+        _inertial(body, *_moved(load or axis.inertia, model.linear))
+    tendons = _tendons(m, load, axis.inertia)
+    if len(tendons):
+        root.append(tendons)
+    actuators = SubElement(root, "actuator")
+    motor = {"name": "axis", "joint": "axis", "gainprm": "1"}
+    motor |= {"ctrlrange": _text([-m.limit, m.limit])} if m.limit < math.inf else {}
+    motor |= {"dyntype": "filterexact", "dynprm": _text(m.lag)} if m.lag else {}
+    motor |= {"nsample": str(samples), "delay": _text(samples * step)} if samples else {}
+    SubElement(actuators, "general", motor)
+    if m.force:
+        constant = {"gainprm": "0", "biastype": "affine", "biasprm": _text([m.force, 0.0, 0.0])}
+        SubElement(actuators, "general", {"name": "constant", "joint": "axis"} | constant)
+    _motors(actuators, "axis", "", m)
+    SubElement(SubElement(root, "sensor"), "jointpos", name="position", joint="axis")
+    units = f"Units: {drive}, {motion}, s{', kg' if drive in ('N', 'Nm') else ''}."
+    held = f'The control of actuator "axis" is the drive in {drive}, held over {dt} s.'
+    return _written(root, f"{units}\n     {held}", m.losses), m.losses
+
+
+def _moved(inertia: float, linear: bool) -> tuple[float, float]:
+    """Mass and inertia of a body that moves along or about its joint; MuJoCo wants neither to be zero."""
+    return (inertia, 0.001) if linear else (0.001, inertia)
+
+
+def _inertial(body: Element, mass: float, inertia: float, place: tuple[float, float] = (0.0, 0.0)) -> None:
+    at = {"pos": _text([place[0], 0.0, place[1]]), "mass": _text(mass), "diaginertia": _text([inertia] * 3)}
+    SubElement(body, "inertial", at)
+
+
+def _tendons(m: Mjcf, load: float, inertia: float) -> Element:
+    """What acts where the load is: on the joint, and on the twist if the ``load`` moves by itself."""
+    tendons, joints = Element("tendon"), {"axis": 1.0} | ({"twist": 1.0} if load else {})
+    for i, (stiffness, low, high, relaxation) in enumerate(m.stops, 1):
+        numbers: dict[str, Any] = {"stiffness": stiffness, "springlength": [low, high]}
+        if relaxation:
+            rate = stiffness / (load or inertia)
+            numbers = {"range": [low, high], "solreflimit": [-rate, -rate * relaxation]}
+            numbers["solimplimit"] = [SOFT, SOFT, 0.001]
+        _tendon(tendons, f"end_stop_{i}" if i > 1 else "end_stop", joints, numbers)
+    dragged = {k: v for k, v in m.load.items() if v}
+    if load and dragged:
+        creep = {"solreffriction": [m.creep[0], 1.0]} if "frictionloss" in dragged else {}
+        _tendon(tendons, "load", joints, dragged | creep)
+    if load and m.spring:
+        _tendon(tendons, "spring", joints, {"stiffness": _polynomial(m.spring), "springlength": m.springref})
+    return tendons
+
+
+def _tendon(tendons: Element, name: str, joints: Mapping[str, float], numbers: Mapping[str, Any]) -> None:
+    """Add a fixed tendon over some joints, by their coefficients."""
+    fixed = SubElement(tendons, "fixed", {"name": name} | {k: _text(v) for k, v in numbers.items()})
+    for joint, coefficient in joints.items():
+        SubElement(fixed, "joint", joint=joint, coef=_text(coefficient))
+
+
+def _at_rest(m: Mjcf, spring: bool = True, armature: float = 0.0) -> dict[str, str]:
+    """Attributes of a joint: its own friction and spring."""
+    passive: dict[str, Any] = {"damping": _polynomial(m.damping), "frictionloss": m.joint.get("frictionloss")}
+    passive["armature"] = armature
+    if spring:
+        passive |= {"stiffness": _polynomial(m.spring), "springref": m.springref}
+    out = {k: _text(v) for k, v in passive.items() if v}
+    if "frictionloss" in out:
+        out["solreffriction"] = _text([m.creep[0], 1.0])
+        out |= {"solimpfriction": _text([m.creep[1], m.creep[1], 0.001])} if m.creep[1:] else {}
+    return out
+
+
+def _motors(actuators: Element, joint: str, prefix: str, m: Mjcf) -> None:
+    """Add the passive motors of a joint: cogging and friction with memory."""
+    rows: list[tuple[str, tuple[float, ...]]] = [*(("cogging", n) for n in m.cogging), *(("lugre", n) for n in m.lugre)]
+    for i, (kind, numbers) in enumerate(rows):
+        motor = {"name": f"{prefix}{kind}{i + 1}", "joint": joint, "input": "none", "resistance": "1"}
+        SubElement(actuators, "dcmotor", motor | {"motorconst": "0 0", kind: _text(numbers)})
 
 
 class Pendulum(NamedTuple):
@@ -199,9 +289,12 @@ def mapped(axis: ServoAxis, linear: bool = False) -> Mjcf:
     _, share, stiffness, damping, gap, _, dry, *_ = (float(x) for x in body_of(packed))
     if share > 0.0:
         m.load = {"frictionloss": dry, "damping": total(axis.effects, "load_viscous")}
-        reduced = axis.inertia * share * (1.0 - share)
-        m.twist = {"stiffness": stiffness, "damping": damping, "gap": gap, "frequency": math.sqrt(stiffness / reduced)}
-        m.twist["ratio"] = damping / (2.0 * math.sqrt(stiffness * reduced))
+        m.twist = {"stiffness": stiffness, "damping": damping}
+        if gap:  # a limit of this frequency and damping ratio
+            reduced = axis.inertia * share * (1.0 - share)
+            ratio = damping / (2.0 * math.sqrt(stiffness * reduced))
+            frequency = math.sqrt(stiffness / reduced)
+            m.twist = {"range": [-0.5 * gap, 0.5 * gap], "solreflimit": [1.0 / (frequency * ratio), ratio]}
     if axis.sensor.resolution:
         m.losses.append(Loss("encoder", f"step {axis.sensor.resolution:.6g} rad", "MuJoCo's sensors are not quantized"))
     effects = parts_of(axis)
@@ -296,6 +389,7 @@ def _hold_force(m: Mjcf, e: Any, others: list[Effect]) -> str:
 
 # --- an arm for MuJoCo and as URDF -----------------------------------------------------------------------------------
 HELD = ("viscous", "coulomb")
+UNITS = "Units: kg, m, rad, s, Nm."
 LEAST = 1e-6  # kg and kg m2: MuJoCo accepts no moving body without mass
 
 
@@ -327,14 +421,7 @@ def arm_mjcf(arm: Arm) -> tuple[str, list[Loss]]:
         held.append(m)
         losses += m.losses
         joint = {"name": name, "type": "slide" if arm.slides[k] else "hinge", "axis": _text(arm.axes[k])}
-        passive = {
-            "damping": _polynomial(m.damping), "frictionloss": m.joint.get("frictionloss"),
-            "armature": float(arm.armature[k]), "stiffness": _polynomial(m.spring), "springref": m.springref,
-        }  # fmt: skip
-        if passive["frictionloss"]:
-            joint["solreffriction"] = _text([m.creep[0], 1.0])
-            joint |= {"solimpfriction": _text([m.creep[1], m.creep[1], 0.001])} if m.creep[1:] else {}
-        SubElement(body, "joint", joint | {key: _text([v]) for key, v in passive.items() if v})
+        SubElement(body, "joint", joint | _at_rest(m, armature=float(arm.armature[k])))
         mass, centre, about = _body(arm, k, losses)
         full = _text(about[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]])
         SubElement(body, "inertial", mass=_text([mass]), pos=_text(centre), fullinertia=full)
@@ -344,16 +431,17 @@ def arm_mjcf(arm: Arm) -> tuple[str, list[Loss]]:
         SubElement(actuators, "general", {"name": f"{name}_motor", "joint": name} | bias)
     tendons = SubElement(root, "tendon") if arm.sums or any(m.stops for m in held) else root
     for name, m in zip(arm.joints, held, strict=True):
-        _beside(name, m, actuators, tendons)
+        _motors(actuators, name, f"{name}_", m)  # after the drives, whose controls stay the first
+        for i, (stiffness, low, high, _) in enumerate(m.stops, 1):
+            numbers = {"stiffness": stiffness, "springlength": [low, high]}
+            _tendon(tendons, f"{name}_end_stop{i}", {name: 1.0}, numbers)
     for name, direction in arm._directions().items():
         damping, friction, lost = _passive(name, arm.sums[name], "MuJoCo's tendons hold damping and frictionloss only")
         losses += lost
         passive = {"damping": damping, "frictionloss": friction, "armature": arm.sum_armature.get(name, 0.0)}
-        tendon = SubElement(tendons, "fixed", {"name": name} | {k: _text([v]) for k, v in passive.items() if v})
-        for of, coefficient in zip(arm.joints, direction, strict=True):
-            if coefficient:
-                SubElement(tendon, "joint", joint=of, coef=_text([coefficient]))
-    return _written(root, losses), losses
+        along = {j: d for j, d in zip(arm.joints, direction, strict=True) if d}
+        _tendon(tendons, name, along, {k: v for k, v in passive.items() if v})
+    return _written(root, UNITS, losses), losses
 
 
 # an arm's weight is that of its links, and what is between motor and link has no state here
@@ -377,18 +465,6 @@ def _at_joint(name: str, acting: Iterable[Effect], slides: bool) -> Mjcf:
     return m
 
 
-def _beside(name: str, m: Mjcf, actuators: Element, tendons: Element) -> None:
-    """Add the elements of a joint that are not its own attributes, after the motors, whose controls stay the first."""
-    rows: list[tuple[str, tuple[float, ...]]] = [*(("cogging", n) for n in m.cogging), *(("lugre", n) for n in m.lugre)]
-    for i, (kind, numbers) in enumerate(rows):
-        motor = {"name": f"{name}_{kind}{i + 1}", "joint": name, "input": "none", "resistance": "1"}
-        SubElement(actuators, "dcmotor", motor | {"motorconst": "0 0", kind: _text(numbers)})
-    for i, (stiffness, low, high, _) in enumerate(m.stops):
-        ends = {"stiffness": _text([stiffness]), "springlength": _text([low, high])}
-        stop = SubElement(tendons, "fixed", {"name": f"{name}_end_stop{i + 1}"} | ends)
-        SubElement(stop, "joint", joint=name, coef="1")
-
-
 def _polynomial(by_power: dict[int, float]) -> list[float]:
     """Coefficients as MuJoCo takes them, of the first power up to the last there is."""
     return [by_power.get(k, 0.0) for k in range(1, max(by_power, default=0) + 1)]
@@ -409,23 +485,16 @@ def arm_urdf(arm: Arm) -> tuple[str, list[Loss]]:
     losses: list[Loss] = []
     for k, name in enumerate(arm.joints):
         mass, centre, about = _body(arm, k, losses)
-        inertial = SubElement(SubElement(root, "link", name=f"{name}_link"), "inertial")
-        SubElement(inertial, "origin", xyz=_text(centre), rpy="0 0 0")
-        SubElement(inertial, "mass", value=_text([mass]))
-        ways = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
-        SubElement(inertial, "inertia", {key: _text([about[at]]) for key, at in ways.items()})
+        _link(root, f"{name}_link", mass, centre, about)
         kind = "prismatic" if arm.slides[k] else "continuous"
-        joint = SubElement(root, "joint", name=name, type=kind)
-        parent = int(arm.parents[k])
-        SubElement(joint, "parent", link="base" if parent < 0 else f"{arm.joints[parent]}_link")
-        SubElement(joint, "child", link=f"{name}_link")
-        rpy = Rotation.from_matrix(arm.rotations[k]).as_euler("xyz")
-        SubElement(joint, "origin", xyz=_text(arm.places[k]), rpy=_text(rpy))
-        SubElement(joint, "axis", xyz=_text(arm.axes[k]))
         damping, friction, lost = _passive(
             name, arm.effects[k], "URDF has damping and friction only", bool(arm.slides[k])
         )
-        SubElement(joint, "dynamics", damping=_text([damping]), friction=_text([friction]))
+        parent = int(arm.parents[k])
+        links = "base" if parent < 0 else f"{arm.joints[parent]}_link", f"{name}_link"
+        joint = _joint(root, name, kind, links, arm.axes[k], (damping, friction))
+        rpy = Rotation.from_matrix(arm.rotations[k]).as_euler("xyz")
+        SubElement(joint, "origin", xyz=_text(arm.places[k]), rpy=_text(rpy))
         if arm.slides[k]:
             SubElement(joint, "limit", effort="1e9", velocity="1e9", lower="-1e3", upper="1e3")
         if arm.armature[k]:
@@ -438,7 +507,28 @@ def arm_urdf(arm: Arm) -> tuple[str, list[Loss]]:
             losses.append(Loss(f"{name}'s motor", f"{arm.sum_armature[name]:.6g} kg m2", "URDF has no motor inertia"))
     if not np.allclose(arm.gravity, (0.0, 0.0, -9.81), atol=0.02):
         losses.append(Loss("gravity", f"{_text(arm.gravity)} m/s2", "URDF has no gravity; set it in the simulator"))
-    return _written(root, losses), losses
+    return _written(root, UNITS, losses), losses
+
+
+def _link(root: Element, name: str, mass: float, centre: Any, about: NDArray[Any]) -> None:
+    """Add a link by its mass, centre and inertia about it (3, 3)."""
+    inertial = SubElement(SubElement(root, "link", name=name), "inertial")
+    SubElement(inertial, "origin", xyz=_text(centre), rpy="0 0 0")
+    SubElement(inertial, "mass", value=_text(mass))
+    ways = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
+    SubElement(inertial, "inertia", {key: _text(about[at]) for key, at in ways.items()})
+
+
+def _joint(
+    root: Element, name: str, kind: str, links: tuple[str, str], axis: Any, friction: tuple[float, float]
+) -> Element:
+    """Add a joint between two links, with its damping and dry friction."""
+    joint = SubElement(root, "joint", name=name, type=kind)
+    for end, link in zip(("parent", "child"), links, strict=True):
+        SubElement(joint, end, link=link)
+    SubElement(joint, "axis", xyz=_text(axis))
+    SubElement(joint, "dynamics", damping=_text(friction[0]), friction=_text(friction[1]))
+    return joint
 
 
 def _passive(name: str, acting: Iterable[Effect], reason: str, slides: bool = False) -> tuple[float, float, list[Loss]]:
@@ -470,9 +560,9 @@ def _text(values: Any) -> str:
     return " ".join(f"{v:.12g}" for v in np.ravel(values))
 
 
-def _written(root: Element, losses: list[Loss]) -> str:
-    """The file, with its losses as a comment."""
-    told = "".join(f"\n     Not held: {loss}".replace("--", "- ") for loss in losses)
+def _written(root: Element, text: str, losses: list[Loss]) -> str:
+    """The file, with a ``text`` on it and its losses as a comment."""
+    told = "".join(f"\n     Not held exactly: {loss}".replace("--", "- ") for loss in losses)
     indent(root)
-    comment = f"<!-- Written by whsklearn. Units: kg, m, rad, s, Nm.{told} -->"
-    return f"{comment}\n{tostring(root, encoding='unicode')}\n"
+    comment = f"<!-- Written by whsklearn {__version__}. {text}{told} -->"
+    return f'<?xml version="1.0"?>\n{comment}\n{tostring(root, encoding="unicode")}\n'
