@@ -7,9 +7,9 @@ import pytest
 from scipy.signal import dlsim
 
 from whsklearn import ServoAxis, WienerHammersteinSystem
-from whsklearn.effects import CableSpring, FrictionLaw, Viscous
+from whsklearn.effects import CableSpring, FrictionLaw, Viscous, as_law
 from whsklearn.export import to_control, to_dlti
-from whsklearn.models import LinearModel
+from whsklearn.models import AxisModel, LinearModel
 
 
 def test_a_linear_axis(drive):
@@ -18,6 +18,15 @@ def test_a_linear_axis(drive):
     assert not losses
     own = axis.simulate_drive(drive).position
     np.testing.assert_allclose(dlsim(system, drive)[1][:, 0], own, atol=1e-5 * np.std(own))
+
+
+IN_MM = {"input": "N", "output": "mm"}
+
+
+def test_what_a_linear_system_of_a_slide_omits_is_told_in_newtons_and_metres():
+    slide = AxisModel(2.0, as_law("viscous,coulomb"), [CableSpring(0.5, 0.1)], units=IN_MM, logged="position")
+    sizes = [x.size for x in to_dlti(slide)[1]]
+    assert [size.rpartition(" ")[2] for size in sizes] == ["N", "m"]
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from whsklearn.export.model import (
-    Exported,
     Loss,
     as_exported,
     left_out,
@@ -45,10 +44,33 @@ def to_dlti(model: Any) -> tuple[Any, list[Loss]]:
     >>> system.dt
     0.001
     """
-    from scipy.signal import dlti
+    from scipy.signal import cont2discrete, dlti
 
-    numerator, denominator, dt, losses = _transfer(as_exported(model))
-    return dlti(numerator, denominator, dt=dt), losses
+    exported = as_exported(model)
+    if exported.chain is not None:
+        terms = exported.chain.law.terms if exported.chain.law else ()
+        bent = [t for t in terms if t.name not in ("power", "viscous") or t.shape.get("degree", 1.0) != 1.0]
+        losses = [Loss(t.name, size_of(t), "it is not linear") for t in bent]
+        losses += [Loss(e.name, size_of(e), "a transfer function holds no effects") for e in exported.chain.effects]
+        if exported.chain.offset:
+            losses.append(Loss("offset", f"{exported.chain.offset:.6g}", "it is not linear"))
+        numerator, denominator = exported.chain.linear()
+        if not np.any(numerator):
+            raise ValueError("The chain's law has no linear term, so it has no linear part; export it to c instead.")
+        leading = np.flatnonzero(numerator)[0]  # in powers of z: a delay is a lower degree of the numerator
+        width = max(numerator.size, denominator.size)
+        wide = [np.pad(p, (0, width - p.size)) for p in (numerator, denominator)]
+        return dlti(wide[0][leading:], wide[1], dt=exported.chain.dt), losses
+    axis, losses = with_held_law(exported.need_axis("A linear system"))
+    effects = parts_of(rigid(axis))
+    losses += left_out(axis, lambda e: e.name in _LINEAR, "it is not linear")
+    losses += lost_parts(axis)
+    springs = [e for e in effects if e.name == "cable_spring" and e.shape["centre"]]
+    losses += [Loss(e.name, f"centre {e.shape['centre']:.6g} rad", "held with its centre at zero") for e in springs]
+    dt = 1.0 / axis.sample_rate
+    over = [axis.inertia, total(effects, "viscous"), total(effects, "cable_spring")]
+    numerator, denominator, _ = cont2discrete(([1.0], over), dt)
+    return dlti(np.trim_zeros(np.ravel(numerator), "f"), denominator, dt=dt), exported.told(losses)
 
 
 def to_control(model: Any) -> tuple[Any, list[Loss]]:
@@ -66,34 +88,5 @@ def to_control(model: Any) -> tuple[Any, list[Loss]]:
         import control
     except ImportError:
         raise ImportError("python-control is not installed; pip install 'whsklearn[control]'.") from None
-    numerator, denominator, dt, losses = _transfer(as_exported(model))
-    return control.tf(numerator, denominator, dt), losses
-
-
-def _transfer(model: Exported) -> tuple[Any, Any, float, list[Loss]]:
-    if model.chain is not None:
-        terms = model.chain.law.terms if model.chain.law else ()
-        bent = [t for t in terms if t.name not in ("power", "viscous") or t.shape.get("degree", 1.0) != 1.0]
-        losses = [Loss(t.name, size_of(t), "it is not linear") for t in bent]
-        losses += [Loss(e.name, size_of(e), "a transfer function holds no effects") for e in model.chain.effects]
-        if model.chain.offset:
-            losses.append(Loss("offset", f"{model.chain.offset:.6g}", "it is not linear"))
-        numerator, denominator = model.chain.linear()
-        if not np.any(numerator):
-            raise ValueError("The chain's law has no linear term, so it has no linear part; export it to c instead.")
-        leading = np.flatnonzero(numerator)[0]  # in powers of z: a delay is a lower degree of the numerator
-        width = max(numerator.size, denominator.size)
-        wide = [np.pad(p, (0, width - p.size)) for p in (numerator, denominator)]
-        return wide[0][leading:], wide[1], model.chain.dt, losses
-    from scipy.signal import cont2discrete
-
-    axis, losses = with_held_law(model.need_axis("A linear system"))
-    effects = parts_of(rigid(axis))
-    losses += left_out(axis, lambda e: e.name in _LINEAR, "it is not linear")
-    losses += lost_parts(axis)
-    springs = [e for e in effects if e.name == "cable_spring" and e.shape["centre"]]
-    losses += [Loss(e.name, f"centre {e.shape['centre']:.6g} rad", "held with its centre at zero") for e in springs]
-    dt = 1.0 / axis.sample_rate
-    over = [axis.inertia, total(effects, "viscous"), total(effects, "cable_spring")]
-    numerator, denominator, _ = cont2discrete(([1.0], over), dt)
-    return np.trim_zeros(np.ravel(numerator), "f"), denominator, dt, losses
+    linear, losses = to_dlti(model)
+    return control.tf(linear.num, linear.den, linear.dt), losses
