@@ -173,14 +173,6 @@ def columns_of(options: Mapping[str, Any], arm: Arm, names: Sequence[str]) -> di
     return found | {j: (pair[0], pair[1]) for j, pair in stated.items() if pair}
 
 
-def checked_gains(options: Mapping[str, Any], arm: Arm) -> dict[str, tuple[float, float]]:
-    """The gains of ``--gains``, checked against the joints of the robot."""
-    gains = gains_of(options["gains"]) if options.get("gains") else {}
-    if unknown := [j for j in gains if j not in arm.joints]:
-        raise ColumnError(f"--gains names {unknown[0]!r}; the robot's joints are {', '.join(arm.joints)}.")
-    return gains
-
-
 def gains_used(options: Mapping[str, Any], arm: Arm, units: Mapping[str, str]) -> dict[str, tuple[float, float]]:
     """The gains of ``--gains``; without it those that the robot's model was identified with, for drives in amperes.
 
@@ -192,7 +184,9 @@ def gains_used(options: Mapping[str, Any], arm: Arm, units: Mapping[str, str]) -
 
     path = str(options.get("robot") or options.get("model") or "")
     currents = [j for j, unit in units.items() if factor_of(unit)[1] in AMPERES]
-    gains = checked_gains(options, arm)
+    gains = gains_of(options.get("gains") or "")
+    if unknown := [j for j in gains if j not in arm.joints]:
+        raise ColumnError(f"--gains names {unknown[0]!r}; the robot's joints are {', '.join(arm.joints)}.")
     if gains or not currents or not path.endswith(".json"):
         return gains
     kept = getattr(load_model(path), "gains", {})

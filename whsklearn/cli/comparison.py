@@ -197,14 +197,11 @@ def _record(outcome: Outcome, parent: Run, train: ComparedRecord) -> None:
     """Record the run of one candidate; if it could not be fitted, the run is marked as failed, with the reason."""
     candidate = outcome.candidate
     tags = {"reading": candidate.reading, "data": train.name, "estimator": type(candidate.model).__name__}
-    try:
-        with parent.child(f"{candidate.name} ({candidate.reading})", tags=tags) as run:
-            if outcome.failure:
-                raise ValueError(outcome.failure)
-            _log(outcome, run, train)
-    except ValueError:
-        if not outcome.failure:
-            raise
+    failing = contextlib.suppress(ValueError) if outcome.failure else contextlib.nullcontext()
+    with failing, parent.child(f"{candidate.name} ({candidate.reading})", tags=tags) as run:
+        if outcome.failure:
+            raise ValueError(outcome.failure)
+        _log(outcome, run, train)
 
 
 def _log(outcome: Outcome, run: Run, train: ComparedRecord) -> None:

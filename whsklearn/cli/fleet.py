@@ -8,13 +8,12 @@ import time
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 import click
-from click.core import ParameterSource
 
 from whsklearn.cli.job import UNUSABLE, cell, entry, job, progress_bar, say_where, tracker_for, wrapped, writable_file
-from whsklearn.cli.options import NEW_FILE, build_model, model_options
+from whsklearn.cli.options import NEW_FILE, build_model, chosen_of, model_options
 
 if TYPE_CHECKING:
     from whsklearn.cli.fleet_axis import Row
@@ -93,13 +92,10 @@ def main(**options: Any) -> None:
 
 def model_of(options: dict[str, Any]) -> Any:
     """The estimator that is cloned for every axis: of a servo axis, if the columns are its drive and position."""
-    from whsklearn import InverseDynamicsLags, RLSRegressor
-    from whsklearn.cli.stream import EFFECTS, of_an_axis
-    from whsklearn.lags.axis_rows import effect_terms
+    from whsklearn.cli.stream import axis_model, of_an_axis
     from whsklearn.logs.units import UNSTATED, unit_of
 
-    source_of = click.get_current_context().get_parameter_source
-    chosen = {name for name in options if source_of(name) == ParameterSource.COMMANDLINE}
+    chosen = chosen_of(options)
     if not of_an_axis(options, chosen):
         return build_model(options)
     drive, position = options["inputs"][0], options["output"]
@@ -107,14 +103,11 @@ def model_of(options: dict[str, Any]) -> Any:
         raise click.UsageError(
             f"{drive} and {position} are the drive and the position of an axis; give --time, or --orders for a chain."
         )
-    # averages away from standstill, as of a stream: with all rows, numbers depend on how often an axis sticks
-    law = options["law"] if "law" in chosen else "viscous,coulomb"
-    lags = InverseDynamicsLags(1.0, law=law, effects=EFFECTS, causal=True)
-    effect_terms(lags.law, lags.effects)  # a wrong name is said now, not for each axis
     units = [u for u in (unit_of(drive), unit_of(position)) if u not in UNSTATED]
     text = f"with numbers in {' and '.join(units)}" if len(units) == 2 else "with numbers in the columns' units"
     click.echo(f"{drive} and {position} are those of servo axes, {text}; --orders takes them for chains.", err=True)
-    return RLSRegressor(lags, forgetting=options["forgetting"])
+    # averages away from standstill, as of a stream: with all rows, numbers depend on how often an axis sticks
+    return axis_model(options, chosen, rate=1.0)
 
 
 def run_here(work: Work, batches: list[list[str]], workers: int) -> Iterator[list[Row]]:
@@ -212,7 +205,7 @@ def write_table(found: Any, out: Path) -> None:
     atomic_write(out, buffer.getvalue())
 
 
-class Kept:
+class Kept(contextlib.AbstractContextManager["Kept"]):
     """The finished rows of a fleet in ``OUT.part``, next to the table to be written, and in the same format.
 
     A row is reused if the settings (model, columns, share of the test) and the files of its axis have not changed.
@@ -261,9 +254,6 @@ class Kept:
 
         write_table(pd.DataFrame(self._done).assign(settings=self._settings), self.path)
         self._written, self._due = len(self._done), time.monotonic() + EVERY_SECONDS
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
         if kind is None:

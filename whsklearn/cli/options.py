@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+from click.core import ParameterSource
 
 ESTIMATORS = {"rls": "RLSRegressor", "mils": "MILSRegressor", "rmils": "RMILSRegressor"}
 Command = Callable[..., Any]
@@ -174,6 +175,12 @@ def load_effects(path: str | Path | None) -> None:
         )
     for cls in defined.values():
         check_effect(cls)
+
+
+def chosen_of(options: Mapping[str, Any]) -> set[str]:
+    """The options that were given on the command line."""
+    source_of = click.get_current_context().get_parameter_source
+    return {name for name in options if source_of(name) == ParameterSource.COMMANDLINE}
 
 
 def given(options: Mapping[str, Any]) -> dict[str, Any]:

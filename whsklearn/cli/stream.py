@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import click
-from click.core import ParameterSource
 
 from whsklearn.cli.job import job, root
 from whsklearn.cli.options import (
@@ -26,6 +25,7 @@ from whsklearn.cli.options import (
     POSITIVE,
     FiniteRange,
     build_model,
+    chosen_of,
     joint_options,
     model_options,
     rate_option,
@@ -89,9 +89,7 @@ def _prepared(options: dict[str, Any]) -> Callable[[], None]:
 
     source, robot, timed = (options[k] for k in ("source", "robot", "time_column"))
     say = functools.partial(click.echo, err=True)
-    source_of = click.get_current_context().get_parameter_source
-    chosen = {name for name in options if source_of(name) == ParameterSource.COMMANDLINE}
-    axis = None
+    axis, chosen = None, chosen_of(options)
     if not robot:
         refuse_without_robot(options)
         axis = axis_stream(options, chosen, say)
@@ -197,9 +195,7 @@ def axis_stream(options: Mapping[str, Any], chosen: set[str], say: Any) -> Learn
     ``chosen``: the options given on the command line; those of a chain ask for one. ``say``: called with the sentence
     that tells what is taken, and why it is not an axis where the columns alone would be one.
     """
-    from whsklearn import InverseDynamicsLags, RLSRegressor
     from whsklearn.compare import at_an_alarm
-    from whsklearn.lags.axis_rows import effect_terms
     from whsklearn.logs.errors import ColumnError, LogError
     from whsklearn.logs.mend import turns_of
     from whsklearn.logs.units import unit_of
@@ -221,21 +217,30 @@ def axis_stream(options: Mapping[str, Any], chosen: set[str], say: Any) -> Learn
         if not begun:
             raise LogError(f"{source} holds no rows; give another file, or --rate HZ and --follow for rows to come.")
         raise ColumnError(f"{source} does not show its sample rate by {time} of three rows; give --rate HZ too.")
-    law = options["law"] if "law" in chosen else "viscous,coulomb"
-    lags = InverseDynamicsLags(float(f"{1.0 / dt:.6g}"), law=law, effects=EFFECTS, causal=True)
-    effect_terms(lags.law, lags.effects)  # a wrong name is said now, not at each row
-    model = RLSRegressor(lags, forgetting=options["forgetting"])
+    model = axis_model(options, chosen, float(f"{1.0 / dt:.6g}"))
+    spacing = model.lags.spacing * dt
     alarm = alarm_of_averages(options["alarm_interval"])
-    first = (alarm.n_settle + alarm.n_reference) * lags.spacing * dt
+    first = (alarm.n_settle + alarm.n_reference) * spacing
     say(
         f"{what}, whose inertia and friction are estimated at {1.0 / dt:.6g} Hz; --orders takes them for a chain. "
         f"A change is told from {first:.3g} s of motion on; where the axis stops or turns within "
-        f"{2e3 * lags.spacing * dt:.3g} ms, none counts."
+        f"{2e3 * spacing:.3g} ms, none counts."
     )
     compare = at_an_alarm(columns, None if time else dt)
     rows = without_holes(time, dt) | {"positions": (int(bool(time)),)}
     rows |= {"turns": (tuple(turns_of(unit_of(position))),)}
     return Learnt(model, columns, alarm, compare, rows)
+
+
+def axis_model(options: Mapping[str, Any], chosen: set[str], rate: float) -> Any:
+    """Recursive least squares of an axis; raises ValueError for a wrong name of a term, before the first row."""
+    from whsklearn import InverseDynamicsLags, RLSRegressor
+    from whsklearn.lags.axis_rows import effect_terms
+
+    law = options["law"] if "law" in chosen else "viscous,coulomb"
+    lags = InverseDynamicsLags(rate, law=law, effects=EFFECTS, causal=True)
+    effect_terms(lags.law, lags.effects)
+    return RLSRegressor(lags, forgetting=options["forgetting"])
 
 
 def has_rows(source: str, columns: list[str], timed: bool) -> bool:

@@ -16,7 +16,9 @@ from __future__ import annotations
 import ast
 import inspect
 import math
+import operator
 import textwrap
+from collections import ChainMap
 from collections.abc import Callable
 from typing import Any
 
@@ -236,11 +238,7 @@ class Specialiser:
         return e.value
 
     def _name(self, e: ast.Name, env: dict[str, Any]) -> Any:
-        if e.id in env:
-            return env[e.id]
-        if e.id in self.globals:
-            return self.globals[e.id]
-        return _BUILTINS[e.id]
+        return ChainMap(env, self.globals, _BUILTINS)[e.id]
 
     def _attribute(self, e: ast.Attribute, env: dict[str, Any]) -> Any:
         return getattr(self._value(e.value, env), e.attr)
@@ -386,9 +384,7 @@ _INTRINSICS: dict[Any, str] = {
     math.floor: "floor", math.copysign: "copysign", math.fabs: "abs", math.pow: "pow",
 }  # fmt: skip
 _FOLD: dict[str, Callable[[Any, Any], Any]] = {
-    "Add": lambda a, b: a + b, "Sub": lambda a, b: a - b, "Mult": lambda a, b: a * b, "Div": lambda a, b: a / b,
-    "Pow": lambda a, b: a**b, "FloorDiv": lambda a, b: a // b, "Mod": lambda a, b: a % b,
-    "Lt": lambda a, b: a < b, "LtE": lambda a, b: a <= b, "Gt": lambda a, b: a > b, "GtE": lambda a, b: a >= b,
-    "Eq": lambda a, b: a == b, "NotEq": lambda a, b: a != b,
-    "Is": lambda a, b: a is b, "IsNot": lambda a, b: a is not b,
+    "Add": operator.add, "Sub": operator.sub, "Mult": operator.mul, "Div": operator.truediv, "Pow": operator.pow,
+    "FloorDiv": operator.floordiv, "Mod": operator.mod, "Lt": operator.lt, "LtE": operator.le, "Gt": operator.gt,
+    "GtE": operator.ge, "Eq": operator.eq, "NotEq": operator.ne, "Is": operator.is_, "IsNot": operator.is_not,
 }  # fmt: skip

@@ -222,11 +222,8 @@ class Run:
     def __init__(self, tracker: Tracker, run_id: str):
         self.tracker = tracker
         self.id = run_id
+        self._client = tracker.client
         self._buffer: dict[str, list[Any]] = {kind: [] for kind in BATCH}
-
-    @property
-    def _client(self) -> Any:
-        return self.tracker.client
 
     def child(self, name: str, *, tags: Mapping[str, str] | None = None) -> Any:
         """A run of this ``name`` and these ``tags`` below this one, to be used in a ``with`` block."""
@@ -318,14 +315,11 @@ class Run:
             return ""
         from whsklearn.models import load_model
 
-        mlflow = store.import_mlflow()
-        example = rows[:20]
         units = {"input": "as logged", "output": "as logged"} | dict(load_model(path).units)
-
-        metadata = {"column": str(example.columns[0]), "units": units}
+        metadata = {"column": str(rows.columns[0]), "units": units}
         info = self._log_model(
-            mlflow.pyfunc, loader_module="whsklearn.tracking.served", data_path=os.fspath(path),
-            signature=served_signature(1), input_example=example, metadata=metadata,
+            store.import_mlflow().pyfunc, loader_module="whsklearn.tracking.served", data_path=os.fspath(path),
+            signature=served_signature(1), input_example=rows[:20], metadata=metadata,
         )  # fmt: skip
         return str(info.model_uri)
 
@@ -357,14 +351,11 @@ class Run:
         """
         if self._client is None:
             return ""
-        mlflow = store.import_mlflow()
-        example = np.asarray(X, dtype=float)[:20]
-        named = input_example(model, example)
+        example = input_example(model, np.asarray(X, dtype=float)[:20])
         with store.quiet():
             signature = served_signature(example.shape[1])
-
         info = self._log_model(
-            mlflow.sklearn, sk_model=model, signature=signature, input_example=named,
+            store.import_mlflow().sklearn, sk_model=model, signature=signature, input_example=example,
             registered_model_name=registered_name or None, skops_trusted_types=own_types(model),
         )  # fmt: skip
         if registered_name and alias:

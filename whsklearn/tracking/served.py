@@ -54,9 +54,7 @@ class Served:
             ) from None
 
 
-def _load_pyfunc(path: str) -> Served:
-    """What MLflow calls."""
-    return Served(path)
+_load_pyfunc = Served  # what MLflow calls with the path
 
 
 def input_example(model: Any, rows: ArrayLike) -> Any:
