@@ -225,6 +225,17 @@ def test_a_worker_that_is_killed_loses_no_axis(fleet, tmp_path):
     assert (table["failure"] == "").all()
 
 
+def test_a_cluster_that_is_not_there_is_told_with_what_to_do(fleet, tmp_path, monkeypatch):
+    pytest.importorskip("distributed", reason="needs the extra dask")
+    monkeypatch.setattr("whsklearn.cli.job.ANSWERS", 1.0)
+    asked = [str(fleet), "--no-track", "--estimator", "rls", "--out", str(tmp_path / "t.parquet")]
+    done = CliRunner().invoke(main, [*asked, "--scheduler", "tcp://127.0.0.1:9"])
+    assert done.exit_code == 1
+    assert "does not answer; start it, or omit --scheduler" in done.output
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    assert "pip install 'whsklearn[dask]'" in CliRunner().invoke(main, asked).output
+
+
 def test_a_lost_axis_does_not_go_unnoticed():
     with pytest.raises(ValueError, match="1 axes returned no result, the first is b"):
         to_table([{"axis": "a", "rows": 1, "failure": "", "seconds": 0.1}], ["a", "b"])

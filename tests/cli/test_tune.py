@@ -138,7 +138,7 @@ def test_dask_cluster_searches_the_same():
 
 def test_scheduler_that_is_down_is_told(monkeypatch):
     pytest.importorskip("distributed", reason="needs the extra dask")
-    monkeypatch.setattr("whsklearn.cli.tune.ANSWERS", 1.0)
+    monkeypatch.setattr("whsklearn.cli.job.ANSWERS", 1.0)
     done = run("--samples", 200, "--backend", "dask", "--scheduler", "tcp://127.0.0.1:9", "--no-track")
     assert done.exit_code == 1
     assert "does not answer" in done.output

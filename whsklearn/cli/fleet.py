@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from whsklearn.cli.job import UNUSABLE, cell, entry, job, progress_bar, say_where, tracker_for, wrapped, writable_file
+from whsklearn.cli import job as jobs
 from whsklearn.cli.options import NEW_FILE, build_model, chosen_of, model_options
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ EVERY_SECONDS = 30.0  # between two writes of the finished rows
 SHOWN = 10
 
 
-@job
+@jobs.job
 @click.argument("folder", type=click.Path(exists=True, file_okay=False, path_type=Path))
 @click.option("--axis", default="axis", help="Partition key: the folder holds AXIS=NAME/*.parquet.")
 @click.option("--input", "inputs", multiple=True, default=["u"], help="Input column; repeat for several.")
@@ -56,7 +56,7 @@ def main(**options: Any) -> None:
 
     folder, axis, out, batch = (options[k] for k in ("folder", "axis", "out", "batch"))
     test_share, workers = options["test_share"], options["workers"]
-    writable_file(out, *folder.rglob("*.parquet"))
+    jobs.writable_file(out, *folder.rglob("*.parquet"))
     names = axes_of(folder, axis)
     model = model_of(options)
     source = {"folder": str(folder.resolve()), "axis": axis, "inputs": list(options["inputs"])}
@@ -68,7 +68,7 @@ def main(**options: Any) -> None:
         click.echo(f"Resuming: {len(rows)} of {len(names)} axes are finished in {kept.path}.", err=True)
     todo = sorted(set(names) - {row["axis"] for row in rows})
     batches = [todo[i : i + batch] for i in range(0, len(todo), batch)]
-    with progress_bar(total=len(names), initial=len(rows), unit="axis", desc="fleet") as bar, kept:
+    with jobs.progress_bar(total=len(names), initial=len(rows), unit="axis", desc="fleet") as bar, kept:
         work = partial(identify_axes, model, source=source, test_share=test_share)
         spread = run_here if options["in_process"] else partial(run_on_cluster, scheduler=options["scheduler"])
         for done in spread(work, batches, workers) if batches else ():
@@ -81,13 +81,13 @@ def main(**options: Any) -> None:
     kept.path.unlink(missing_ok=True)
     apart, failed = outliers(found), found[found["failure"] != ""]
     click.echo(summary(found, apart, failed, out, seconds))
-    tracker = tracker_for("fleet", options["track"])
+    tracker = jobs.tracker_for("fleet", options["track"])
     with tracker.run(folder.name) as run:
         run.log_params(estimator_params(model) | {"axes": len(found), "workers": workers})
         record(run, found, apart, failed, out, seconds)
-    say_where(tracker)
+    jobs.say_where(tracker)
     if len(failed):
-        raise SystemExit(UNUSABLE)
+        raise SystemExit(jobs.UNUSABLE)
 
 
 def model_of(options: dict[str, Any]) -> Any:
@@ -119,17 +119,10 @@ def run_here(work: Work, batches: list[list[str]], workers: int) -> Iterator[lis
 
 def run_on_cluster(work: Work, batches: list[list[str]], workers: int, scheduler: str | None) -> Iterator[list[Row]]:
     """Results of each batch as they are ready, from a Dask cluster; the work of a lost worker is repeated."""
-    import dask
-    from distributed import Client, LocalCluster, as_completed
-
     settings = {"distributed.scheduler.allowed-failures": 20, "distributed.worker.daemon": False}
-    with contextlib.ExitStack() as stack:
-        stack.enter_context(dask.config.set(settings))
-        if scheduler is None:
-            cluster = LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=":0")
-            client = stack.enter_context(Client(stack.enter_context(cluster)))
-        else:
-            client = stack.enter_context(Client(scheduler, timeout="20s"))
+    with jobs.dask_client(scheduler, workers, settings) as client:
+        from distributed import as_completed
+
         for future in as_completed(client.map(work, batches, pure=False, retries=3)):
             yield future.result()
             future.release()
@@ -170,15 +163,16 @@ def summary(found: Any, apart: Any, failed: Any, out: Path, seconds: float) -> s
         f"({1e3 * found['seconds'].sum() / len(found):.1f} ms of work per axis); {len(apart)} "
         f"outlier{'s' * (len(apart) != 1)}, {len(failed)} failed; table in {out}."
     )
-    lines = [wrapped(text)]
+    lines = [jobs.wrapped(text)]
     bad = int((found["nmse"].astype(float) > 1.0).sum())
     if bad:
         lines.append(
-            wrapped(f"{bad} have an NMSE above 1, worse than the mean of their output; their models are useless.")
+            jobs.wrapped(f"{bad} have an NMSE above 1, worse than the mean of their output; their models are useless.")
         )
     if len(apart):
         lines += ["", "Outliers, worst first: distance from the median in robust standard deviations"]
-        lines += [entry(f"{r['axis']}: NMSE {cell(r['nmse'])}; {r['why']}") for _, r in apart.head(SHOWN).iterrows()]
+        told = (f"{r['axis']}: NMSE {jobs.cell(r['nmse'])}; {r['why']}" for _, r in apart.head(SHOWN).iterrows())
+        lines += map(jobs.entry, told)
         lines += _and_more(len(apart))
     if len(failed):
         reasons = failed.groupby("failure", sort=False)["axis"].apply(list)
@@ -186,7 +180,7 @@ def summary(found: Any, apart: Any, failed: Any, out: Path, seconds: float) -> s
         lines += ["", "Failed"]
         for reason, axes in ordered[:SHOWN]:
             who = ", ".join(axes[:SHOWN]) + (f" and {len(axes) - SHOWN} more" if len(axes) > SHOWN else "")
-            lines.append(entry(f"{who}: {reason}"))
+            lines.append(jobs.entry(f"{who}: {reason}"))
         lines += _and_more(len(ordered))
     return "\n".join(lines)
 

@@ -20,6 +20,7 @@ from whsklearn.cli import WIDTH
 if TYPE_CHECKING:
     from whsklearn.tracking import Tracker
 
+ANSWERS = 20.0  # s within which a Dask scheduler has to answer
 NARROWEST = 8  # columns of a table's names
 USAGE, UNUSABLE, ENDED, INTERRUPTED = 2, 3, 143, 130  # besides 0 for a result and 1 for any other failure
 
@@ -195,6 +196,31 @@ def progress_bar(**options: Any) -> Iterator[Any]:
 
     with logging_redirect_tqdm([logging.getLogger("whsklearn")]), tqdm(disable=None, leave=False, **options) as bar:
         yield bar
+
+
+@contextlib.contextmanager
+def dask_client(scheduler: str | None, n_workers: int, settings: Mapping[str, Any] | None = None) -> Iterator[Any]:
+    """A client of a Dask scheduler, or of a cluster of so many processes on this machine if there is none.
+
+    ``settings``: of Dask, for the scheduler and the workers of such a cluster.
+
+    Raises ImportError without Dask, OSError if the scheduler does not answer.
+    """
+    try:
+        import dask
+        from distributed import Client, LocalCluster
+    except ImportError as error:
+        raise ImportError("Dask is not installed; install it with `pip install 'whsklearn[dask]'`.") from error
+    with dask.config.set(settings or {}), contextlib.ExitStack() as stack:
+        if scheduler is None:
+            local = LocalCluster(n_workers=n_workers, threads_per_worker=1, dashboard_address=":0")
+            scheduler = stack.enter_context(local).scheduler_address
+        try:
+            client = stack.enter_context(Client(scheduler, timeout=ANSWERS))
+        except (OSError, TimeoutError) as error:
+            text = f"The Dask scheduler at {scheduler} does not answer; start it, or omit --scheduler."
+            raise OSError(text) from error
+        yield client
 
 
 def tracker_for(experiment: str, track: bool, **tags: str) -> Tracker:

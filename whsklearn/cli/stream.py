@@ -18,19 +18,8 @@ from typing import Any, NamedTuple
 
 import click
 
+from whsklearn.cli import options as opt
 from whsklearn.cli.job import job, root
-from whsklearn.cli.options import (
-    FILE,
-    NEW_FILE,
-    POSITIVE,
-    FiniteRange,
-    build_model,
-    chosen_of,
-    joint_options,
-    model_options,
-    rate_option,
-    refuse_without_robot,
-)
 
 OF_A_CHAIN = ("inputs", "output", "estimator", "orders", "law", "p")  # options that do not apply to an arm
 AT_FIRST = 200  # rows from which the rate of a stream's file is estimated
@@ -42,18 +31,20 @@ LONGEST_STEP = 2.5  # samples: a longer one begins a new experiment, because no 
 @click.argument("source", type=click.Path(exists=True, dir_okay=False, allow_dash=True))
 @click.option("--input", "--drive", "inputs", multiple=True, default=["u"], help="Input column; repeat for several.")
 @click.option("--output", "--position", "output", default="y", help="Output column.")
-@click.option("--robot", type=FILE, help="model.json of an arm, in place of --orders.")
-@joint_options
+@click.option("--robot", type=opt.FILE, help="model.json of an arm, in place of --orders.")
+@opt.joint_options
 @click.option("--time", "time_column", help="Time column, numbers or ISO 8601; must increase.")
-@rate_option
-@click.option("--max-step", type=POSITIVE, help="A longer pause in time begins a new experiment.")
+@opt.rate_option
+@click.option("--max-step", type=opt.POSITIVE, help="A longer pause in time begins a new experiment.")
 @click.option("--follow", is_flag=True, help="Wait for rows that are appended to the file.")
-@model_options
+@opt.model_options
 @click.option("--every", type=click.IntRange(1), default=1000, help="Rows between estimates.")
 @click.option("--predictions/--no-predictions", default=False, help="Write the one-step prediction of every row.")
-@click.option("--smallest-change", type=FiniteRange(min=0), default=5.0, help="Smallest change to report, in per cent.")
 @click.option(
-    "--alarm-interval", type=POSITIVE, default=1e6, help="Minimum average number of rows between false alarms."
+    "--smallest-change", type=opt.FiniteRange(min=0), default=5.0, help="Smallest change to report, in per cent."
+)
+@click.option(
+    "--alarm-interval", type=opt.POSITIVE, default=1e6, help="Minimum average number of rows between false alarms."
 )
 @click.option("--bad-rows", type=click.Choice(["skip", "refuse"]), default="skip", help="Report and continue, or stop.")
 @click.option("--hole", type=click.Choice(["hold", "restart"]), default="hold", help="What replaces a bad row.")
@@ -61,9 +52,11 @@ LONGEST_STEP = 2.5  # samples: a longer one begins a new experiment, because no 
 @click.option(
     "--disk-full", type=click.Choice(["go-on", "stop"]), default="go-on", help="If there is no space for a checkpoint."
 )
-@click.option("--out", type=NEW_FILE, help="File for the records; stdout if omitted.")
-@click.option("--checkpoint", type=NEW_FILE, help="File for the state, from which it resumes; SOURCE.whs if omitted.")
-@click.option("--checkpoint-every", type=FiniteRange(min=0), default=5.0, help="Seconds between checkpoints.")
+@click.option("--out", type=opt.NEW_FILE, help="File for the records; stdout if omitted.")
+@click.option(
+    "--checkpoint", type=opt.NEW_FILE, help="File for the state, from which it resumes; SOURCE.whs if omitted."
+)
+@click.option("--checkpoint-every", type=opt.FiniteRange(min=0), default=5.0, help="Seconds between checkpoints.")
 @click.option("--fresh", is_flag=True, help="Start from the beginning even if there is a checkpoint.")
 def main(**options: Any) -> None:
     """Identify from SOURCE, a CSV file or - for JSON lines on stdin, row by row; it resumes automatically.
@@ -89,9 +82,9 @@ def _prepared(options: dict[str, Any]) -> Callable[[], None]:
 
     source, robot, timed = (options[k] for k in ("source", "robot", "time_column"))
     say = functools.partial(click.echo, err=True)
-    axis, chosen = None, chosen_of(options)
+    axis, chosen = None, opt.chosen_of(options)
     if not robot:
-        refuse_without_robot(options)
+        opt.refuse_without_robot(options)
         axis = axis_stream(options, chosen, say)
     if timed and options["rate"] and not axis:
         raise click.UsageError("--rate is for rows without a time; leave out --time or --rate.")
@@ -269,4 +262,4 @@ def chain_stream(options: Mapping[str, Any]) -> Learnt:
     time, rate = options["time_column"], options["rate"]
     columns = [*([time] if time else []), *options["inputs"], options["output"]]
     compare = at_an_alarm(columns, 1.0 / rate if rate else None) if time or rate else None
-    return Learnt(build_model(options), columns, options["alarm_interval"], compare, {})
+    return Learnt(opt.build_model(options), columns, options["alarm_interval"], compare, {})

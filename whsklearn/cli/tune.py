@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import click
 import numpy as np
 
-from whsklearn.cli.job import job, progress_bar, say_where, table, tracker_for, wrapped
+from whsklearn.cli.job import dask_client, job, progress_bar, say_where, table, tracker_for, wrapped
 from whsklearn.cli.options import LOG, ORDERS, given, logged_option, reading_options, system_options
 from whsklearn.cli.records import note, record_of
 from whsklearn.cli.simulated_example import SNR_DB, simulated_records
@@ -22,7 +22,6 @@ from whsklearn.cli.simulated_example import SNR_DB, simulated_records
 if TYPE_CHECKING:
     from whsklearn.cli.comparison import ComparedRecord
 
-ANSWERS = 10.0  # s within which a scheduler has to answer
 MEAN = 1.0  # the NMSE of a model that only knows the mean of the output
 
 
@@ -175,7 +174,9 @@ def numbers(text: str, option: str, kind: type, **words: Any) -> list[Any]:
 
 def count(options: dict[str, Any], grid: list[dict[str, list[Any]]]) -> int:
     """Number of candidates that the search will try; halving tries some of them more than once."""
-    whole = sum(int(np.prod([len(v) for v in g.values()])) for g in grid)
+    from sklearn.model_selection import ParameterGrid
+
+    whole = len(ParameterGrid(grid))
     return min(options["candidates"], whole) if options["kind"] == "random" else whole
 
 
@@ -260,25 +261,13 @@ def workers(backend: str, scheduler: str | None) -> Iterator[None]:
     if backend == "local":
         yield
         return
-    try:
-        from distributed import Client, LocalCluster
-    except ImportError as error:
-        raise ImportError("Dask is not installed; install it with `pip install 'whsklearn[dask]'`.") from error
     from joblib import parallel_config
 
-    with contextlib.ExitStack() as stack:
-        if scheduler is None:
-            local = LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None)
-            scheduler = stack.enter_context(local).scheduler_address
-        try:
-            client = stack.enter_context(Client(scheduler, timeout=ANSWERS))
-        except (OSError, TimeoutError) as error:
-            raise OSError(
-                f"The Dask scheduler at {scheduler} does not answer; start it, or omit --scheduler."
-            ) from error
-        click.echo(f"Dask: {len(client.scheduler_info()['workers'])} workers at {scheduler}.", err=True)
-        stack.enter_context(parallel_config(backend="dask"))
-        yield
+    with dask_client(scheduler, 2) as client:
+        count, where = len(client.scheduler_info()["workers"]), client.scheduler.address
+        click.echo(f"Dask: {count} workers at {where}.", err=True)
+        with parallel_config(backend="dask"):
+            yield
 
 
 def leaders(results: dict[str, Any]) -> str:
