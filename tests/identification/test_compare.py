@@ -16,7 +16,7 @@ from whsklearn.identification.compare import (
     _indices,
     _no_chain,
     _of_position,
-    _of_waves,
+    _of_waves_or_stops,
     _of_weight,
     _score,
     recommend,
@@ -355,7 +355,7 @@ def test_no_other_force_is_sought_where_cogging_leaves_far_less(least, skipped):
     names = ("axis, viscous and Coulomb", "axis with gravity", "axis with cogging")
     rigid, weight, cogging = (Compared(name, "axis", {}, "") for name in names)
     rigid.score, weight.score, cogging.score = 2.0, 1.0, least
-    assert _of_waves([rigid, weight, cogging]) == skipped
+    assert _of_waves_or_stops([rigid, weight, cogging]) == skipped
 
 
 def test_only_a_weight_that_cannot_be_told_from_other_forces_is_called_as_good():

@@ -183,7 +183,9 @@ def _tuned(log: View, form: AxisForm) -> AxisForm | None:
     last = slice(form.growth.start - 2, form.growth.start)
     for _ in range(TUNINGS):
         pieces = shooting_log(log, SHOOTING[1], form)
-        theta, covariance, *_ = fit_pieces(theta, pieces)
+        theta, covariance, _, cost = fit_pieces(theta, pieces)
+        if not np.isfinite(cost):
+            return None
         amplitude = float(np.linalg.norm(theta[last]))
         spread = float(np.sqrt(theta[last] @ covariance[last, last] @ theta[last])) / max(amplitude, TINY)
         if not max(2.0 * spread, np.sqrt(2.0) * LEAST_FORCE * np.std(log.u)) < amplitude:

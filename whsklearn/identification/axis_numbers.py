@@ -9,6 +9,7 @@ import numpy as np
 from whsklearn.effects import (
     CableSpring,
     Cogging,
+    ContactStop,
     EarlyReversal,
     Effect,
     FlexibleCoupling,
@@ -91,11 +92,13 @@ def axis_theta(model: AxisModel) -> tuple[Array, AxisForm]:
         return np.array(theta), AxisForm(coupled=True, at_load=model.side == "load")
     growth = [e.magnitude for e in rest if isinstance(e, LoadFriction)]
     early = [x for e in rest if isinstance(e, EarlyReversal) for x in (e.lead, e.impedance)]
-    forces, base = position_weights([e for e in rest if not isinstance(e, LoadFriction | EarlyReversal)])
+    stop = [x for e in rest if isinstance(e, ContactStop) for x in (*e.ends, e.stiffness, e.relaxation)]
+    forces, base = position_weights([e for e in rest if not isinstance(e, LoadFriction | EarlyReversal | ContactStop)])
     orders = np.array([e.order if isinstance(e, Cogging) else 1.0 for e in rest if isinstance(e, WAVES)])
     knots = np.array([t.knot for t in hinges])
     theta = [model.inertia, p["viscous"], p["coulomb"], offset.magnitude + base, *forces, *growth, *early]
-    form = AxisForm(knots, orders, len(forces) - 2 * orders.size, loaded=bool(growth), early=bool(early))
+    powers = len(forces) - 2 * orders.size
+    form = AxisForm(knots, orders, powers, stop=np.array(stop), loaded=bool(growth), early=bool(early))
     return np.array(theta + [t.magnitude for t in hinges]), form
 
 

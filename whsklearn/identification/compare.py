@@ -29,6 +29,7 @@ from whsklearn.identification.axis_fit import (
 )
 from whsklearn.identification.chain_fit import fit_chain, fit_folded, fit_rectified, loses_sign
 from whsklearn.identification.drive_lead import moved, skew
+from whsklearn.identification.end_stops import fit_stopped_axis
 from whsklearn.identification.linear_fit import fit_arx, fit_output_error
 from whsklearn.identification.logs_together import OwnDrive, together
 from whsklearn.identification.two_masses import fit_two_masses
@@ -58,11 +59,13 @@ LOADED, LOADED_GRAVITY = (
 SPRUNG_GRAVITY = "axis with gravity and a spring"
 HANGING = (GRAVITY, LOADED_GRAVITY, SPRUNG_GRAVITY)
 COGGED, COGGED_GRAVITY = "axis with cogging", "axis with gravity and cogging"
+STOPPED, STOPPED_GRAVITY = "axis with end stops", "axis with gravity and end stops"
+WAVES, STOPS = (COGGED, COGGED_GRAVITY), (STOPPED, STOPPED_GRAVITY)
 SPRING, HARDENING = "axis on a spring", "axis on a hardening spring"
 TWO_MASSES, CHAIN = "axis with a load behind a spring", "Wiener-Hammerstein"
 AT_LOAD = "axis with a load behind a spring, measured at the load"
 COUPLED = (TWO_MASSES, AT_LOAD)
-LAST = (LOADED, LOADED_GRAVITY, COGGED, COGGED_GRAVITY, SPRUNG_GRAVITY, *COUPLED, CHAIN)  # what takes most of the time
+LAST = (LOADED, LOADED_GRAVITY, *WAVES, *STOPS, SPRUNG_GRAVITY, *COUPLED, CHAIN)  # what takes most of the time
 # Share of the best linear model's error below which an axis makes a chain needless. Of axes it leaves 0.15 at most, of
 # chains 0.97 at least, and of those axes a chain left seven times as much and more (`benchmarks.which_structure`).
 # So does a force over the position with a load behind a spring, beside which there is none.
@@ -358,8 +361,8 @@ def _each_tried(
             )
         elif compared.name == SPRUNG_GRAVITY and not _helped(tried):
             compared.failure = "skipped, because neither gravity nor a spring leaves less than an axis without"
-        elif compared.name in (LOADED_GRAVITY, SPRUNG_GRAVITY, FORCE, HARDENING) and _of_waves(tried):
-            compared.failure = "skipped, because an axis with cogging leaves far less than one without"
+        elif compared.name in (LOADED_GRAVITY, SPRUNG_GRAVITY, FORCE, HARDENING) and _of_waves_or_stops(tried):
+            compared.failure = "skipped, because an axis with cogging or end stops leaves far less than one without"
         elif compared.name in (FORCE, HARDENING) and _of_weight(tried, sure=compared.name == HARDENING):
             compared.failure = "skipped, because gravity is the best so far"  # over little travel a cubic imitates it
         else:
@@ -390,7 +393,7 @@ def _no_chain(tried: list[Compared]) -> bool:
 def _of_position(tried: list[Compared]) -> bool:
     """Whether a force over position leaves so much less that an axis without one cannot make up for it."""
     free = _least(tried, lambda c: c.kind == "axis" and "effects" not in c.structure)
-    return _least(tried, lambda c: c.name in (*HANGING, SPRING, FORCE, COGGED, COGGED_GRAVITY)) < FAR_BELOW * free
+    return _least(tried, lambda c: c.name in (*HANGING, SPRING, FORCE, *WAVES, *STOPS)) < FAR_BELOW * free
 
 
 def _helped(tried: list[Compared]) -> bool:
@@ -399,10 +402,10 @@ def _helped(tried: list[Compared]) -> bool:
     return _least(tried, lambda c: c.name in (GRAVITY, SPRING)) < free
 
 
-def _of_waves(tried: list[Compared]) -> bool:
-    """Whether cogging leaves so much less that an axis without it cannot make up for it."""
-    without = _least(tried, lambda c: c.kind == "axis" and c.name not in (COGGED, COGGED_GRAVITY))
-    return _least(tried, lambda c: c.name in (COGGED, COGGED_GRAVITY)) < FAR_BELOW * without
+def _of_waves_or_stops(tried: list[Compared]) -> bool:
+    """Whether cogging or end stops leave so much less that an axis without them cannot make up for it."""
+    without = _least(tried, lambda c: c.kind == "axis" and c.name not in (*WAVES, *STOPS))
+    return _least(tried, lambda c: c.name in (*WAVES, *STOPS)) < FAR_BELOW * without
 
 
 def _least(tried: list[Compared], of: Callable[[Compared], bool]) -> float:
@@ -473,9 +476,11 @@ def candidates(
         yield of(GRAVITY, "axis", fit_hanging_axis, law=law, effects=["gravity_imbalance"])
     if placed:
         yield of(SPRING, "axis", partial(fit_placed_axis, powers=1), law=law, effects=springs[:1])
+        yield of(STOPPED, "axis", fit_stopped_axis, law=law, effects=["end_stop"])
         yield of(COGGED, "axis", fit_cogging_axis, law=law, effects=["cogging"])
     if placed and angle:
-        waves = partial(fit_cogging_axis, hangs=True)
+        stopped, waves = (partial(fit, hangs=True) for fit in (fit_stopped_axis, fit_cogging_axis))
+        yield of(STOPPED_GRAVITY, "axis", stopped, law=law, effects=["gravity_imbalance", "end_stop"])
         yield of(COGGED_GRAVITY, "axis", waves, law=law, effects=["gravity_imbalance", "cogging"])
         yield of(SPRUNG_GRAVITY, "axis", both, law=law, effects=["gravity_imbalance", "cable_spring"])
     grows = partial(fit_rigid_axis, loaded=True)

@@ -50,7 +50,7 @@ def window_errors(model: Any, log: View, horizon: int, before: int) -> Array:
     if isinstance(model, AxisModel):
         theta, form = axis_theta(model)
         logged = replace(log.in_si, logged=model.logged, steps=model.steps, hold=model.hold)
-        return _theta_errors(theta, form, logged, begins, horizon, before) / log.si[1]  # in the record's unit
+        return errors_from(theta, form, logged, begins, horizon, before) / log.si[1]  # in the record's unit
     return _response_errors(model, log, begins, horizon, before)
 
 
@@ -81,9 +81,7 @@ def _steady(log: View, start: int, horizon: int, before: int) -> Array:
     return log.y[start : start + horizon] - (level + slope * np.arange(horizon))
 
 
-def _theta_errors(
-    theta: Array, form: AxisForm, log: View, begins: NDArray[np.int64], horizon: int, before: int
-) -> Array:
+def errors_from(theta: Array, form: AxisForm, log: View, begins: NDArray[np.int64], horizon: int, before: int) -> Array:
     """State by Gauss-Newton over the lead, then the run on from there; (windows, horizon)."""
     position = log.logged == "position"
     lead_at, whole_at = ((begins[:, None] - before + np.arange(n)) for n in (before, before + horizon))
@@ -152,7 +150,7 @@ def axis_score(theta: Array, form: AxisForm, log: View) -> float:
     longest = log.longest.u.size
     before = lead(longest, log.dt)
     rms = [
-        rms_of(_theta_errors(theta, form, log, _begins(log, h, before), h, before))
+        rms_of(errors_from(theta, form, log, _begins(log, h, before), h, before))
         for h in horizons(longest - before, log.dt)
     ]
     return mean_error(rms, log, 1e-6 * float(np.std(log.y)))

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from whsklearn.effects import Effect, FlexibleCoupling, FrictionLaw, LearnedTorque, as_law
+from whsklearn.effects import Effect, EndStop, FlexibleCoupling, FrictionLaw, LearnedTorque, as_law
 from whsklearn.filtering.records import HOLDS, fine_drive
 from whsklearn.logs.units import assumed, inertia_unit, respelled
 from whsklearn.models.base import IdentifiedModel, as_input
@@ -93,6 +93,8 @@ class AxisModel(IdentifiedModel):
         )
         squares = [at_rest / (2.0 * SMALL * self.inertia)]
         for e in self.effects:
+            if isinstance(e, EndStop):
+                squares.append(e.stiffness / self.inertia)
             if isinstance(e, FlexibleCoupling):
                 squares.append(1.0 / (self.inertia * e.load_share * (1.0 - e.load_share) * e.compliance))
         return max(fine_steps(self.effects, self.dt), spring_steps(max(squares), self.dt))

@@ -2,14 +2,14 @@
 
 A rigid stop supplies whatever torque holds the axis, with one sign (Signorini's condition; Brogliato 1999, Nonsmooth
 Mechanics, ch. 1).  During contact the drive carries no information about inertia and friction, and the residual does
-not speak against a stop as long as it pushes back, which `regions` checks on the events.  The samples in contact are
-therefore excluded from the fit and from the gap.  The spring and the damper of `whsklearn.effects.ContactStop` are
-fitted to the push afterwards, because simulation needs them; naming does not.
+not speak against a stop as long as it pushes back, which `whsklearn.identification.end_stops` checks on the events.
+The samples in contact are therefore excluded from the fit and from the gap.  The spring and the damper of
+`whsklearn.effects.ContactStop` are fitted to the push afterwards, because simulation needs them; naming does not.
 """
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,68 +20,19 @@ from whsklearn.filtering.records import CUTOFF_SIGMA
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, Candidate, variants
 from whsklearn.gap.plants.servo_model import ServoHypothesis, ServoTerm
 from whsklearn.gap.record import Array
-from whsklearn.gap.search import HALF
+from whsklearn.identification.end_stops import Region, struck
 
 KINDS = variants(ContactStop)
-REWEIGHTINGS = 15
 AROUND = 3.5  # widths of the Gaussian over which a contact is blurred
 EDGE_STEP, EDGE_STEPS = 0.4, 7  # of the depth reached; each step shrinks by 0.6, to a hundredth in the end
 RELAXATIONS = (0.0, 0.003, 0.01, 0.02, 0.04, 0.08, 0.15)  # s
-# The events are the large residuals of a robust fit (`python -m benchmarks.blind_mujoco --only
-# range_one,range_both,forcerange`).  Of a stop they have 0.99 of the residual's energy, and 0.8 to 1 of the outer half
-# of its region is struck, of all others less than 0.15; both must be most of it.
-# Robust standard deviations above which a sample is an event: stops reach 20 to 60.
-STOP_FAR = 6.0
-# Deviations at which a sample has half weight in the robust fit (Cauchy's weights), and above which a sample in the
-# outer half of the region counts as struck.
-STOP_KNEE = 3.0
-# Share of the events' energy allowed outside the regions: the blur carries some to before the contact.
-STOP_EDGE = 0.03
-
-
-class Region(NamedTuple):
-    """One end of the travel: the start of its region, +1 (upper) or -1, and its share of the events' energy."""
-
-    edge: float
-    side: int
-    energy: float
-
-
-def robust(x: Array, y: Array) -> tuple[Array, float]:
-    """(residual of the target, its robust standard deviation) under Cauchy's weights."""
-    scale = np.linalg.norm(x, axis=0) + 1e-300
-    w = np.ones(y.size)
-    for _ in range(REWEIGHTINGS):
-        c, *_ = np.linalg.lstsq(x / scale * w[:, None], y * w, rcond=1e-10)
-        r = y - x / scale @ c
-        s = 1.48 * float(np.median(np.abs(r - np.median(r)))) + 1e-300
-        w = 1.0 / np.sqrt(1.0 + (r / (STOP_KNEE * s)) ** 2)
-    return r, s
 
 
 def regions(view: Any, model: ServoHypothesis) -> list[Region]:
-    """The ends of the travel that are struck, found by the events in the residual of a robust fit: none, one or two."""
+    """The ends of the travel that are struck, none, one or two, beside a model."""
     x, _ = view.columns(model, view.torque(model))
     at = view.at
-    r, s = robust(x[at][:, np.any(x[at] != 0.0, axis=0)], view.drive[at])
-    event = np.abs(r) > STOP_FAR * s
-    total = float(np.sum(r[event] ** 2))
-    if total <= HALF * float(r @ r):
-        return []
-    q = view.motion.position[:: view.every][at]
-    found = []
-    for side in (1, -1):
-        depth = side * q
-        pushed = np.flatnonzero(event & (side * r > 0.0))
-        energy = float(np.sum(r[pushed] ** 2))
-        if energy <= STOP_EDGE * total:
-            continue
-        order = pushed[np.argsort(depth[pushed])]
-        edge = float(depth[order][np.searchsorted(np.cumsum(r[order] ** 2), STOP_EDGE * energy)])
-        deep = depth >= 0.5 * (edge + float(depth.max()))
-        if np.mean(side * r[deep] > STOP_KNEE * s) > HALF:
-            found.append(Region(side * edge, side, energy / total))
-    return found if sum(f.energy for f in found) > HALF else []
+    return struck(x[at][:, np.any(x[at] != 0.0, axis=0)], view.drive[at], view.motion.position[:: view.every][at])
 
 
 def start(kind: Any, found: list[Region]) -> ServoTerm | None:

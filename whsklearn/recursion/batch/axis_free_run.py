@@ -2,7 +2,7 @@
 
 J dv/dt = u - o - p(q) - B v - (C + c |u|) sign(v) - sum w_k sign(v) max(|v| - knot_k, 0), where p(q) is that of waves,
 the sum of a_k sin(k e) + b_k cos(k e), one of which may be gravity, and of a spring, w_1 e + w_2 e^2 + w_3 e^3, with
-e = q - centre.
+e = q - centre.  Beyond its ends, a stop pushes back.
 
 The steps are those of `whsklearn.systems._servo_kernel`: half a drift, a kick, half a drift (second order), linearly
 implicit in the velocity.  A step in which the axis stops is divided there, so that a reversal is as exact as the rest
@@ -51,8 +51,9 @@ class AxisForm(NamedTuple):
 
     ``knots`` (> 0) are the speeds at which the slope of the friction changes.  The position-dependent forces are waves
     of these ``orders`` (1/rad), each with two weights, then those of a spring with this number of ``powers`` of e (0:
-    none).  Gravity is a wave of order one (`HANGS`).  If the axis is ``loaded``, its dry friction grows with the
-    drive; if its drive is not ``shifted``, it has no offset; if its dry friction reverses ``early``, it is that of
+    none).  Gravity is a wave of order one (`HANGS`).  ``stop`` is that of `whsklearn.effects.ContactStop`: lower and
+    upper end, stiffness and relaxation; empty if there is none.  If the axis is ``loaded``, its dry friction grows with
+    the drive; if its drive is not ``shifted``, it has no offset; if its dry friction reverses ``early``, it is that of
     `whsklearn.effects.EarlyReversal`.  theta holds inertia, viscous friction, Coulomb friction, offset, one weight per
     position-dependent force, the growth with the drive, lead and impedance of an early reversal, and one weight per
     knot.
@@ -66,6 +67,7 @@ class AxisForm(NamedTuple):
     orders: Array = np.empty(0)
     powers: int = 0
     centre: float = 0.0
+    stop: Array = np.empty(0)
     loaded: bool = False
     shifted: bool = True
     early: bool = False
@@ -490,6 +492,14 @@ def _torques(theta, form, drive, q, v, force, slope):
         bent, _, tilt = speed_hinge(form.knots[k], v)
         resisting += weight * bent
         by_v += weight * tilt
+    if form.stop.size > 0:
+        side, depth = (1.0, q - form.stop[1]) if q - form.stop[1] > form.stop[0] - q else (-1.0, form.stop[0] - q)
+        stiffness, relaxation = form.stop[2], form.stop[3]
+        if depth > 0.0 and depth + relaxation * side * v > 0.0:  # it never pulls, as in `end_stop`
+            net -= side * stiffness * depth
+            by_q += stiffness
+            resisting += stiffness * relaxation * v
+            by_v += stiffness * relaxation
     return net, resisting, by_v, by_q
 
 
