@@ -66,10 +66,9 @@ def guessed_columns(joints: Sequence[str], names: Sequence[str], exactly: bool =
     >>> guessed_columns(["hip", "knee"], ["t", "actual_q_0", "actual_q_1", "actual_qd_0", "actual_qd_1", "I0", "I1"])
     {'hip': ('actual_q_0', 'I0'), 'knee': ('actual_q_1', 'I1')}
     """
-    kinds = [
-        _one_kind(joints, names, ranks, kind, exactly) for ranks, kind in ((POSITIONS, "position"), (DRIVES, "drive"))
-    ]
-    return {joint: (kinds[0][joint], kinds[1][joint]) for joint in joints}
+    position = _one_kind(joints, names, POSITIONS, "position", exactly)
+    drive = _one_kind(joints, names, DRIVES, "drive", exactly)
+    return {joint: (position[joint], drive[joint]) for joint in joints}
 
 
 def _one_kind(

@@ -276,11 +276,8 @@ def model_of(options: dict[str, Any]) -> Any:
         from whsklearn.cli.arm import base_of
 
         return base_of(options)
-    return options["kind"] if options["simulator"] is None else simulator_of(options)
-
-
-def simulator_of(options: dict[str, Any]) -> Any:
-    """The simulator that the options name, with the three methods that the finder needs."""
+    if options["simulator"] is None:
+        return options["kind"]
     from whsklearn import simulators
 
     path = Path(options["simulator"])

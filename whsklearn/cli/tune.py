@@ -116,8 +116,8 @@ def what_is_better(search: Any, record: ComparedRecord, champion: Callable[[], A
 
     def nmse_of(estimator: Any) -> float:
         model, params = with_segments(clone(estimator), record)
-        params = {"params": params} if params else {}
-        return -float(cross_val_score(model, record.X, record.y, scoring=scorer, cv=search.cv, **params).mean())
+        scores = cross_val_score(model, record.X, record.y, scoring=scorer, cv=search.cv, params=params or None)
+        return -float(scores.mean())
 
     # halving judges on part of the record, but the champion is judged on all of it
     best = nmse_of(search.best_estimator_) if hasattr(search, "n_resources_") else -float(search.best_score_)
