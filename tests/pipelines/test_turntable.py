@@ -149,4 +149,6 @@ def test_a_hole_in_a_log_is_told_and_its_longest_part_used(tmp_path):
     frame.to_csv(tmp_path / "log.csv", index=False)
     done = CliRunner().invoke(main, ["--no-track", "--log", str(tmp_path / "log.csv"), *COLUMNS])
     assert done.exit_code == 0, done.output
-    assert "120 of 200 samples, the longest of 2 segments" in " ".join(done.output.split())
+    said = " ".join(done.output.split())
+    assert "120 of 200 samples are used" in said
+    assert "the longest of 2 segments" in said

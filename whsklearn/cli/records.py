@@ -225,11 +225,8 @@ def long_segments(log: Bunch) -> Bunch:
         )
     if kept.all():
         return log
-    text = (
-        f"{rows} of {len(log.y)} samples are used: {np.count_nonzero(~kept)} of {counts.size} segments are shorter "
-        f"than {SHORTEST_SEGMENT:g} s."
-    )
-    return _cut(log, kept[log.groups], text)
+    short = np.count_nonzero(~kept)
+    return _cut(log, kept[log.groups], f": {short} of {counts.size} segments are shorter than {SHORTEST_SEGMENT:g} s.")
 
 
 def bridged(log: Bunch) -> Bunch:
@@ -243,11 +240,7 @@ def bridged(log: Bunch) -> Bunch:
         first, last = (first, cut) if cut - first >= last - cut else (cut, last)
     if last - first == log.y.size:
         return log
-    text = (
-        f"{last - first} of {log.y.size} samples are used, from {log.time[first]:.6g} to {log.time[last - 1]:.6g} s: "
-        "the holes beside them are longer than what was logged."
-    )
-    return _cut(log, slice(first, last), text)
+    return _cut(log, slice(first, last), ": the holes beside them are longer than what was logged.")
 
 
 def longest(log: Bunch) -> Bunch:
@@ -255,13 +248,7 @@ def longest(log: Bunch) -> Bunch:
     counts = np.bincount(log.groups)
     if counts.size == 1:
         return log
-    rows = log.groups == np.argmax(counts)
-    time = log.time[rows]
-    text = (
-        f"{time.size} of {len(log.y)} samples, the longest of {counts.size} segments from "
-        f"{time[0]:.6g} to {time[-1]:.6g} s, are used."
-    )
-    return _cut(log, rows, text)
+    return _cut(log, log.groups == np.argmax(counts), f": the longest of {counts.size} segments.")
 
 
 def liveliest(log: Bunch) -> Bunch:
@@ -272,12 +259,8 @@ def liveliest(log: Bunch) -> Bunch:
     path = np.r_[0.0, np.cumsum(np.abs(np.diff(log.y)))]
     starts = np.linspace(0, n - MOST_ROWS, 50).astype(int)
     start = int(starts[np.argmax(path[starts + MOST_ROWS - 1] - path[starts])])
-    end = start + MOST_ROWS
-    text = (
-        f"{MOST_ROWS} of {n} samples are used, from {log.time[start]:.6g} to {log.time[end - 1]:.6g} s, where the axis "
-        "travels most; more samples would add little. Another part can be given with --test as a separate file."
-    )
-    return _cut(log, slice(start, end), text)
+    why = "; more samples would add little. Another part can be given with --test as a separate file."
+    return _cut(log, slice(start, start + MOST_ROWS), f", where the axis travels most{why}")
 
 
 def rows_of(used: Bunch, whole: Bunch) -> dict[str, int]:
@@ -286,10 +269,12 @@ def rows_of(used: Bunch, whole: Bunch) -> dict[str, int]:
     return {"used": len(used.y), "given": len(whole.y), "taken": taken, "segments": segments}
 
 
-def _cut(log: Bunch, rows: Any, text: str) -> Bunch:
-    """Some rows of a log, with a note on what is left out."""
-    note(text)
+def _cut(log: Bunch, rows: Any, why: str) -> Bunch:
+    """Some rows of a log, with a note on how many there are, from when to when, and ``why``."""
     part = type(log)(**{k: v[rows] if k in _SIGNALS and v is not None else v for k, v in log.items()})
+    span = f"from {part.time[0]:.6g} to {part.time[-1]:.6g} s"
+    text = f"{len(part.y)} of {len(log.y)} samples are used, {span}{why}"
+    note(text)
     part.notes = (*part.notes, text)
     return part
 
