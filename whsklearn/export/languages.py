@@ -44,8 +44,6 @@ class Set(NamedTuple):
 class If(NamedTuple):
     """Two ways.
 
-    Examples
-    --------
     >>> for line in rendered([If("u < 0.0", [Set("y", "0.0")], [Set("y", "u")])], C(), ""):
     ...     print(line)
     if (u < 0.0) {
@@ -175,8 +173,6 @@ class Language:
 class C(Language):
     """C99; ``real`` is ``double`` or ``float``.
 
-    Examples
-    --------
     >>> C("float").function("sin", ["q"]), C().number(-0.5)
     ('sinf(q)', '(-0.5)')
     """
@@ -216,8 +212,6 @@ class C(Language):
 class StructuredText(Language):
     """IEC 61131-3 Structured Text with LREAL numbers.
 
-    Examples
-    --------
     >>> StructuredText().function("sin", ["q"]), StructuredText().number(1e-9)
     ('SIN(q)', '1.0E-9')
     """

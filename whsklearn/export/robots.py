@@ -411,11 +411,10 @@ def arm_mjcf(arm: Arm) -> tuple[str, list[Loss]]:
     bodies = [SubElement(root, "worldbody")]
     losses: list[Loss] = []
     held: list[Mjcf] = []
+    turns = Rotation.from_matrix(arm.rotations).as_quat(scalar_first=True)
     for k, name in enumerate(arm.joints):
-        x, y, z, w = Rotation.from_matrix(arm.rotations[k]).as_quat()
-        body = SubElement(
-            bodies[arm.parents[k] + 1], "body", name=f"{name}_link", pos=_text(arm.places[k]), quat=_text([w, x, y, z])
-        )
+        way = {"pos": _text(arm.places[k]), "quat": _text(turns[k])}
+        body = SubElement(bodies[arm.parents[k] + 1], "body", {"name": f"{name}_link"} | way)
         bodies.append(body)
         m = _at_joint(name, arm.effects[k], bool(arm.slides[k]))
         held.append(m)
