@@ -10,13 +10,14 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner
 
-from whsklearn.cli.arm import arm_stream, gap_log, keep_gains
+from whsklearn.cli.arm import gap_log, keep_gains
 from whsklearn.cli.arm_log import gains_of, guessed_columns, joint_columns
 from whsklearn.cli.compare import main as compare
 from whsklearn.cli.export import main as export
 from whsklearn.cli.gap import main as gap
 from whsklearn.cli.identify import main as identify
 from whsklearn.cli.simulate import main as simulate
+from whsklearn.cli.stream import arm_stream
 from whsklearn.cli.stream import main as stream
 from whsklearn.datasets import default_arm, make_arm_log
 from whsklearn.effects import Cogging

@@ -1,4 +1,4 @@
-"""Arms on the command line: what gap, identify, stream and simulate do with their logs."""
+"""Arms on the command line: what gap, identify and simulate do with their logs."""
 
 from __future__ import annotations
 
@@ -12,19 +12,10 @@ from typing import TYPE_CHECKING, Any
 import click
 import numpy as np
 
-from whsklearn.cli.arm_log import (
-    columns_of,
-    gains_used,
-    note_friction,
-    note_locked,
-    read_arm,
-    robot_of,
-    to_si,
-)
+from whsklearn.cli.arm_log import note_friction, note_locked, read_arm, robot_of
 from whsklearn.cli.job import say_where, table, tracker_for, wrapped, writable_file, writable_folder
 from whsklearn.cli.options import given
 from whsklearn.cli.records import long_segments, note, rows_of, warnings_as_notes
-from whsklearn.cli.stream import AT_FIRST, Learnt, head_of, without_holes
 from whsklearn.logs.errors import ColumnError, LogError
 
 if TYPE_CHECKING:
@@ -34,7 +25,6 @@ if TYPE_CHECKING:
     from whsklearn.systems import Arm
 
 WINDOW = 0.5  # s of a free run in `simulate`: an arm replayed from its drives alone diverges within seconds
-A_ROW = 1.0  # P(0) of a stream: the file's numbers weigh as much as one row, so the first rows do not discard them
 
 
 def base_of(options: Mapping[str, Any]) -> Any:
@@ -147,51 +137,6 @@ def identify(options: dict[str, Any]) -> None:
         for name in ("identify.json", "model.json"):
             run.log_artifact(folder / name)
     say_where(tracker)
-
-
-def arm_stream(options: Mapping[str, Any]) -> Learnt:
-    """``stream SOURCE --robot model.json``: recursive least squares that starts from the model's numbers.
-
-    Joints are weighted by the torques that the model predicts; numbers that the motion does not excite keep their
-    values.
-    """
-    from whsklearn import RigidBodyLags, RLSRegressor
-    from whsklearn.compare import at_an_alarm_of
-    from whsklearn.logs.mend import turns_of
-    from whsklearn.logs.units import seconds_of, unit_of
-    from whsklearn.models import load_model
-
-    path, source, time = options["robot"], options["source"], options["time_column"]
-    known = load_model(path)
-    if known.kind != "arm":
-        raise ValueError(f"{path} is a model of kind {known.kind}, expected one of an arm, as `identify` writes it.")
-    arm, dt = known.arm, 1.0 / options["rate"] if options.get("rate") else known.dt
-    if source == "-" and not options["joints"]:
-        raise ColumnError('Lines on stdin have no column names; give them with --joints "NAME:POSITION,DRIVE;...".')
-    names, step = head_of(source, time)
-    dt = step or dt
-    given = columns_of(options, arm, names)
-    pairs = [given[j] for j in arm.joints]
-    gains = gains_used(options, arm, {j: unit_of(given[j][1]) for j in arm.joints})
-    factors = [
-        to_si(j, bool(slides), unit_of(q), unit_of(u), gains)
-        for j, slides, (q, u) in zip(arm.joints, arm.slides, pairs, strict=True)
-    ]
-    weights = 1.0 / np.sqrt(np.mean(arm.inverse_dynamics(*arm.drawn_motion(AT_FIRST)) ** 2, axis=0))
-    lags = RigidBodyLags.of_arm(arm, 1.0 / dt, causal=True, weights=weights, reversals=known.reversals)
-    lags.partial_rows(*np.zeros((2, 1, arm.n_joints)))  # an effect that a stream cannot represent is refused here
-    theta = [known.numbers.get(name, 0.0) for name in lags.base_.names]
-    lags = RigidBodyLags.of_arm(arm, 1.0 / dt, causal=True, weights=weights, reversals=known.reversals)
-    model = RLSRegressor(lags, P0=A_ROW, theta0=theta, forgetting=options["forgetting"])
-    columns = [*([time] if time else []), *(q for q, _ in pairs), *(u for _, u in pairs)]
-    clock = seconds_of(unit_of(time, "s")) if time else 1.0
-    scale = (*([clock] if time else []), *(far for far, _ in factors), *(by for _, by in factors))
-    compare = at_an_alarm_of(arm, None if time else dt)
-    turns = [() if slides else turns_of(unit_of(q)) for slides, (q, _) in zip(arm.slides, pairs, strict=True)]
-    at = tuple(range(int(bool(time)), len(pairs) + int(bool(time))))
-    rows = without_holes(time, dt) | {"outputs": arm.joints, "factors": scale}
-    rows |= {"positions": at, "turns": tuple(map(tuple, turns))}
-    return Learnt(model, columns, options["alarm_interval"], compare, rows)
 
 
 def known(share: float) -> float | None:

@@ -24,6 +24,7 @@ from whsklearn.cli.job import job, root
 OF_A_CHAIN = ("inputs", "output", "estimator", "orders", "law", "p")  # options that do not apply to an arm
 AT_FIRST = 200  # rows from which the rate of a stream's file is estimated
 EFFECTS = "input_offset,input_delay"  # besides friction; a drive that is held over a sample acts half a sample later
+A_ROW = 1.0  # P(0) of a stream: the file's numbers weigh as much as one row, so the first rows do not discard them
 LONGEST_STEP = 2.5  # samples: a longer one begins a new experiment, because no derivative can bridge it
 
 
@@ -89,8 +90,6 @@ def _prepared(options: dict[str, Any]) -> Callable[[], None]:
     if timed and options["rate"] and not axis:
         raise click.UsageError("--rate is for rows without a time; leave out --time or --rate.")
     if robot:
-        from whsklearn.cli.arm import arm_stream
-
         if of_chain := [name for name in OF_A_CHAIN if name in chosen]:
             raise click.UsageError(f"--robot is an arm's model, to which {of_chain[0]} does not apply; leave it out.")
     learnt = arm_stream(options) if robot else axis or chain_stream(options)
@@ -108,7 +107,7 @@ def _prepared(options: dict[str, Any]) -> Callable[[], None]:
     )  # fmt: skip
 
 
-# --- what it learns: an axis, if the source's columns are one, with its rate and its alarm; else a chain -----
+# --- what it learns: an axis, if the source's columns are one, with its rate and its alarm; a chain; an arm ----------
 class Learnt(NamedTuple):
     """What ``stream`` learns from one kind of system."""
 
@@ -263,3 +262,52 @@ def chain_stream(options: Mapping[str, Any]) -> Learnt:
     columns = [*([time] if time else []), *options["inputs"], options["output"]]
     compare = at_an_alarm(columns, 1.0 / rate if rate else None) if time or rate else None
     return Learnt(opt.build_model(options), columns, options["alarm_interval"], compare, {})
+
+
+def arm_stream(options: Mapping[str, Any]) -> Learnt:
+    """``stream SOURCE --robot model.json``: recursive least squares that starts from the model's numbers.
+
+    Joints are weighted by the torques that the model predicts; numbers that the motion does not excite keep their
+    values.
+    """
+    import numpy as np
+
+    from whsklearn import RigidBodyLags, RLSRegressor
+    from whsklearn.cli.arm_log import columns_of, gains_used, to_si
+    from whsklearn.compare import at_an_alarm_of
+    from whsklearn.logs.errors import ColumnError
+    from whsklearn.logs.mend import turns_of
+    from whsklearn.logs.units import seconds_of, unit_of
+    from whsklearn.models import load_model
+
+    path, source, time = options["robot"], options["source"], options["time_column"]
+    known = load_model(path)
+    if known.kind != "arm":
+        raise ValueError(f"{path} is a model of kind {known.kind}, expected one of an arm, as `identify` writes it.")
+    arm, dt = known.arm, 1.0 / options["rate"] if options.get("rate") else known.dt
+    if source == "-" and not options["joints"]:
+        raise ColumnError('Lines on stdin have no column names; give them with --joints "NAME:POSITION,DRIVE;...".')
+    names, step = head_of(source, time)
+    dt = step or dt
+    given = columns_of(options, arm, names)
+    pairs = [given[j] for j in arm.joints]
+    gains = gains_used(options, arm, {j: unit_of(given[j][1]) for j in arm.joints})
+    factors = [
+        to_si(j, bool(slides), unit_of(q), unit_of(u), gains)
+        for j, slides, (q, u) in zip(arm.joints, arm.slides, pairs, strict=True)
+    ]
+    weights = 1.0 / np.sqrt(np.mean(arm.inverse_dynamics(*arm.drawn_motion(AT_FIRST)) ** 2, axis=0))
+    lags = RigidBodyLags.of_arm(arm, 1.0 / dt, causal=True, weights=weights, reversals=known.reversals)
+    lags.partial_rows(*np.zeros((2, 1, arm.n_joints)))  # an effect that a stream cannot represent is refused here
+    theta = [known.numbers.get(name, 0.0) for name in lags.base_.names]
+    lags = RigidBodyLags.of_arm(arm, 1.0 / dt, causal=True, weights=weights, reversals=known.reversals)
+    model = RLSRegressor(lags, P0=A_ROW, theta0=theta, forgetting=options["forgetting"])
+    columns = [*([time] if time else []), *(q for q, _ in pairs), *(u for _, u in pairs)]
+    clock = seconds_of(unit_of(time, "s")) if time else 1.0
+    scale = (*([clock] if time else []), *(far for far, _ in factors), *(by for _, by in factors))
+    compare = at_an_alarm_of(arm, None if time else dt)
+    turns = [() if slides else turns_of(unit_of(q)) for slides, (q, _) in zip(arm.slides, pairs, strict=True)]
+    at = tuple(range(int(bool(time)), len(pairs) + int(bool(time))))
+    rows = without_holes(time, dt) | {"outputs": arm.joints, "factors": scale}
+    rows |= {"positions": at, "turns": tuple(map(tuple, turns))}
+    return Learnt(model, columns, options["alarm_interval"], compare, rows)
