@@ -290,11 +290,10 @@ def mapped(axis: ServoAxis, linear: bool = False) -> Mjcf:
     if share > 0.0:
         m.load = {"frictionloss": dry, "damping": total(axis.effects, "load_viscous")}
         m.twist = {"stiffness": stiffness, "damping": damping}
-        if gap:  # a limit of this frequency and damping ratio
+        if gap:  # a limit with this time constant and damping ratio
             reduced = axis.inertia * share * (1.0 - share)
-            ratio = damping / (2.0 * math.sqrt(stiffness * reduced))
-            frequency = math.sqrt(stiffness / reduced)
-            m.twist = {"range": [-0.5 * gap, 0.5 * gap], "solreflimit": [1.0 / (frequency * ratio), ratio]}
+            damped = [2.0 * reduced / damping, damping / (2.0 * math.sqrt(stiffness * reduced))]
+            m.twist = {"range": [-0.5 * gap, 0.5 * gap], "solreflimit": damped}
     if axis.sensor.resolution:
         m.losses.append(Loss("encoder", f"step {axis.sensor.resolution:.6g} rad", "MuJoCo's sensors are not quantized"))
     effects = parts_of(axis)
