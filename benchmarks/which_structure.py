@@ -46,7 +46,7 @@ def drawn_axis(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, float,
     u = amplitude * lfilter([1.0], [1.0, -0.985], rng.standard_normal(n))
     u *= amplitude / np.std(u)
     theta = np.array([inertia, viscous, coulomb, 0.05 * rng.standard_normal()])
-    log = AxisLog(fine_drive(u, 4), u, u == u, np.array([0, n]), np.zeros(1), np.zeros(1), dt)
+    log = AxisLog(fine_drive(u, 4), u, u == u, np.array([0, n]), np.zeros((1, 2)), dt)
     if rng.random() < 0.5:
         q = axis_motion(theta, log._replace(of_position=True))
         return u, q + 2e-5 * np.std(q) * rng.standard_normal(n), dt, "axis"

@@ -311,7 +311,7 @@ def test_friction_reverses_early_where_a_solver_of_contacts_has_it_so(effects):
     again = axis_of(theta, record, form)
     assert again.parameters == pytest.approx(model.parameters)
     run = shooting_log(record, np.inf, form)
-    speed, start = float(run.v0[0]), float(run.q0[0])
+    speed, start = run.start[0].tolist()
     own = model.simulate(record.u, start=start, speed=speed)
     np.testing.assert_allclose(own, axis_motion(theta, run), atol=1e-9 * np.ptp(own))
 
@@ -618,7 +618,7 @@ def test_a_rotation_in_one_direction_is_fitted_past_the_limit_of_its_friction():
     """The start has no Coulomb friction, the offset has the effect of it, and neither may take half of a step."""
     u = 0.5 + 0.02 * np.sin(0.04 * np.arange(2800)) + 0.01 * np.sin(0.11 * np.arange(2800))
     truth = np.array([0.05, 0.01, 0.3, 0.02])
-    log = axis_log(u)._replace(v0=np.array([18.0]), of_position=True)
+    log = axis_log(u)._replace(start=np.array([[18.0, 0.0]]), of_position=True)
     y = axis_motion(truth, log) + 2e-5 * np.random.default_rng(9331).standard_normal(u.size)
     model = fit_rigid_axis(view(u, y, 0.005, "position"))
     assert model.parameters["viscous"] == pytest.approx(0.01, rel=0.01)

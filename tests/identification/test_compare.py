@@ -112,7 +112,7 @@ def test_an_output_that_does_not_follow_is_told():
 def test_a_steady_rotation_follows_its_drive():
     """What constant velocity predicts as well says nothing against the structures."""
     u = 1.0 + 0.02 * np.sin(np.arange(290) / 9.0)
-    y = axis_motion(TRUTH, axis_log(u)._replace(of_position=True, v0=np.array([6.7])))
+    y = axis_motion(TRUTH, axis_log(u)._replace(of_position=True, start=np.array([[6.7, 0.0]])))
     found = identify(u, y + 5e-3 * np.random.default_rng(0).standard_normal(290), dt=0.005, logged="position")
     assert found.recommended.test["nmse"] < 1e-3
     assert "does not follow" not in found.reason
@@ -372,7 +372,7 @@ def test_an_axis_that_leaves_white_noise_of_a_velocity_needs_no_chain(missing):
     """The floor of noise that is as fast as the velocity is not known, and no error over windows is near it."""
     rng = np.random.default_rng(9331)
     u = 0.5 + 0.02 * np.sin(0.04 * np.arange(4000)) + 0.01 * np.sin(0.11 * np.arange(4000))
-    log = axis_log(u)._replace(v0=np.array([1.8]))
+    log = axis_log(u)._replace(start=np.array([[1.8, 0.0]]))
     position = axis_motion(TRUTH, log._replace(of_position=True))
     y = axis_motion(TRUTH, log._replace(u=log.u + missing * np.sin(6.0 * position)[:, None]))
     whole = view(u, y + 0.05 * rng.standard_normal(y.size), 0.005, "velocity")

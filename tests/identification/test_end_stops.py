@@ -82,7 +82,7 @@ def test_the_run_of_the_kernel_is_that_of_the_model_with_a_stop(stop):
     assert np.sum(known > stop.ends[1]) > 100
     log = AxisLog(
         np.repeat(u[:, None], steps, axis=1), known, np.ones(u.size, dtype=bool), np.array([0, u.size]),
-        np.zeros(1), np.zeros(1), 0.001, form, of_position=True,
+        np.zeros((1, 2)), 0.001, form, of_position=True,
     )  # fmt: skip
     assert np.abs(axis_motion(theta, log) - known).max() < 1e-4 * np.ptp(known)
 
@@ -92,12 +92,12 @@ def test_the_state_before_an_impact_has_exact_sensitivities():
     theta, form = axis_theta(model)
     log = AxisLog(
         np.full((60, 16), 0.4), np.zeros(60), np.ones(60, dtype=bool), np.array([0, 60]),
-        np.array([2.0]), np.array([0.3]), 0.001, form, of_position=True,
+        np.array([[2.0, 0.3]]), 0.001, form, of_position=True,
     )  # fmt: skip
     run, rows = sensitivities(theta, log, of_states=True)
     assert run.max() > BOTH.ends[1] + 0.005
     for k, (row, step) in enumerate(zip(rows, itertools.repeat(1e-7), strict=False)):
-        moved = [log.starting(log.states + sign * step * np.eye(2)[k]) for sign in (1.0, -1.0)]
+        moved = [log._replace(start=log.states + sign * step * np.eye(2)[k]) for sign in (1.0, -1.0)]
         differences = (axis_motion(theta, moved[0]) - axis_motion(theta, moved[1])) / (2.0 * step)
         np.testing.assert_allclose(row, differences, atol=1e-4 * np.abs(differences).max())
 

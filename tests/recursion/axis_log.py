@@ -17,4 +17,4 @@ def slow_drive(n, seed):
 def axis_log(u, dt=0.005, knots=(), **form):
     n, held = u.size, np.repeat(u[:, None], 4, axis=1)
     form = AxisForm(np.array(knots, dtype=float), **form)
-    return AxisLog(held, np.zeros(n), np.ones(n, bool), np.array([0, n]), np.zeros(1), np.zeros(1), dt, form)
+    return AxisLog(held, np.zeros(n), np.ones(n, bool), np.array([0, n]), np.zeros((1, 2)), dt, form)

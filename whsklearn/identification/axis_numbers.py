@@ -38,8 +38,8 @@ def axis_log(log: View, form: AxisForm) -> AxisLog:
     piece = max(round(PIECE / log.dt), LEAST_PIECE) if placed else n
     begins = np.concatenate([np.arange(a, b, piece) for a, b in itertools.pairwise(log.bounds)])
     return AxisLog(
-        log.drive, log.target, np.arange(n) >= 0, np.append(begins, n), log.target[begins], log.y[begins] * placed,
-        log.dt, form,
+        log.drive, log.target, np.arange(n) >= 0, np.append(begins, n),
+        np.column_stack([log.target[begins], log.y[begins] * placed]), log.dt, form,
     )  # fmt: skip
 
 
@@ -53,8 +53,8 @@ def shooting_log(log: View, seconds: float, form: AxisForm) -> AxisLog:
         ]
     )
     return AxisLog(
-        log.drive, log.y, np.ones(log.u.size, dtype=bool), np.append(begins, log.u.size), log.target[begins],
-        log.y[begins], log.dt, form, of_position=True,
+        log.drive, log.y, np.ones(log.u.size, dtype=bool), np.append(begins, log.u.size),
+        np.column_stack([log.target[begins], log.y[begins]]), log.dt, form, of_position=True,
     )  # fmt: skip
 
 

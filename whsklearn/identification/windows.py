@@ -92,12 +92,12 @@ def errors_from(theta: Array, form: AxisForm, log: View, begins: NDArray[np.int6
     def pieces(at: NDArray[np.int64], speed: Array) -> AxisLog:
         flat, bounds = at.ravel(), np.arange(len(at) + 1) * at.shape[1]
         return AxisLog(
-            log.drive[flat], log.y[flat], np.ones(flat.size, dtype=bool), bounds, speed, log.y[at[:, 0]],
-            log.dt, form, of_position=position,
+            log.drive[flat], log.y[flat], np.ones(flat.size, dtype=bool), bounds,
+            np.column_stack([speed, log.y[at[:, 0]]]), log.dt, form, of_position=position,
         )  # fmt: skip
 
     def run(at: NDArray[np.int64], states: Array) -> Array:
-        return axis_motion(theta, pieces(at, states[:, 0]).starting(states)).reshape(at.shape)
+        return axis_motion(theta, pieces(at, states[:, 0])._replace(start=states)).reshape(at.shape)
 
     states = fit_state(theta, pieces(lead_at, slope))
     if position:

@@ -30,7 +30,9 @@ from whsklearn.recursion.batch.axis_free_run import (
 )
 @pytest.mark.parametrize("of_position", [False, True])
 def test_the_free_run_of_an_axis_has_exact_sensitivities(of_position, form, more):
-    log = axis_log(slow_drive(400, 2), 0.01, (0.3,), **form)._replace(of_position=of_position, v0=np.array([0.1]))
+    log = axis_log(slow_drive(400, 2), 0.01, (0.3,), **form)._replace(
+        of_position=of_position, start=np.array([[0.1, 0.0]])
+    )
     theta = np.r_[0.05, 0.12, 0.1, 0.01, more, 0.1]
     rows = sensitivities(theta, log)[1]
     for i in range(theta.size):
@@ -57,7 +59,7 @@ def test_pieces_are_fitted_to_their_least_squares_from_numbers_that_are_far_off(
     q, v = axis_motion(TRUTH, log), axis_motion(TRUTH, log._replace(of_position=False))
     noisy = q + 1e-4 * np.random.default_rng(0).standard_normal(q.size)
     begins = np.arange(0, 4001, 50)
-    log = log._replace(target=noisy, bounds=begins, v0=v[begins[:-1]], q0=q[begins[:-1]])
+    log = log._replace(target=noisy, bounds=begins, start=np.column_stack([v, q])[begins[:-1]])
     least = fit_pieces(TRUTH, log)
     for factors in ([1.03, 1.3, 0.97, 1.1], [0.9, 0.5, 1.2, 0.5]):
         assert fit_pieces(TRUTH * factors, log).cost == pytest.approx(least.cost, rel=1e-3)
@@ -66,7 +68,7 @@ def test_pieces_are_fitted_to_their_least_squares_from_numbers_that_are_far_off(
 def test_a_pendulum_keeps_its_energy():
     """J v^2 / 2 - k1 cos q of a free swing of 1 rad, by the symplectic steps of the run."""
     theta = np.array([0.05, 0.0, 0.0, 0.0, 2.0, 0.0])
-    log = axis_log(np.zeros(4000), 0.001, orders=HANGS)._replace(q0=np.array([1.0]))
+    log = axis_log(np.zeros(4000), 0.001, orders=HANGS)._replace(start=np.array([[0.0, 1.0]]))
     v, q = axis_motion(theta, log), axis_motion(theta, log._replace(of_position=True))
     energy = 0.5 * theta[0] * v**2 - theta[4] * np.cos(q)
     assert np.ptp(q) == pytest.approx(2.0, rel=1e-3)
@@ -81,7 +83,7 @@ def test_a_start_that_runs_away_has_no_fit_and_says_nothing():
 
 
 def test_an_axis_that_turns_one_way_shows_only_the_sum_of_friction_and_offset():
-    log = axis_log(1.0 + 0.3 * np.sign(slow_drive(3000, 3)))._replace(v0=np.array([1.0]))
+    log = axis_log(1.0 + 0.3 * np.sign(slow_drive(3000, 3)))._replace(start=np.array([[1.0, 0.0]]))
     noise = 1e-3 * np.random.default_rng(0).standard_normal(3000)
     fitted = fit_pieces(np.array([0.05, 0.1, 0.2, 0.12]), log._replace(target=axis_motion(TRUTH, log) + noise))
     assert fitted.theta[2:].sum() == pytest.approx(0.32, rel=0.01)
@@ -113,12 +115,13 @@ def test_the_state_before_a_window_is_found_from_the_wrong_side_of_standstill_to
     q, v = axis_motion(theta, whole), axis_motion(theta, whole._replace(of_position=False))
     at = np.arange(0, 6001, 60)
     rng = np.random.default_rng(0)
-    log = whole._replace(target=q, bounds=at, v0=v[at[:-1]] + 0.5 * rng.standard_normal(100), q0=q[at[:-1]] + 0.1)
+    off = np.column_stack([0.5 * rng.standard_normal(100), np.full(100, 0.1)])
+    log = whole._replace(target=q, bounds=at, start=np.column_stack([v, q])[at[:-1]] + off)
 
-    def errors(v0, q0):
-        return np.add.reduceat((q - axis_motion(theta, log._replace(v0=v0, q0=q0))) ** 2, at[:-1])
+    def errors(states):
+        return np.add.reduceat((q - axis_motion(theta, log._replace(start=states))) ** 2, at[:-1])
 
-    before, after = errors(log.v0, log.q0), errors(*fit_state(theta, log).T)
+    before, after = errors(log.start), errors(fit_state(theta, log))
     assert (after <= before).all()
     assert np.mean(after < 1e-9) > 0.95
 
@@ -130,8 +133,7 @@ def test_only_the_states_of_chosen_pieces_are_fitted_and_each_as_if_it_were_alon
     whole = axis_log(u, **form)._replace(of_position=True)
     q, v = axis_motion(theta, whole), axis_motion(theta, whole._replace(of_position=False))
     at = np.arange(0, 1001, 50)
-    log = whole._replace(target=q, bounds=at, v0=v[at[:-1]] + 0.1, q0=q[at[:-1]] + 0.1)
-    log = log.starting(log.states)
+    log = whole._replace(target=q, bounds=at, start=np.column_stack([v, q])[at[:-1]] + 0.1)
     chosen = np.arange(at.size - 1) % 3 == 1
     every, some = fit_state(theta, log), fit_state(theta, log, chosen=chosen)
     np.testing.assert_array_equal(some[chosen], every[chosen])

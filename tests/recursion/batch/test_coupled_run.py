@@ -29,8 +29,7 @@ def coupled_log(at_load, *, steps=16, of_position=True, n=1500, pieces=2):
     bounds = np.linspace(0, n, pieces + 1).astype(int)
     state = np.tile([0.1, 0.0, 0.01, 0.02], (pieces, 1))
     form = AxisForm(coupled=True, at_load=at_load)
-    log = AxisLog(fine_drive(u, steps), u, np.ones(n, bool), bounds, state[:, 0], state[:, 1], 0.004, form, of_position)
-    return log.starting(state)
+    return AxisLog(fine_drive(u, steps), u, np.ones(n, bool), bounds, state, 0.004, form, of_position)
 
 
 def test_the_numbers_of_two_masses_have_exact_slopes():
@@ -49,7 +48,7 @@ def test_the_free_run_of_two_masses_has_exact_sensitivities(at_load, of_position
     for i in range(13):
         step = np.zeros(13)
         step[i] = 1e-7  # with smaller ones the difference is rounding, which grows at every stop
-        ends = [axis_motion(THETA + s[:9], log.starting(log.states + s[9:])) for s in (step, -step)]
+        ends = [axis_motion(THETA + s[:9], log._replace(start=log.states + s[9:])) for s in (step, -step)]
         difference = (ends[0] - ends[1]) / 2e-7
         wrong = np.abs(rows[i] - difference) > 1e-4 * np.abs(difference).max() + 1e-5
         assert np.mean(wrong) < 0.01, i  # a sample at which one of the runs comes to rest a step earlier
@@ -62,7 +61,7 @@ def test_the_servo_s_simulation_of_the_same_axis_agrees(at_load):
     side = "load" if at_load else "motor"
     axis = AxisModel(THETA[0], law, (InputOffset(THETA[3]), *behind_the_spring(THETA)), side=side, dt=0.004,
                      logged="position")  # fmt: skip
-    log = coupled_log(at_load, steps=axis.steps, pieces=1).starting(np.zeros((1, 4)))
+    log = coupled_log(at_load, steps=axis.steps, pieces=1)._replace(start=np.zeros((1, 4)))
     run = axis_motion(THETA, log)
     np.testing.assert_allclose(axis.simulate(log.u[:, 0]), run, atol=1e-4 * np.ptp(run))
 
@@ -79,11 +78,11 @@ def test_the_run_converges_with_the_square_of_its_step(at_load, dry, off):
 
 def test_the_twist_is_handed_from_piece_to_piece():
     """From states that know nothing of it, some pieces end in another minimum; handed over, all are found."""
-    whole = coupled_log(at_load=True, pieces=1).starting(np.zeros((1, 4)))
+    whole = coupled_log(at_load=True, pieces=1)._replace(start=np.zeros((1, 4)))
     noise = 1e-5 * np.random.default_rng(0).standard_normal(1500)
     q, v = (axis_motion(THETA, whole._replace(of_position=p)) for p in (True, False))
     at = np.arange(0, 1501, 75)
-    log = whole._replace(target=q + noise, bounds=at, v0=v[at[:-1]], q0=q[at[:-1]], twist=np.zeros((20, 2)))
+    log = whole._replace(target=q + noise, bounds=at, start=np.column_stack([v, q])[at[:-1]])
     alone = settled(THETA, log)
     errors = [log.target - axis_motion(THETA, x) for x in (alone, handed_over(THETA, alone))]
     assert np.std(errors[1]) < 1.2e-5

@@ -117,32 +117,26 @@ class AxisForm(NamedTuple):
 class AxisLog(NamedTuple):
     """Drive and motion of an axis, and the start of each piece; every piece has its own initial state.
 
-    ``u`` is the drive in every fine step, shape (n, steps). ``v0`` and ``q0`` are the initial states.  ``target`` is
-    the velocity, or the position if ``of_position``.  ``twist`` (k, 2) holds the twist of a coupling and its rate.
+    ``u`` is the drive in every fine step, shape (n, steps).  ``start`` (k, 2 or 4) holds velocity and position at the
+    start of each piece and, if they are known, twist and slip of a coupling.  ``target`` is the velocity, or the
+    position if ``of_position``.
     """
 
     u: Array
     target: Array
     counts: Bools
     bounds: Integers
-    v0: Array
-    q0: Array
+    start: Array
     dt: float
     form: AxisForm = AxisForm()
     of_position: bool = False
-    twist: Array | None = None
 
     @property
     def states(self) -> Array:
-        """Velocity, position and, for a coupling, twist and slip at the start of each piece, shape (k, 2 or 4)."""
-        own = np.column_stack([self.v0, self.q0])
-        if not self.form.coupled:
-            return own
-        return np.hstack([own, np.zeros_like(own) if self.twist is None else self.twist])
-
-    def starting(self, states: Array) -> AxisLog:
-        """The log with other initial states."""
-        return self._replace(v0=states[:, 0].copy(), q0=states[:, 1].copy(), twist=states[:, 2:])
+        """A copy of ``start`` with all states of the form, shape (k, 2 or 4); a coupling is at rest if not told."""
+        out = np.zeros((len(self.start), self.form.states))
+        out[:, : self.start.shape[1]] = self.start
+        return out
 
 
 class AxisFit(NamedTuple):
@@ -234,7 +228,7 @@ def dissipates(theta: Array, knots: Array) -> bool:
 
 def settled(theta: Array, log: AxisLog, passes: int = 8) -> AxisLog:
     """The log with the states of its pieces fitted for these parameters."""
-    return log.starting(fit_state(theta, log, passes))
+    return log._replace(start=fit_state(theta, log, passes))
 
 
 def handed_over(theta: Array, log: AxisLog) -> AxisLog:
@@ -247,17 +241,17 @@ def handed_over(theta: Array, log: AxisLog) -> AxisLog:
         ends = np.empty_like(log.states)
         motion = _pass(theta, log, _WITHOUT_ROWS, ends)
         rest = np.zeros_like(ends[:1])
-        rest[0, 1] = log.target[0] if log.of_position else log.q0[0]
+        rest[0, 1] = log.target[0] if log.of_position else log.start[0, 1]
         states = np.vstack([rest, ends[:-1]])
         stay = _costs(log.target - motion[int(log.of_position)], log)
         # the position is fitted too
-        better = _costs(log.target - axis_motion(theta, log.starting(states)), log, level=log.of_position) < stay
+        better = _costs(log.target - axis_motion(theta, log._replace(start=states)), log, level=log.of_position) < stay
         if not better.any():
             break
-        there = log.starting(np.where(better[:, None], states, log.states))
-        other = there.starting(fit_state(theta, there, SETTLING, better))
+        there = log._replace(start=np.where(better[:, None], states, log.states))
+        other = there._replace(start=fit_state(theta, there, SETTLING, better))
         better &= _costs(log.target - axis_motion(theta, other, better), log) < stay
-        log = log.starting(np.where(better[:, None], other.states, log.states))
+        log = log._replace(start=np.where(better[:, None], other.states, log.states))
     return log
 
 
@@ -315,9 +309,9 @@ def _following(at: _Run, theta: Array) -> AxisLog:
     for their sake: from numbers that were 3 to 30 % off, a fit over pieces of 0.25 s then ended at five to sixty times
     the least sum of squares.
     """
-    other = at.log.starting(at.log.states - at.slopes[1] @ (theta - at.theta))
+    other = at.log._replace(start=at.log.states - at.slopes[1] @ (theta - at.theta))
     stay, follow = (_costs(log.target - axis_motion(theta, log), log) for log in (at.log, other))
-    return at.log.starting(np.where((follow < stay)[:, None], other.states, at.log.states))
+    return at.log._replace(start=np.where((follow < stay)[:, None], other.states, at.log.states))
 
 
 def _costs(error: Array, log: AxisLog, *, level: bool = False) -> Array:
@@ -365,7 +359,7 @@ def fit_state(theta: Array, log: AxisLog, passes: int = 8, chosen: Bools | None 
     trial, step, best = state.copy(), np.zeros_like(state), np.full(len(state), np.inf)
     going = np.ones(len(state), dtype=bool) if chosen is None else chosen.copy()
     for _ in range(passes):
-        run, rows = sensitivities(theta, log.starting(trial), of_states=True, chosen=going)
+        run, rows = sensitivities(theta, log._replace(start=trial), of_states=True, chosen=going)
         _state_steps(rows[-n:], log.target - run, log.counts, log.bounds, going, trial, state, step, best)
         if not going.any():
             break
