@@ -20,7 +20,7 @@ from whsklearn.estimators._simulation_fit import natural_of, to_chain
 from whsklearn.estimators.pem import ChainRegressor, PEMRegressor
 from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
 from whsklearn.recursion.batch.best_linear import IOData
-from whsklearn.recursion.batch.simulation_error import Coordinates, FittedChain, block_update, information_of
+from whsklearn.recursion.batch.simulation_error import FittedChain, block_update, orthonormal, run, with_basis
 from whsklearn.recursion.batch.simulation_search import SKIP
 
 
@@ -185,9 +185,9 @@ class StreamingPEMRegressor(ChainRegressor):
         begun = self._started(state)
         chain = self._chain(begun, state["u"].shape[1])
         data = _window(state, 0, self._skip)
-        at = Coordinates.of(chain, data)
-        error = at.rows(chain, data)[0]
-        state.update(begun, basis=at.basis, information=information_of(chain, data, at))
+        basis = orthonormal(run(chain, data).columns[:, data.counts])
+        error, rows = with_basis(chain, data, basis)
+        state.update(begun, basis=basis, information=rows @ rows.T)
         state["loss"] = np.array([float(error @ error), float(data.counts.sum())])
 
     def _started(self, state: dict[str, Any]) -> dict[str, Any]:
@@ -206,8 +206,7 @@ class StreamingPEMRegressor(ChainRegressor):
         """Learn the samples of the buffer that came after the last block."""
         m = state["u"].shape[1]
         chain, data = self._chain(state, m), _window(state, state["seen"] - state["fitted"], self._skip)
-        at = Coordinates(state["basis"], np.array([0, chain.b1.size + chain.a1.size - 1]))
-        chain, information, loss = block_update(chain, state["information"], data, at)
+        chain, information, loss = block_update(chain, state["information"], data, state["basis"])
         lags = state["lags"] | {"law": chain.law.reweighted(chain.weights)}
         state.update(theta=natural_of(chain)[0], information=information, lags=lags)
         state["loss"] = state["loss"] + [loss, float(data.counts.sum())]

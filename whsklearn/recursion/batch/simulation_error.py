@@ -13,7 +13,7 @@ import numpy as np
 
 from whsklearn._numba import njit
 from whsklearn.effects import FrictionLaw
-from whsklearn.effects.base import Array, Integers
+from whsklearn.effects.base import Array
 from whsklearn.effects.law import placed
 from whsklearn.effects.rows import term
 from whsklearn.recursion.batch.best_linear import EDGE, IOData, damped_step, delayed_rows, filter_rows
@@ -52,6 +52,11 @@ class FittedChain(NamedTuple):
             b2=self.b2 + b2,
             a2=self.a2 + np.append(0.0, a2),
         )
+
+    @property
+    def gains(self) -> list[int]:
+        """Places in the linear part of b1[0] and b2[0], two gains that the law has as well."""
+        return [0, self.b1.size + self.a1.size - 1]
 
     @property
     def stable(self) -> bool:
@@ -94,7 +99,7 @@ def before_law(chain: FittedChain, data: IOData) -> Array:
 def run(chain: FittedChain, data: IOData) -> ChainSignals:
     """Simulate the chain from rest."""
     x = before_law(chain, data)
-    rows = law_columns(chain.law.codes, chain.law.shapes, chain.weights, x, data.bounds, _kappa(x, data))
+    rows = law_rows(chain, x, data)
     columns, by_x, by_dx = rows[:-2], rows[-2], rows[-1]
     v = chain.weights @ columns
     return ChainSignals(x, v, filter_rows(chain.b2, chain.a2, v[None, :], data.bounds)[0], columns, by_x, by_dx)
@@ -105,7 +110,7 @@ def solve_law(chain: FittedChain, data: IOData) -> Fitted:
     x = before_law(chain, data)
     if not np.isfinite(x).all():
         return Fitted(chain, data.y, np.inf)
-    columns = law_columns(chain.law.codes, chain.law.shapes, chain.weights, x, data.bounds, _kappa(x, data))[:-2]
+    columns = law_rows(chain, x, data)[:-2]
     basis = orthonormal(columns[:, data.counts])
     rows = filter_rows(chain.b2, chain.a2, basis @ columns, data.bounds) * data.scale
     target = data.y * data.scale
@@ -154,7 +159,7 @@ def refine(chain: FittedChain, data: IOData, iterations: int, *, free: bool = Tr
     if free:
         refitted = solve_law(normalised(chain, data), data)
         best = refitted if not best.cost * DEARER < refitted.cost else best
-    held = [] if free else [0, chain.b1.size + chain.a1.size - 1]
+    held = [] if free else chain.gains
     damping = 1e-2
     for i in range(iterations):
         if not np.isfinite(best.cost):
@@ -191,13 +196,6 @@ def normalised(chain: FittedChain, data: IOData) -> FittedChain:
     return chain._replace(b1=chain.b1 / scale, b2=chain.b2 / max(float(np.linalg.norm(chain.b2)), 1e-300), law=law)
 
 
-def _kappa(x: Array, data: IOData) -> float:
-    """Sharpness of the law's signs: their value is exact, their slope is that of a tanh."""
-    moving = np.diff(x[data.counts])
-    rms = float(np.sqrt(np.mean(moving**2))) if moving.size else 0.0
-    return -SHARPNESS / rms if rms > 0 and np.isfinite(rms) else -1.0
-
-
 def orthonormal(columns: Array) -> Array:
     """A matrix m for which the rows of ``m @ columns`` are orthonormal; truncated powers are nearly dependent."""
     thin = np.ascontiguousarray(columns[:, :: 1 + columns.shape[1] // 4000])
@@ -206,9 +204,19 @@ def orthonormal(columns: Array) -> Array:
     return np.linalg.pinv(r, rcond=1e-10).T / scale
 
 
+def law_rows(chain: FittedChain, x: Array, data: IOData) -> Array:
+    """Every term at unit weight, then the slopes of the weighted law in x and in dx, shape (k + 2, n).
+
+    The value of the law's signs is exact, their slope is that of a tanh.
+    """
+    moving = np.diff(x[data.counts])
+    rms = float(np.sqrt(np.mean(moving**2))) if moving.size else 0.0
+    kappa = -SHARPNESS / rms if rms > 0 and np.isfinite(rms) else -1.0
+    return np.asarray(_law_rows(chain.law.codes, chain.law.shapes, chain.weights, x, data.bounds, kappa))
+
+
 @njit(cache=True, error_model="numpy")
-def law_columns(codes, shapes, weights, x, bounds, kappa):
-    """Every term at unit weight, then the slopes of the weighted law in x and in dx, shape (k + 2, n)."""
+def _law_rows(codes, shapes, weights, x, bounds, kappa):
     out = np.zeros((codes.size + 2, x.size))
     columns, by_x, by_dx = out[:-2], out[-2], out[-1]
     for e in range(bounds.size - 1):
@@ -233,54 +241,35 @@ STEPS = 3
 DAMPING = (1e-9, 1e-4, 1e-2, 1.0)  # tried in turn until a step lowers the cost
 
 
-class Coordinates(NamedTuple):
-    """theta = (linear part, weights in an orthonormal basis); the ``held`` entries stay fixed."""
+def with_basis(chain: FittedChain, data: IOData, basis: Array) -> tuple[Array, Array]:
+    """The error on the samples that count, and its sensitivities to theta with the sign of dy.
 
-    basis: Array
-    held: Integers
-
-    @classmethod
-    def of(cls, chain: FittedChain, data: IOData) -> Coordinates:
-        """Choose a basis in which the law's columns on this record are orthonormal; b1[0] and b2[0] are held."""
-        basis = orthonormal(run(chain, data).columns[:, data.counts])
-        return cls(basis, np.array([0, chain.b1.size + chain.a1.size - 1]))
-
-    def rows(self, chain: FittedChain, data: IOData) -> tuple[Array, Array]:
-        """The error on the samples that count, and its sensitivities with the sign of dy."""
-        y, rows = sensitivities(chain, data)
-        n = chain.linear_part.size
-        rows = np.vstack([rows[:n], self.basis @ rows[n:]]) * data.scale
-        rows[self.held] = 0.0
-        return (data.y - y) * data.scale, rows
-
-    def moved(self, chain: FittedChain, step: Array) -> FittedChain:
-        """The chain after a step of theta."""
-        n = chain.linear_part.size
-        return chain.moved(step[:n])._replace(weights=chain.weights + step[n:] @ self.basis)
-
-
-def information_of(chain: FittedChain, data: IOData, at: Coordinates) -> Array:
-    """J'J of a record."""
-    rows = at.rows(chain, data)[1]
-    return rows @ rows.T
+    theta = (linear part, weights in the ``basis``, which is `orthonormal`); the gains are held.
+    """
+    y, rows = sensitivities(chain, data)
+    n = chain.linear_part.size
+    rows = np.vstack([rows[:n], basis @ rows[n:]]) * data.scale
+    rows[chain.gains] = 0.0
+    return (data.y - y) * data.scale, rows
 
 
 def block_update(
-    chain: FittedChain, information: Array, data: IOData, at: Coordinates
+    chain: FittedChain, information: Array, data: IOData, basis: Array
 ) -> tuple[FittedChain, Array, float]:
     """The chain and R (p, p) after a block, and the sum of squared errors of the block before the update.
 
     In ``data`` samples that do not count, but determine the state, precede the block.
     """
     gone = np.zeros(len(information))
-    error, rows = at.rows(chain, data)
+    error, rows = with_basis(chain, data, basis)
+    n = chain.linear_part.size
     loss = cost = float(error @ error)
     for _ in range(STEPS):
         total = rows @ rows.T + information
         gradient = rows @ error - information @ gone
         for damping in DAMPING:
             step = damped_step(total, gradient, damping)
-            trial = at.moved(chain, step)
+            trial = chain.moved(step[:n])._replace(weights=chain.weights + step[n:] @ basis)
             if not trial.stable:
                 continue
             away = gone + step
@@ -288,7 +277,7 @@ def block_update(
             new = float(left @ left + away @ information @ away)
             if new < cost:
                 chain, gone, gain, cost = trial, away, 1 - new / cost, new
-                error, rows = at.rows(chain, data)
+                error, rows = with_basis(chain, data, basis)
                 break
         else:
             break
