@@ -28,7 +28,6 @@ SMALLEST_KEY = 1e-9
 LARGEST_SIGNAL = 1e6
 
 
-@njit(cache=True, error_model="numpy")
 def auxiliary_size(dims):
     """Length of the auxiliary state."""
     return max(dims[1], 1) + 1 + dims[2]
