@@ -43,7 +43,8 @@ class SignProblem(NamedTuple):
     rows: Array  # (R, n + 1): rows of [J e] that a sign in doubt enters
     row: Integers  # (E, n_c): indices of the rows that each sign enters; -1 for none
     reach: Array  # (E,): how far (a, b) may move, measured by ``metric``, before a sign can flip; in ascending order
-    metric: Array  # (n_1, n_1): defines the distance sqrt(delta' metric delta)
+    # (n_1, n_1): defines the distance sqrt(delta' metric delta); the inverse of the first particles' covariance
+    metric: Array
 
 
 def posed(matrix: Array, theta: Array, dims: Integers, count: float, signs: Signs) -> SignProblem:
@@ -53,11 +54,9 @@ def posed(matrix: Array, theta: Array, dims: Integers, count: float, signs: Sign
     rows = np.zeros((at.size, theta.size + 1))
     rows[index.ravel()] = signs.rows.reshape(-1, theta.size + 1)
     n1 = signs.gradient.shape[1]
-    return SignProblem(
-        matrix, theta, dims, float(count), signs.dx, signs.sign, signs.scale, np.ascontiguousarray(signs.gradient),
-        np.ascontiguousarray(signs.curvature), np.ascontiguousarray(signs.height), rows,
-        np.where(signs.at < 0, -1, index), np.zeros(signs.dx.size), np.zeros((n1, n1)),
-    )  # fmt: skip
+    row, reach, metric = np.where(signs.at < 0, -1, index), np.zeros(signs.dx.size), np.zeros((n1, n1))
+    same = map(np.ascontiguousarray, signs[:6])
+    return SignProblem._make((matrix, theta, dims, float(count), *same, rows, row, reach, metric))
 
 
 def by_reach(p: SignProblem, covariance: Array) -> SignProblem:
@@ -227,7 +226,6 @@ def sample(problem: SignProblem, start: Gaussian, rng: np.random.Generator, *, r
     spread = WIDTH**2 * start.covariance[:n1, :n1]
     try:
         root = np.linalg.cholesky(spread + 1e-12 * np.diag(np.diag(spread)))
-        precision = np.asarray(np.linalg.inv(spread), dtype=np.float64)
         problem = by_reach(problem, spread)
     except np.linalg.LinAlgError:  # all particles of the previous round were in one plane
         return None
@@ -235,11 +233,14 @@ def sample(problem: SignProblem, start: Gaussian, rng: np.random.Generator, *, r
     first = centre + rng.standard_normal((PARTICLES, n1)) @ root.T
     swarm = new_swarm(first, problem)
     sweeps = (ROUGH_SWEEPS, ROUGH_FINAL_SWEEPS) if rough else (SWEEPS, FINAL_SWEEPS)
-    final = tempered(problem, swarm, centre, precision, rng, sweeps)
+    final = tempered(problem, swarm, centre, rng, sweeps)
     if final is None or not (swarm.numbers[:, 0] > NONE).all():
         return None
     mean, covariance = final
-    covariance[n1:, n1:] += rest_covariance(problem, swarm)
+    # and that of r given phi: the mean of sigma^2 H^-1 over the particles
+    half = np.linalg.inv(swarm.low)
+    variance = swarm.numbers[:, 1] / (max(problem.count - problem.theta.size, 1.0) * PARTICLES)
+    covariance[n1:, n1:] += np.einsum("s,ski,skj->ij", variance, half, half)
     if not np.isfinite(covariance).all():
         return None
     return Gaussian(problem.theta + mean, covariance)
@@ -270,15 +271,10 @@ def new_swarm(first: Array, p: SignProblem) -> Swarm:
 
 
 def tempered(
-    problem: SignProblem,
-    swarm: Swarm,
-    centre: Array,
-    precision: Array,
-    rng: np.random.Generator,
-    sweeps: tuple[int, int],
+    problem: SignProblem, swarm: Swarm, centre: Array, rng: np.random.Generator, sweeps: tuple[int, int]
 ) -> tuple[Array, Array] | None:
     """Temper and move the particles, in place; return mean and covariance over the last sweeps, or None on failure."""
-    move(problem, swarm, centre, precision, np.zeros((PARTICLES, 4)), 0.0, -1)
+    move(problem, swarm, centre, np.zeros((PARTICLES, 4)), 0.0, -1)
     swarm.numbers[swarm.numbers[:, 0] == -np.inf, 0] = NONE
     each, last = sweeps
     beta, weight, parent, kept = 0.0, np.empty(PARTICLES), np.empty(PARTICLES, dtype=np.int64), []
@@ -288,7 +284,7 @@ def tempered(
         for values in swarm[:3]:
             values[:] = values[parent]
         for sweep in range(each if beta < 1.0 else each + last):
-            move(problem, swarm, centre, precision, rng.random((PARTICLES, 4)), beta, sweep)
+            move(problem, swarm, centre, rng.random((PARTICLES, 4)), beta, sweep)
             if sweep >= each:
                 kept.append(swarm.delta.copy())
         if beta == 1.0:
@@ -297,13 +293,6 @@ def tempered(
                 mean = everyone.mean(axis=0)
                 return mean, (everyone - mean).T @ (everyone - mean) / len(everyone)
     return None
-
-
-def rest_covariance(problem: SignProblem, swarm: Swarm) -> Array:
-    """Covariance of r given phi: the mean of sigma^2 H^-1 over the particles."""
-    half = np.linalg.inv(swarm.low)
-    variance = swarm.numbers[:, 1] / (max(problem.count - problem.theta.size, 1.0) * len(half))
-    return np.einsum("s,ski,skj->ij", variance, half, half)
 
 
 def next_temperature(beta: float, gain: Array, weight: Array) -> float:
@@ -330,17 +319,17 @@ def resample(weight: Array, u: float, parent: Integers) -> None:
 
 
 @part
-def log_first(delta, centre, precision):
+def log_first(delta, centre, metric):
     """Log density of the first particles, without the constant."""
     s = 0.0
     for i in range(delta.size):
         for j in range(delta.size):
-            s += precision[i, j] * (delta[i] - centre[i]) * (delta[j] - centre[j])
+            s += metric[i, j] * (delta[i] - centre[i]) * (delta[j] - centre[j])
     return -0.5 * s
 
 
 @njit(error_model="numpy", counted=False, short=True)
-def move(p, swarm, centre, precision, uniform, beta, sweep):
+def move(p, swarm, centre, uniform, beta, sweep):
     """One differential-evolution move of each particle at the temperature ``beta``; none before the first sweep.
 
     The density is called in one place only, because a second call would double the code to be compiled.
@@ -357,7 +346,7 @@ def move(p, swarm, centre, precision, uniform, beta, sweep):
         for m in range(n1):
             trial[m] = delta[i, m] + stride * (delta[j, m] - delta[k, m])
         there, s = log_density(trial, p, matrix, change, touched, low, rest, b)
-        away = log_first(trial, centre, precision)
+        away = log_first(trial, centre, p.metric)
         if sweep >= 0:
             ratio = beta * (there - numbers[i, 0]) + (1.0 - beta) * (away - numbers[i, 2])
             if there == -np.inf or not np.log(uniform[i, 2]) < ratio:
