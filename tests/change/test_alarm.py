@@ -117,7 +117,29 @@ def test_a_refused_call_changes_nothing():
     assert pickle.dumps(alarm) == before
 
 
-@pytest.mark.parametrize("params", [{"interval": 1.0}, {"n_reference": 10}, {"order": -1}, {"n_settle": -1}])
+@pytest.mark.parametrize("changed", [{"n_reference": 900}, {"n_reference": 200}, {"n_settle": 100}, {"n_settle": 2000}])
+@pytest.mark.parametrize("seen", [700, 1150])
+def test_a_length_that_changes_while_it_learns_loses_no_sample_and_takes_none_twice(changed, seen):
+    e = np.random.default_rng(3).normal(size=4000)
+    alarm = ChangeAlarm(n_reference=300, order=0, n_settle=1000)
+    alarm.update(e[:seen])
+    alarm.set_params(**changed)
+    skipped = max(alarm.n_settle, seen) if seen < 1000 else 1000
+    left = alarm.lacking_
+    alarm.update(e[seen : seen + left - 1])
+    assert not alarm.watching_
+    assert alarm.lacking_ == 1
+    alarm.update(e[seen + left - 1 : seen + left])
+    assert alarm.watching_
+    assert seen + left == skipped + 300
+    alarm.begin()
+    assert alarm.lacking_ == alarm.n_settle + alarm.n_reference
+
+
+@pytest.mark.parametrize(
+    "params",
+    [{"interval": 1.0}, {"n_reference": 10}, {"n_reference": 500.5}, {"order": -1}, {"order": 2.5}, {"n_settle": -1}],
+)
 def test_parameters_out_of_range_are_refused(params):
     with pytest.raises(ValueError, match=next(iter(params))):
         ChangeAlarm(**params).update([0.0])

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator
 
-from whsklearn._inputs import real_array
+from whsklearn._inputs import check_whole, real_array
 from whsklearn._numba import njit
 
 # Tail probabilities that bound the cells; the cells are fine in the tails, where a change shows first.
@@ -122,7 +122,7 @@ class ChangeAlarm(BaseEstimator):
         e, alarms, start = e[active], [], 0
         while start < e.size:
             if self._buffer is not None:
-                start = self._learn(e, start)
+                start = self._learn(e, start, self._buffer)
                 continue
             learnt = (self._past, self._ar, self._edges, tilts(), self._counts, self._evidence, self._rest)
             at = int(watch(e, start, *learnt, self._power, float(self.interval), _MOST))
@@ -158,9 +158,9 @@ class ChangeAlarm(BaseEstimator):
     @property
     def lacking_(self) -> int:
         """Innovations that are still to come before it watches."""
-        if self.watching_:
-            return 0
-        return self.n_settle + self.n_reference - (self._settled + self._filled if self.started else 0)
+        if not self.started:
+            return self.n_settle + self.n_reference
+        return 0 if self._buffer is None else self._left_to_settle + self._buffer.size - self._filled
 
     def get_state(self) -> dict[str, Any]:
         """Everything that `set_state` needs to continue identically."""
@@ -179,12 +179,9 @@ class ChangeAlarm(BaseEstimator):
         """Reject parameters that are out of range."""
         if not self.interval > 1:
             raise ValueError(f"ChangeAlarm: interval is {self.interval!r}, expected samples > 1, such as 1e6.")
-        if self.n_settle < 0 or self.order < 0:
-            raise ValueError(f"ChangeAlarm: n_settle is {self.n_settle} and order {self.order}, expected both >= 0.")
-        if self.n_reference < 200 + 10 * self.order:
-            raise ValueError(
-                f"ChangeAlarm: n_reference is {self.n_reference}, expected at least 200 + 10 * order samples."
-            )
+        check_whole("ChangeAlarm: n_settle", self.n_settle, 0)
+        check_whole("ChangeAlarm: order", self.order, 0)
+        check_whole("ChangeAlarm: n_reference", self.n_reference, 200 + 10 * self.order, ", 200 + 10 * order")
 
     def _begin(self) -> None:
         """Settle, then learn a new reference."""
@@ -192,22 +189,29 @@ class ChangeAlarm(BaseEstimator):
         self._rest, self._power = np.zeros(1, dtype=np.int64), 1.0
         self._buffer = np.zeros(self.n_reference)
 
-    def _learn(self, e: NDArray[np.float64], start: int) -> int:
-        """Skip samples while settling, then fill the reference; return the index at which it stopped."""
-        skipped = min(self.n_settle - self._settled, e.size - start)
+    @property
+    def _left_to_settle(self) -> int:
+        """Samples to skip; none once the reference has begun."""
+        return 0 if self._filled else max(self.n_settle - self._settled, 0)
+
+    def _learn(self, e: NDArray[np.float64], start: int, reference: NDArray[np.float64]) -> int:
+        """Skip samples while settling, then fill the reference; return the index at which it stopped.
+
+        The reference keeps the length with which it was begun, even if ``n_reference`` has changed since.
+        """
+        skipped = min(self._left_to_settle, e.size - start)
         self._settled += skipped
         start += skipped
-        taken = min(self.n_reference - self._filled, e.size - start)
-        self._buffer[self._filled : self._filled + taken] = e[start : start + taken]  # type: ignore[index]
+        taken = min(reference.size - self._filled, e.size - start)
+        reference[self._filled : self._filled + taken] = e[start : start + taken]
         self._filled += taken
-        if self._filled == self.n_reference:
-            self._end_learning()
+        if self._filled == reference.size:
+            self._end_learning(reference)
         return start + taken
 
-    def _end_learning(self) -> None:
+    def _end_learning(self, reference: NDArray[np.float64]) -> None:
         """Compute the whitening filter, the cells and their frequencies from the full reference."""
-        reference, m = self._buffer, self.order
-        assert reference is not None
+        m = self.order
         self._ar = _autoregression(reference, m)
         white = reference[m:] - sum((self._ar[i] * reference[m - 1 - i : -1 - i] for i in range(m)), np.zeros(1))
         self._edges = np.quantile(white, LEVELS)
