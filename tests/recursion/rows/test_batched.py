@@ -43,6 +43,7 @@ def test_threads_make_no_difference(fleet):
         ({"y": np.full((7, 200), np.nan)}, "NaN"),
         ({"P0": 0.0}, "P0"),
         ({"forgetting": 1.5}, "forgetting"),
+        ({"n_jobs": -1}, "n_jobs is -1, expected a whole number of 1 or more"),
     ],
 )
 def test_bad_input_is_refused(fleet, change, said):

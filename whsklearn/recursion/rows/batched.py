@@ -9,7 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from numpy.typing import ArrayLike
 
-from whsklearn._inputs import real_array
+from whsklearn._inputs import check_whole, real_array
 from whsklearn._numba import njit, part
 from whsklearn.effects.base import Array
 from whsklearn.recursion.rows.covariance import WIND_UP
@@ -59,6 +59,8 @@ def least_squares_of_many(
         raise ValueError(f"X has shape {X.shape} and y {y.shape}; expected (n_axes, n, n_params) and (n_axes, n).")
     if not 0 < P0 < np.inf or not 0 < forgetting <= 1:
         raise ValueError(f"P0 is {P0!r} and forgetting {forgetting!r}; expected P0 > 0 and 0 < forgetting <= 1.")
+    if n_jobs is not None:
+        check_whole("n_jobs", n_jobs, 1)
     n_axes, _, n = X.shape
     theta, P = np.empty((n_axes, n)), np.empty((n_axes, n, n))
     bunches = -(-n_axes // LANES)
