@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import functools
 import itertools
-from collections.abc import Generator, Iterator
+from collections.abc import Generator
 from typing import TypeVar
 
 import numpy as np
@@ -88,6 +88,9 @@ COST_OF_RUNG = 150  # the same for the other work on a rung, while the many star
 COST_OF_RARE_RUNG = 350  # the same later, when less of the code is cached and there is time to spare
 COST_OF_START = 900  # the same for drawing a start, which takes as long as two or three samples
 
+Answer = TypeVar("Answer")
+Steps = Generator[None, None, Answer]  # work with an answer, which yields where the next row may interrupt it
+
 
 def schedule(r: Settings, filling: bool) -> list[tuple[int, int]]:
     """Samples in memory at which re-runs begin and take over."""
@@ -136,7 +139,7 @@ class NextMemory:
         self._before = {name: r.history if name in ("memory_u", "memory_y") else 0 for name in MEMORY}
         self._arrays: dict[str, Array] = {}
 
-    def make_room(self) -> Iterator[None]:
+    def make_room(self) -> Steps[None]:
         """Allocate the arrays, in parts."""
         for name, h in self._before.items():
             old = self._state[name]
@@ -161,9 +164,6 @@ class NextMemory:
         self._state["blocks"] += 1
 
 
-Steps = Generator[None, None, "refit.Refined | None"]
-
-
 class MultistartSearch:
     """A search over the first ``size`` samples in memory: a generator that yields where the next sample may come.
 
@@ -184,7 +184,7 @@ class MultistartSearch:
         self._y = state["memory_y"][h : h + size]
         self.given = {name: state[name] for name in ("origin", "prior_theta", "prior_information")}
 
-    def _prepare(self) -> Generator[None, None, None]:
+    def _prepare(self) -> Steps[None]:
         """Compute what needs the whole memory once: the weights and their sum, the prior's weight, and any motion.
 
         Everything after this is done in small pieces too.  Code that runs once per page is no longer cached, and
@@ -201,7 +201,7 @@ class MultistartSearch:
         yield
         self.moved = bool(size and np.ptp(self._y) > 0.0) and not state["memory_idle"][:size].all()
 
-    def run(self, thetas: Array) -> Generator[None, None, list[refit.Refined]]:
+    def run(self, thetas: Array) -> Steps[list[refit.Refined]]:
         """Refine the models ``thetas`` and fresh ones; return the best ones, best first.
 
         There is no search on an axis at rest.
@@ -265,7 +265,7 @@ class MultistartSearch:
         yield
         return refit.best_first(found)[: refit.survivors(self.state, r, self.size)]
 
-    def _exchanged(self, best: refit.Refined, climb: list[float]) -> Generator[None, None, list[refit.Refined]]:
+    def _exchanged(self, best: refit.Refined, climb: list[float]) -> Steps[list[refit.Refined]]:
         """What is clearly better of models that divide the poles of the best one otherwise between the blocks."""
         law, h = self.settings.law, self.settings.history
         u, restart = self.state["memory_u"][h : h + self.size], self.state["memory_restart"][: self.size]
@@ -275,9 +275,7 @@ class MultistartSearch:
             found.append((yield from self.refine(0, theta, climb)))
         return [c for c in found if c is not None and refit.SLACK * c.cost < best.cost]
 
-    def _drawn(
-        self, rng: np.random.Generator, scales: Array | None, by_least_squares: bool
-    ) -> Generator[None, None, Array]:
+    def _drawn(self, rng: np.random.Generator, scales: Array | None, by_least_squares: bool) -> Steps[Array]:
         """Draw a fresh start."""
         r, y = self.settings, self._y[-SAMPLED:]
         theta = random_start(tuple(r.dims), rng, scales)
@@ -291,12 +289,12 @@ class MultistartSearch:
         yield from self._row()
         return theta
 
-    def _row(self) -> Generator[None, None, None]:
+    def _row(self) -> Steps[None]:
         """End a piece of work that uses up the budget of one row."""
         self.work.at[BUDGET] -= WHOLE_ROW
         yield
 
-    def _scales(self, rng: np.random.Generator) -> Generator[None, None, Array]:
+    def _scales(self, rng: np.random.Generator) -> Steps[Array]:
         """`term_scales`, one random L1 a row."""
         sizes = []
         for _ in range(N_SIZES):
@@ -306,7 +304,7 @@ class MultistartSearch:
             yield from self._row()
         return scales_from(sizes, self._y[-SAMPLED:])
 
-    def refine(self, parent: int, theta: Array, steps: list[float]) -> Steps:
+    def refine(self, parent: int, theta: Array, steps: list[float]) -> Steps[refit.Refined | None]:
         """Take one model to its minimum, and its weights too where the record is long (`_with_true_sign`)."""
         state, r, work = self.state, self.settings, self.work
         work.at[BUDGET] -= COST_OF_BEGIN
@@ -331,7 +329,9 @@ class MultistartSearch:
         """Root mean square of dx, to which every sharpness is relative."""
         return max(increment_rms(theta, self.settings.dims, *self.latest), LEAST_MOTION)
 
-    def _climbed(self, parent: int, theta: Array, record: tuple[Memory, Prior], steps: list[float]) -> Steps:
+    def _climbed(
+        self, parent: int, theta: Array, record: tuple[Memory, Prior], steps: list[float]
+    ) -> Steps[refit.Refined | None]:
         """Sharpen ``theta``, in place, rung by rung; the result is the rung with the least error under the true sign.
 
         A search of the staircase itself, sample by sample, was tried.  It lowers the error on the
@@ -353,9 +353,7 @@ class MultistartSearch:
                 yield
         return best
 
-    def _with_true_sign(
-        self, best: refit.Refined, record: tuple[Memory, Prior], moves: float
-    ) -> Generator[None, None, refit.Refined]:
+    def _with_true_sign(self, best: refit.Refined, record: tuple[Memory, Prior], moves: float) -> Steps[refit.Refined]:
         """The model with its weights fitted by the error of the true sign; only the slopes are those of a smooth one.
 
         On a long record the bias that tanh() near zero adds to the weights is noticeable.  L1 stays on the step that it
@@ -376,7 +374,7 @@ class MultistartSearch:
 
     def rerun(
         self, theta: Array, record: tuple[Memory, Prior], kappa: float, iterations: int = 0
-    ) -> Generator[None, None, tuple[float, Array, Array]]:
+    ) -> Steps[tuple[float, Array, Array]]:
         """`refine_part` to its end, ``theta`` in place: the cost, its Gauss-Newton matrix and the state at the end."""
         work, law = self.work, self.settings.law
         information, end = np.zeros((theta.size, theta.size)), np.zeros(self.state["before"].shape[1])
@@ -404,10 +402,7 @@ def refit_now(state: State, r: Settings) -> None:
         state["page_theta"] = state["theta"].copy()
 
 
-Answer = TypeVar("Answer")
-
-
-def in_one(steps: Generator[None, None, Answer]) -> Answer:
+def in_one(steps: Steps[Answer]) -> Answer:
     """Do all steps at once and return the result."""
     while True:
         try:
@@ -418,7 +413,7 @@ def in_one(steps: Generator[None, None, Answer]) -> Answer:
 
 def joined(
     page: Linearisation, state: State, r: Settings, s: int, left: float, count: float, about: Gaussian | None = None
-) -> Generator[None, None, tuple[Array, Signs, float]]:
+) -> Steps[tuple[Array, Signs, float]]:
     """M, the signs in doubt and the number of samples, for the past of model ``s`` and ``page`` together.
 
     ``left`` is the weight of the past after forgetting, ``count`` the number of samples of the page.  Whether a sign is
@@ -540,7 +535,7 @@ class BackgroundRefit:
         elif next(self._steps, "done") == "done":
             self._searched = True  # its last piece is enough for a row
 
-    def _rerun(self) -> Iterator[None]:
+    def _rerun(self) -> Steps[None]:
         """Refine each model, then compute for each what a page adds and its final state; yield when out of budget."""
         state, r, size = self.state, self.settings, self.size
         yield  # the row that ends a page already has to wait for the new arrays
@@ -575,7 +570,7 @@ class BackgroundRefit:
             yield from self._next_memory.make_room()
             self._next_memory.go_on()
 
-    def _end_of_page(self, thetas: Array, search: MultistartSearch) -> Iterator[None]:
+    def _end_of_page(self, thetas: Array, search: MultistartSearch) -> Steps[None]:
         """The information of the page and the state at its end, one pair for each model."""
         state, r, m = self.state, self.settings, self.size
         nothing = np.zeros((r.size, r.size))
@@ -607,7 +602,7 @@ class BackgroundRefit:
             self._others |= {"past_matrix": matrix, "past_theta": page.theta.copy(), "past_count": np.array([count])}
             self._others["past_origin"] = page.end.copy()
 
-    def _gather(self, search: MultistartSearch) -> Iterator[None]:
+    def _gather(self, search: MultistartSearch) -> Steps[None]:
         """Collect the information that the surviving models receive, and add that of the page."""
         for name, value in search.given.items():
             self._others[name] = value[self._parents].copy()
@@ -620,7 +615,7 @@ class BackgroundRefit:
             self._others["origin"][i] = end
             yield
 
-    def _begin_catching_up(self, thetas: Array) -> Iterator[None]:
+    def _begin_catching_up(self, thetas: Array) -> Steps[None]:
         """Place the new models at the end of the re-run samples."""
         state, r, n = self.state, self.settings, self.size
         h, k = r.history, state["recent_y"].size
