@@ -191,7 +191,10 @@ class Linearisation:
         return np.full(dx.size, np.inf) if covariance is None else dx / deviation(gradient, covariance)
 
     def in_doubt(self, before: Array, doubt: Array) -> tuple[Indices, Indices]:
-        """Choose the most doubtful of the unsettled signs of the past and of the signs of the memory in doubt."""
+        """Choose the most doubtful of the unsettled signs of the past and of the signs of the memory in doubt.
+
+        ``before`` and ``doubt``: |dx| of the one and of the other, in standard deviations.
+        """
         counts = (self.record.weights != 0.0) & (self.motion[:, 1] != 0.0)
         kept, chosen = np.flatnonzero(before < SETTLED), np.flatnonzero((doubt < IN_DOUBT) & counts)
         if kept.size + chosen.size > CAPACITY:
