@@ -35,7 +35,7 @@ def test_after_a_spoilt_call_the_state_is_the_one_before_it(sizes):
     undo.before(state, U[at : at + 4], Y[at : at + 4])
     STREAM.run(state, U[at : at + 2], Y[at : at + 2], np.zeros(2, dtype=bool))  # half of the rows, then an interrupt
     assert state_difference(state, wanted) > 0.0
-    assert state_difference(undo.restored(STREAM), wanted) == 0.0
+    assert state_difference(undo.restored(STREAM.run), wanted) == 0.0
 
 
 def test_a_copy_shares_nothing_that_can_change():
@@ -50,11 +50,11 @@ def test_a_state_that_others_put_in_its_place_is_copied_anew():
     learn(state, undo, 0, 10)
     other = STREAM.initial()
     undo.before(other, U[:3], Y[:3])
-    assert undo.restored(STREAM)["seen"] == 0
+    assert undo.restored(STREAM.run)["seen"] == 0
     learn(state, undo, 10, 12)
     undo.clear()
     undo.before(state, U[12:13], Y[12:13])
-    assert undo.restored(STREAM)["seen"] == 12
+    assert undo.restored(STREAM.run)["seen"] == 12
 
 
 def test_what_a_note_does_not_copy_is_replaced_and_not_changed():

@@ -37,19 +37,31 @@ class CheckedModel(KeptModel):
         check_lengths(u, target)
         return writeable(u), writeable(target)
 
+    def _check_parameters(self) -> None:
+        """Raise in one sentence if a parameter is invalid."""
+
     def _checked_record(self, given: Given) -> tuple[Array, Array, Bools, Array | None]:
-        """X, y, starts of experiments and weights for a batch fit; attributes stay unchanged if they are refused."""
-        with self._unchanged_if_refused():
-            self._keep_lags()
-            X, y = self._validate(given.X, given.y, reset=True)
-            restart = starts(given.groups, len(X), first=True)
-            self._need_rows(restart)
-            weights = checked_weights(given.sample_weight, len(X), some=True)
-            self._structure()
-            self._warn_of_order(given.X)
-            self._warn_of_record(X, y)
-            self._warn_of_structure(X, y, restart)
+        """X, y, starts of experiments and weights of a record that is learnt from a clean start."""
+        self._keep_lags()
+        self._check_parameters()
+        X, y = self._validate(given.X, given.y, reset=True)
+        restart = starts(given.groups, len(X), first=True)
+        self._need_rows(restart)
+        weights = self._weights(given.sample_weight, len(X), some=True)
+        self._warn_of_order(given.X)
+        self._warn_of_record(X, y)
+        self._warn_of_structure(X, y, restart)
         return X, y, restart, weights
+
+    def _weights(self, sample_weight: ArrayLike | None, n: int, *, some: bool) -> Array | None:
+        """Weights of the samples; None if all are one. With ``some``, at least one must be above zero."""
+        weights = checked_weights(sample_weight, n, some=some)
+        if weights is not None and self.lags is not None and not self._is_wiener_hammerstein:
+            raise ValueError(
+                f"sample_weight is given, and {type(self.lags).__name__} filters samples into fewer rows; omit "
+                "it, or weight the rows of lags.rows(X, y) with lags=None."
+            )
+        return weights
 
     def _rows(self, X: Array, y: Array, groups: ArrayLike | None) -> tuple[Array, Array]:
         """Rows and targets of a record, made by lags other than the Wiener-Hammerstein ones."""

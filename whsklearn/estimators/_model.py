@@ -137,19 +137,12 @@ def _block(numerator: Array, denominator: Array, delay: int, dt: float) -> Any:
     """q^-delay numerator / (1 + denominator), in powers of z."""
     from scipy.signal import dlti
 
-    over = np.append(1.0, denominator)
-    under = np.concatenate([np.zeros(delay), numerator])
-    width = max(over.size, under.size)
-    under, over = np.pad(under, (0, width - under.size)), np.pad(over, (0, width - over.size))
-    surplus = min(_zeros_at_end(under), _zeros_at_end(over))  # poles at z = 0 that zeros cancel
-    under, over = under[: width - surplus], over[: width - surplus]
-    first = np.flatnonzero(under)
-    return dlti(under[first[0] :] if first.size else np.zeros(1), over, dt=float(dt))
-
-
-def _zeros_at_end(p: Array) -> int:
-    there = np.flatnonzero(p)
-    return p.size - 1 - int(there[-1]) if there.size else p.size - 1
+    both = np.zeros((2, max(delay + numerator.size, 1 + denominator.size)))
+    both[0, delay : delay + numerator.size] = numerator
+    both[1, : 1 + denominator.size] = np.append(1.0, denominator)
+    used = np.flatnonzero(both.any(axis=0))[-1] + 1  # behind them are poles at z = 0 that zeros cancel
+    under = np.trim_zeros(both[0, :used], "f")
+    return dlti(under if under.size else np.zeros(1), both[1, :used], dt=float(dt))
 
 
 def free_run(natural: Array, s: Structure, u: Array, restart: Bools, covariance: Array | None = None) -> Array:

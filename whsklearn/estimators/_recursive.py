@@ -18,7 +18,7 @@ from whsklearn.effects.base import Array
 from whsklearn.estimators import _advice
 from whsklearn.estimators import _model as wh
 from whsklearn.estimators._checked import warn
-from whsklearn.estimators._records import Given, checked_weights, is_plain, joined
+from whsklearn.estimators._records import Given, is_plain, joined
 from whsklearn.estimators._streams import AnyStream, FullStream, PublishedStream, RowsStream, noise_variance
 from whsklearn.estimators._undo import copied
 from whsklearn.estimators.base import AxisRegressor
@@ -94,18 +94,9 @@ class RecursiveRegressor(AxisRegressor):
         """
         with self._alone(), self._unchanged_if_refused():
             self._drop_stream()
-            self._keep_lags()
-            self._check_parameters()
             given = joined(X, y, groups, sample_weight)
-            groups = given.groups
-            X, y = self._validate(given.X, given.y, reset=True)
-            restart = starts(groups, len(X), first=True)
-            self._need_rows(restart)
-            weights = self._weights(given.sample_weight, len(X), some=True)
-            self._warn_of_order(given.X)
-            self._warn_of_record(X, y)
-            self._warn_of_structure(X, y, restart)
-            rows, targets = (X, y) if self._is_wiener_hammerstein else self._rows(X, y, groups)
+            X, y, restart, weights = self._checked_record(given)
+            rows, targets = (X, y) if self._is_wiener_hammerstein else self._rows(X, y, given.groups)
             if len(targets) != len(restart):
                 restart = starts(None, len(targets), first=True)
             seed = self._draw_seed()
@@ -113,12 +104,15 @@ class RecursiveRegressor(AxisRegressor):
             state = stream.initial()
             stream.run(state, rows, targets, restart, weights)
             stream.settle(state)
-            self._keep(stream, state, seed, groups)
-            if tight := self._told_of_the_start(stream, rows):
+            self._keep(stream, state, seed, given.groups)
+            chosen = self.P0 is not None or self.theta0 is not None
+            on_rows = isinstance(stream, RowsStream) and not stream.gradient
+            if on_rows and not chosen and (tight := _advice.of_a_tight_start(rows, DEFAULT_P0)):
                 warn(tight)
             else:
                 self._warn_of_an_axis(X[:, 0], len(targets))
-            if weights is None and self.forgetting == 1.0 and self._has_converged:
+            converged = isinstance(stream, FullStream) and self.memory > 0  # the pure recursion need not have
+            if weights is None and self.forgetting == 1.0 and converged:
                 self._warn_of_the_law(X, y, restart)
         return self
 
@@ -161,7 +155,7 @@ class RecursiveRegressor(AxisRegressor):
             stream.run(self.state_, X, y, _NO_RESTART if n == 1 else np.zeros(n, dtype=np.bool_))  # type: ignore[arg-type]
             undo.done(n)
         except BaseException:
-            self.state_ = undo.restored(stream)
+            self.state_ = undo.restored(stream.run)
             raise
         if n == 1 and type(stream) is RowsStream:
             stream.pack(self.state_)
@@ -261,7 +255,7 @@ class RecursiveRegressor(AxisRegressor):
 
     def _warn_of_record(self, X: Array, y: Array) -> None:
         super()._warn_of_record(X, y)
-        if self._is_wiener_hammerstein and self.gradient == "full" and not getattr(self, "memory", 0):
+        if self._is_wiener_hammerstein and self.gradient == "full" and not self.memory:
             warn(_advice.of_scale(X, y))
 
     def _warn_of_an_axis(self, path: Array, n_rows: int) -> None:
@@ -271,57 +265,31 @@ class RecursiveRegressor(AxisRegressor):
         independent = int(n_rows * getattr(self.lags_, "independent_share", 1.0))
         warn(_advice.of_an_axis(self._column_names(), self._theta(), self._covariance(), independent, path))
 
-    @property
-    def _has_converged(self) -> bool:
-        """Whether a chain was fitted with a memory; the pure recursion need not have converged."""
-        return self._is_wiener_hammerstein and self.gradient == "full" and getattr(self, "memory", 0) > 0
-
-    def _told_of_the_start(self, stream: AnyStream, rows: Array) -> str | None:
-        """What is said of least squares on rows that begins with a P0 and theta0 that nobody chose."""
-        given = getattr(self, "P0", None) is not None or getattr(self, "theta0", None) is not None
-        if not isinstance(stream, RowsStream) or stream.gradient or given:
-            return None
-        return _advice.of_a_tight_start(rows, stream.p0)
-
     # -- settings ------------------------------------------------------------------------
 
     def _check_parameters(self) -> None:
-        """Raise in one sentence if a parameter is invalid."""
         check_whole("p", self.p, 1, ", the innovation length")
-        for name, low, high in (("P0", 0.0, np.inf), ("forgetting", 0.0, 1.0)):
-            value = getattr(self, name, 1.0)
-            if value is None and name == "P0":
-                continue
-            if isinstance(value, bool) or not isinstance(value, (int, float, np.number)) or not low < value <= high:
-                expected = "a positive number" if name == "P0" else "a number above 0 and at most 1"
+        p0 = 1.0 if self.P0 is None else self.P0
+        for name, value, most, expected in (
+            ("P0", p0, np.finfo(np.float64).max, "a positive number that is finite"),
+            ("forgetting", self.forgetting, 1.0, "a number above 0 and at most 1"),
+        ):
+            if isinstance(value, bool) or not isinstance(value, (int, float, np.number)) or not 0.0 < value <= most:
                 raise ValueError(f"{name} is {value!r}, expected {expected}.")
-            if not np.isfinite(value):
-                raise ValueError(f"{name} is {value!r}, expected a finite number.")
         if self.gradient not in GRADIENTS:
             raise ValueError(f"gradient is {self.gradient!r}, expected one of {', '.join(map(repr, GRADIENTS))}.")
         for name, least in (("n_starts", 1), ("memory", 0)):
-            check_whole(name, getattr(self, name, least), least)
+            check_whole(name, getattr(self, name), least)
         if self._is_wiener_hammerstein:
             self._lags.dims()
             if self.gradient == "pseudolinear":
                 self._lags.key_term()
 
-    def _weights(self, sample_weight: ArrayLike | None, n: int, *, some: bool) -> Array | None:
-        """Weights of the samples; None if all are one."""
-        weights = checked_weights(sample_weight, n, some=some)
-        if weights is not None and self.lags is not None and not self._is_wiener_hammerstein:
-            raise ValueError(
-                f"sample_weight is given, and {type(self.lags).__name__} filters samples into fewer rows; omit "
-                "it, or weight the rows of lags.rows(X, y) with lags=None."
-            )
-        return weights
-
     def _theta0(self, n: int, default: float) -> Array:
         """theta(0) of the right length."""
-        theta0 = getattr(self, "theta0", None)
-        if theta0 is None:
+        if self.theta0 is None:
             return np.full(n, default)
-        theta0 = np.asarray(theta0, dtype=np.float64)
+        theta0 = np.asarray(self.theta0, dtype=np.float64)
         if theta0.ndim == 0:
             theta0 = np.full(n, float(theta0))
         if theta0.shape != (n,) or not np.isfinite(theta0).all():
@@ -330,27 +298,25 @@ class RecursiveRegressor(AxisRegressor):
 
     def _make_stream(self, n_columns: int, seed: int) -> AnyStream:
         """The stream for the current parameters."""
-        p0 = getattr(self, "P0", None)
-        forgetting = float(getattr(self, "forgetting", 1.0))
-        p = int(self.p)
+        forgetting, p = float(self.forgetting), int(self.p)
+        p0 = float(self.P0 or DEFAULT_P0)
         if not self._is_wiener_hammerstein:
             return RowsStream(
-                n_columns, p, float(p0 or DEFAULT_P0), forgetting, self._theta0(n_columns, 0.0),
+                n_columns, p, p0, forgetting, self._theta0(n_columns, 0.0),
                 self.gradient == "full", self._stochastic_gradient,
             )  # fmt: skip
         structure = self._structure()
         n = int(structure.dims[:4].sum() - 2 + structure.dims[4])
         if self.gradient == "pseudolinear":
-            p0 = float(p0 or DEFAULT_P0)
             initial = self._theta0(n, 0.01)  # the paper's theta(0)
             return PublishedStream(structure, p, p0, forgetting, initial, self._published_mode)
         theta0 = None
-        if getattr(self, "theta0", None) is not None:
+        if self.theta0 is not None:
             theta0 = wh.natural_vector(self._theta0(n, 0.0), structure)
             theta0[structure.slices()[1]] = wh.inside(theta0[structure.slices()[1]])
         settings = Settings(
             dims=structure.dims, codes=structure.law.codes, shapes=structure.law.shapes, p=p,
-            p0=float(p0 or (DEFAULT_P0 if self.memory else PURE_P0)), forgetting=forgetting,
+            p0=p0 if self.memory or self.P0 else PURE_P0, forgetting=forgetting,
             n_starts=int(self.n_starts), memory=int(self.memory), frozen=self._frozen, seed=seed,
             n_inputs=self.n_features_in_, theta0=theta0,
         )  # fmt: skip
@@ -475,8 +441,8 @@ class RecursiveRegressor(AxisRegressor):
             lags = self._lags
             n = n * lags.n_a + lags.n_b + lags.n_c + lags.n_d
             if self.gradient == "full":
-                memory = getattr(self, "memory", 0)
-                n_starts = 1 if memory else getattr(self, "n_starts", 1)
+                memory = self.memory
+                n_starts = 1 if memory else self.n_starts
         elif self.lags is not None:
             n = 0  # other lags make their own number of columns
         asked = n * n * n_starts + memory + self.p

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -16,16 +16,6 @@ from whsklearn.recursion.batch.simulation_error import Fitted, FittedChain, refi
 from whsklearn.recursion.batch.simulation_search import UNKNOWN, Orders, SearchedOrders, record, search
 
 LARGEST_LINEAR = 8  # total order of the best linear model; beyond it poles and zeros cancel, and blocks are padded
-
-
-class SimulationFit(NamedTuple):
-    """Resulting orders, law and delays, natural vector, its covariance, (weighted) sum of squares and sigma^2."""
-
-    lags: dict[str, Any]
-    natural: Array
-    covariance: Array
-    cost: float
-    noise: float
 
 
 def scale_free(law: FrictionLaw) -> bool:
@@ -55,8 +45,8 @@ def from_record(
     restart: Bools,
     start: Array | None,
     weights: Array | None = None,
-) -> SimulationFit:
-    """Fit a record.
+) -> tuple[dict[str, Any], float]:
+    """The state of a fit to a record, and its (weighted) sum of squares.
 
     ``lags``: orders and law; None searches for orders, with a cubic spline or a polynomial.
     ``u``, ``y``, ``restart`` (n, m), (n,), (n,): the record.
@@ -83,8 +73,8 @@ def from_record(
     return described(fitted, data, delays, normed=scale_free(law))
 
 
-def described(fitted: Fitted, data: IOData, delays: tuple[int, ...], *, normed: bool) -> SimulationFit:
-    """A fitted chain in natural parameters, a[0] = c[0] = 1."""
+def described(fitted: Fitted, data: IOData, delays: tuple[int, ...], *, normed: bool) -> tuple[dict[str, Any], float]:
+    """A fitted chain as a state, in natural parameters, a[0] = c[0] = 1, with its sum of squares."""
     chain = monic(fitted.chain) if normed else fitted.chain
     orders = {"n_a": chain.b1.shape[1], "n_b": chain.a1.size - 1, "n_c": chain.b2.size, "n_d": chain.a2.size - 1}
     natural, at = natural_of(chain)
@@ -92,7 +82,8 @@ def described(fitted: Fitted, data: IOData, delays: tuple[int, ...], *, normed: 
     covariance = sandwich(sensitivities(chain, data)[1][at] * data.scale, fitted.error)
     covariance *= count / max(count - natural.size, 1)
     lags = {**orders, "law": chain.law.reweighted(chain.weights), "delays": tuple(delays)}
-    return SimulationFit(lags, natural, covariance, fitted.cost, fitted.cost / max(count - natural.size, 1))
+    noise = fitted.cost / max(count - natural.size, 1)
+    return {"theta": natural, "covariance": covariance, "lags": lags, "noise": noise}, fitted.cost
 
 
 def natural_of(chain: FittedChain) -> tuple[Array, Integers]:

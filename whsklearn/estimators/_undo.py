@@ -11,20 +11,13 @@ The recursion is deterministic, so the result is bit for bit the state before th
 from __future__ import annotations
 
 import copy
-from typing import Any, Protocol
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
 from whsklearn.effects.base import Array, Bools
 from whsklearn.recursion.memory.settings import State
-
-
-class Learner(Protocol):
-    """What `Undo` needs of a way of learning: to learn rows again."""
-
-    def run(self, state: State, u: Array, y: Array, restart: Bools, weight: Array | None = None) -> None:
-        """Learn from samples, in place; ``weight`` weights their squared errors."""
-
 
 # Learning 64 rows again takes no longer than the longest re-run of a memory.
 ROWS = 64
@@ -109,15 +102,18 @@ class Undo:
         """Forget the copy, because the state is about to change other than by rows."""
         self._of = None
 
-    def restored(self, stream: Learner) -> State:
-        """The state before the call, in new arrays; further interrupts wait, as one is already being handled."""
+    def restored(self, run: Callable[[State, Array, Array, Bools], None]) -> State:
+        """The state before the call, in new arrays; further interrupts wait, as one is already being handled.
+
+        ``run``: learns rows, in place.
+        """
         while True:
             try:
                 state = emptied(self._copy)
                 at = 0
                 for n in self._sizes:
                     assert self._u is not None
-                    stream.run(state, self._u[at : at + n], self._y[at : at + n], np.zeros(n, dtype=np.bool_))
+                    run(state, self._u[at : at + n], self._y[at : at + n], np.zeros(n, dtype=np.bool_))
                     at += n
                 self._of = None
                 return state

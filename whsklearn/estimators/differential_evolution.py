@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from whsklearn.effects.base import Array
 from whsklearn.estimators import _model as wh
-from whsklearn.estimators._records import joined
+from whsklearn.estimators._records import Given
 from whsklearn.estimators.pem import PEMRegressor
 from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
 from whsklearn.recursion.memory.starts import denominator_of, term_scales
@@ -70,15 +69,15 @@ class DifferentialEvolutionRegressor(PEMRegressor):
     _fits_free_run: ClassVar[bool] = True  # type: ignore[misc]
     _finds_constant: ClassVar[bool] = False  # type: ignore[misc]
 
-    def fit(
-        self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None, sample_weight: ArrayLike | None = None
-    ) -> Self:
-        from scipy.optimize import differential_evolution
-
+    def _check_parameters(self) -> None:
         for name, value in (("n_generations", self.n_generations), ("bound", self.bound)):
             if isinstance(value, bool) or not isinstance(value, (int, float, np.number)) or not value > 0:
                 raise ValueError(f"{name} is {value!r}, expected a positive number.")
-        X, y, restart, weights = self._checked_record(joined(X, y, groups, sample_weight))
+
+    def _fit(self, given: Given) -> None:
+        from scipy.optimize import differential_evolution
+
+        X, y, restart, weights = self._checked_record(given)
         root = np.float64(1.0) if weights is None else np.sqrt(weights)
         structure = self._structure()
         blocks = structure.slices()
@@ -106,4 +105,3 @@ class DifferentialEvolutionRegressor(PEMRegressor):
         self.cost_ = float(found.fun)
         noise = self.cost_ / max(len(y) - n, 1)
         self.state_ = {"theta": theta, "covariance": np.full((n, n), np.nan), "seen": len(y), "noise": noise}
-        return self

@@ -240,7 +240,7 @@ class MultiInnovationGradientRegressor(RecursiveRegressor):
     _published_mode: ClassVar[int] = GRADIENT
     _stochastic_gradient: ClassVar[bool] = True
     _states_errors: ClassVar[bool] = False
-    gradient = "pseudolinear"
+    gradient, P0, n_starts, memory = "pseudolinear", None, 1, 0
 
     def __init__(
         self,

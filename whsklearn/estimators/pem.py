@@ -16,7 +16,7 @@ from whsklearn.effects.codes import CONSTANT, HINGE, NATURAL_SPLINE, POWER
 from whsklearn.estimators import _advice
 from whsklearn.estimators import _model as wh
 from whsklearn.estimators._checked import warn
-from whsklearn.estimators._records import fold_of_a_search, joined
+from whsklearn.estimators._records import Given, fold_of_a_search, joined
 from whsklearn.estimators._simulation_fit import from_record, law_of, scale_free
 from whsklearn.estimators.base import AxisRegressor
 from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
@@ -173,6 +173,13 @@ class ChainRegressor(AxisRegressor):
         ValueError
             If the record is too short, a number is not finite, or a setting is invalid; a stream then stays unchanged.
         """
+        with self._alone(), self._unchanged_if_refused():
+            for name in ("state_", "_early"):  # with the orders that an earlier fit found
+                self.__dict__.pop(name, None)
+            self._fit(joined(X, y, groups, sample_weight))
+        return self
+
+    def _fit(self, given: Given) -> None:
         raise NotImplementedError
 
     def _found_lags(self) -> dict[str, Any] | None:
@@ -300,25 +307,19 @@ class PEMRegressor(ChainRegressor):
     def _finds_constant(self) -> bool:  # type: ignore[override]
         return self.criterion == "simulation" and not _advice.is_odd(law_of(self.lags))
 
-    def fit(
-        self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None, sample_weight: ArrayLike | None = None
-    ) -> Self:
+    def _check_parameters(self) -> None:
         check_whole("n_starts", self.n_starts, 1)
         if self.criterion not in CRITERIA:
             raise ValueError(f"criterion is {self.criterion!r}, expected one of: {', '.join(CRITERIA)}.")
-        before = self.__dict__.pop("state_", None)
-        try:
-            X, y, restart, weights = self._checked_record(joined(X, y, groups, sample_weight))
-        except BaseException:
-            if before is not None:
-                self.state_ = before
-            raise
+
+    def _fit(self, given: Given) -> None:
+        X, y, restart, weights = self._checked_record(given)
         if self.criterion == "simulation":
-            return self._fit_simulation(X, y, restart, weights)
+            self._fit_simulation(X, y, restart, weights)
+            return
         self.state_ = self._fit_prediction(X, y, restart, weights)
         if weights is None and not self._structure().advance:
             self._warn_of_the_law(X, y, restart)
-        return self
 
     def _fit_prediction(self, X: Array, y: Array, restart: Bools, weights: Array | None) -> dict[str, Any]:
         structure = self._structure()
@@ -343,7 +344,7 @@ class PEMRegressor(ChainRegressor):
             "noise": noise,
         }
 
-    def _fit_simulation(self, X: Array, y: Array, restart: Bools, weights: Array | None) -> Self:
+    def _fit_simulation(self, X: Array, y: Array, restart: Bools, weights: Array | None) -> None:
         many = X.shape[1] > 1
         if many and self.lags is None:
             raise ValueError(
@@ -352,16 +353,12 @@ class PEMRegressor(ChainRegressor):
         # The best linear approximation does not show a law in dx, or how several inputs share L1.
         free = not many and scale_free(law_of(self.lags))
         start = None if free else self._fit_prediction(X, y, restart, weights)["theta"]
-        fit = from_record(self.lags, X, y, restart, start, weights)
+        found, self.cost_ = from_record(self.lags, X, y, restart, start, weights)
         self.__dict__.pop("costs_", None)
-        self.cost_ = fit.cost
-        self.state_ = {
-            "theta": fit.natural, "covariance": fit.covariance, "seen": len(y), "lags": fit.lags, "noise": fit.noise
-        }  # fmt: skip
+        self.state_ = found | {"seen": len(y)}
         told = not self._finds_constant and _advice.of_a_constant(law_of(self.lags), X, y) is not None
         if weights is None and fold_of_a_search() is None and not told:
-            warn(_advice.of_a_weak_run(fit.noise / max(float(np.var(y)), 1e-300)))
-        return self
+            warn(_advice.of_a_weak_run(found["noise"] / max(float(np.var(y)), 1e-300)))
 
     def _natural(self) -> Array:
         return self.state_["theta"].copy()

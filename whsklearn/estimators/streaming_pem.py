@@ -82,16 +82,11 @@ class StreamingPEMRegressor(ChainRegressor):
         found: dict[str, Any] | None = self._answer()["lags"]
         return found
 
-    def fit(
-        self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None, sample_weight: ArrayLike | None = None
-    ) -> Self:
-        with self._alone(), self._unchanged_if_refused():  # as `partial_fit` on a new estimator
-            for name in ("state_", "_early"):
-                self.__dict__.pop(name, None)
-            self._learn(joined(X, y, groups, sample_weight), some=True)
-            if self.state_["lags"] is None:  # shorter than a start: fit now, as a caller of fit expects
-                self._early = {**self._started(self.state_), "of": self.state_["y"]}
-        return self
+    def _fit(self, given: Given) -> None:
+        """As `partial_fit` on a new estimator."""
+        self._learn(given, some=True)
+        if self.state_["lags"] is None:  # shorter than a start: fit now, as a caller of fit expects
+            self._early = {**self._started(self.state_), "of": self.state_["y"]}
 
     def partial_fit(
         self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None, sample_weight: ArrayLike | None = None
