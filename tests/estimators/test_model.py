@@ -118,6 +118,16 @@ def test_predictions_between_one_step_and_the_free_run():
     assert variances == sorted(variances)
 
 
+def test_the_expected_output_of_a_chain_that_responds_earlier_is_the_same_one_earlier():
+    X, _, truth = make_wiener_hammerstein(200, snr_db=5, random_state=0, return_truth=True)
+    natural, s, restart = natural_of(truth.system), structure(), np.arange(200) == 0
+    covariance = 0.01 * np.eye(natural.size)
+    expected = wh.free_run(natural, s, X, restart, covariance)
+    earlier = wh.free_run(natural, s._replace(advance=1), X, restart, covariance)
+    np.testing.assert_allclose(earlier[:-1], expected[1:], atol=1e-12)
+    assert np.abs(expected - wh.free_run(natural, s, X, restart)).max() > 1e-3
+
+
 def test_experiments_start_at_rest_in_every_prediction():
     X, y, truth = make_wiener_hammerstein(60, snr_db=5, random_state=1, return_truth=True)
     natural, s = natural_of(truth.system), structure()

@@ -177,7 +177,7 @@ def predictions(
     if s.advance:
         # Both delays commute with the static law, so a chain with a lead is the same chain with its output shifted.
         u, y, restart, back = shifted(u, y, restart, s.advance)
-        return predictions(natural, s._replace(advance=0), u, y, restart, horizon)[back]
+        return predictions(natural, s._replace(advance=0), u, y, restart, horizon, covariance)[back]
     v = _before_l2(natural, s, u, restart, covariance)[0]
     d = natural[s.slices()[4]]
     d = inside(d) if horizon != 1 else d
