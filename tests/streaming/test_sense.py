@@ -24,6 +24,8 @@ def test_numbers_that_no_axis_has_are_told_once(sign, moves, cause, said):
     assert [said in end for end in early.at_the_end()] == [True]
     sound, none = streamed(np.column_stack([t, q, u]))
     assert not sound.at_the_end()
+    sound.carried.senseless = cause  # at an estimate before the last rows
+    assert not sound.at_the_end()
     assert not [r for r in none if r["kind"] == "alarm"]
 
 

@@ -103,6 +103,7 @@ TAKEN_OVER = 480  # rows after which the first models of a memory take over
 BRAKES = "viscous", "coulomb"  # effects that are negative together in no joint; beside Stribeck's one may be
 SURE = 5.0  # standard deviations of a ratio of two variances by which an NMSE must exceed one
 DRIFT_LEVEL = 0.01  # probability that a drift is ever reported although there is none
+AT_REST = "at_rest"  # is told at the end only
 NEIGHBOURS = "the rows on both sides are taken as neighbours"
 FILLED = "the row that is lost is replaced by what lies between its neighbours"
 TOLD = 10  # bad rows in a row, pauses, and jumps, with a record of their own: enough to see what is wrong with them
@@ -673,10 +674,7 @@ class StreamMonitor:
         There is a sentence for each output whose predictions are worse than the mean of the output, once the model has
         settled, and one for an axis that did not move, that nothing drove, or whose inertia is negative.
         """
-        poor, said = self._judged()
-        cause, senseless = self._senseless()
-        told = [said[k] for k, was in enumerate(self.carried.poor) if poor[k] and not was]
-        return told + [senseless] * (cause != self.carried.senseless)
+        return [said for _, said in self._untold()[2]]
 
     @property
     def _of_an_axis(self) -> bool:
@@ -714,7 +712,7 @@ class StreamMonitor:
                 "the drive is zero in all rows in which the axis moved, so the zeros are no estimate; check its column "
                 "and the enable"
             )
-        return "at_rest", "the axis has not moved yet, so nothing was learnt and the zeros are no estimate"
+        return AT_REST, "the axis has not moved yet, so nothing was learnt and the zeros are no estimate"
 
     def _judged(self) -> tuple[list[bool], list[str]]:
         """Whether each output is predicted worse than by its mean, and the message for it."""
@@ -735,16 +733,20 @@ class StreamMonitor:
         return poor, said
 
     def _judge(self, number: int) -> None:
-        """Warn when an estimate begins to be none; an axis may rest, which is told at the end only."""
+        """Warn when an estimate begins to be none."""
+        poor, cause, untold = self._untold()
+        for why, reason in untold:
+            if why != AT_REST:
+                self._warn(why, number, reason)
+        self.carried.poor, self.carried.senseless = poor, "" if cause == AT_REST else cause
+
+    def _untold(self) -> tuple[list[bool], str, list[tuple[str, str]]]:
+        """What `_judged` and `_senseless` find, with cause and sentence of what was not told at the last estimate."""
         c = self.carried
         poor, said = self._judged()
         cause, senseless = self._senseless()
         told = [("worse_than_mean", reason) for k, reason in enumerate(said) if poor[k] and not c.poor[k]]
-        cause = "" if cause == "at_rest" else cause
-        for why, reason in [*told, (cause, senseless)]:
-            if why and why != c.senseless:
-                self._warn(why, number, reason)
-        c.poor, c.senseless = poor, cause
+        return poor, cause, [*told, (cause, senseless)] if cause not in ("", c.senseless) else told
 
     def _estimate(self) -> None:
         """Emit the current estimate, and what changed since the reference."""
