@@ -277,7 +277,9 @@ def test_an_arm_of_many_joints_is_filtered_by_parts():
     q = smooth_log(arm, seconds=8.0)[0]
     drive = np.random.default_rng(0).normal(size=q.shape)
     lags = RigidBodyLags(arm, RATE, cutoff=10.0).fit(q)
-    whole = lags._filtered(lags._all_columns(lags._moved(q), drive, np.arange(len(q)) / RATE)[:, :, lags.base_.kept])
+    moved = lags._columns_along(q, drive)[1]
+    blocks = lags.arm_.regressor(*moved), *lags._axis_columns(moved, drive, np.arange(len(q)) / RATE)
+    whole = lags._filtered(np.concatenate(blocks, axis=2)[:, :, lags.base_.kept])
     tracemalloc.start()
     try:
         phi = lags.joint_rows(q, drive)[0]

@@ -131,14 +131,14 @@ _NONE = np.empty(0)
 AT_START = RowState(_NONE, _NONE, _NONE, _NONE, np.zeros(3), 0)
 
 
-def checked_torque(y: ArrayLike, n: int) -> Array:
+def checked_torque(y: ArrayLike, n: int, *, moving: bool = True) -> Array:
     """The target as an array; raises an error that explains what is wrong."""
     torque = np.asarray(y, dtype=float).ravel()
     if len(torque) != n:
         raise ValueError(f"y has {len(torque)} values and X {n} rows; give one torque per position.")
     if not np.isfinite(torque).all():
         raise ValueError("y holds values that are not finite; fill or cut those rows first.")
-    if not torque.any():
+    if moving and not torque.any():
         raise ValueError("The torque is zero throughout, so nothing drove the axis; check the column and the enable.")
     return torque
 

@@ -211,7 +211,11 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
 
         ``X``, ``y``, ``groups``: as for `transform`.
         """
-        return self._fresh(X, y, groups)
+        X = validated(self.fit(X, y), X)
+        drive = self._drive(X, y)
+        target = drive if y is None else np.asarray(y, dtype=float).ravel()
+        phi, self._stream = self._columns(X, drive, target, groups)
+        return phi
 
     def rows(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> tuple[Array, Array]:
         """Regression rows of records: columns and torque, filtered alike, from a clean start.
@@ -222,19 +226,18 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
         ValueError if the torque is zero throughout, or a record is too short for the filters.
         """
         target = checked_torque(y, len(X))  # type: ignore[arg-type]
+        X = validated(self.fit(X, y), X)
         if self.causal:
-            X = validated(self.fit(X, y), X)
             return self._rows_of(X, target, groups)[:2]
-        phi = self._fresh(X, y, groups)
+        drive = self._drive(X, target)
         pieces = [
-            self._record_rows(np.asarray(X, dtype=float)[s, 0], phi[s], target[s])
-            for s in experiments(groups, len(phi))
+            self._record_rows(X[s, 0], self._record_columns(X[s, 0], drive[s]), target[s])
+            for s in experiments(groups, len(X))
         ]
         both, slowest, limits = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
         moving = slowest >= limits
-        if (
-            moving.sum() * self.independent_share < LEAST_ROWS * phi.shape[1]
-        ):  # it turns too often for its filter: only rest itself is left out
+        # where it turns too often for its filter, only rest itself is left out
+        if moving.sum() * self.independent_share < LEAST_ROWS * (both.shape[1] - 2):
             moving = np.abs(both[:, 0]) >= limits
         return both[moving, 1:-1], both[moving, -1]
 
@@ -368,10 +371,7 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
     def _checked_piece(self, X: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
         """A piece of a stream, and its torque."""
         X = self._next_piece(X)
-        target = np.asarray(y, dtype=float).ravel()
-        if len(target) != len(X) or not np.isfinite(target).all():
-            raise ValueError(f"y must be {len(X)} finite torques; give one for each row of X.")
-        return X, target
+        return X, checked_torque(y, len(X), moving=False)
 
     def _next_piece(self, X: ArrayLike) -> Array:
         """Check a piece of a stream; the first piece fixes the columns."""
@@ -475,14 +475,6 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
             delay = (window - 1) // 2
         self.terms_, self.cutoff_, self.delay_, self.warmup_ = terms, cutoff, delay, 2 * delay
         self._stream = AT_START
-
-    def _fresh(self, X: ArrayLike, y: ArrayLike | None, groups: ArrayLike | None) -> Array:
-        """Fit, then compute columns from a clean start."""
-        X = validated(self.fit(X, y), X)
-        drive = self._drive(X, y)
-        target = drive if y is None else np.asarray(y, dtype=float).ravel()
-        phi, self._stream = self._columns(X, drive, target, groups)
-        return phi
 
     def _drive(self, X: Array, y: ArrayLike | None) -> Array:
         """Drive for the columns that need it: the second column of X, or y, or zeros if no column needs it."""

@@ -313,11 +313,6 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         flat = zero_phase(signals.reshape(len(signals), -1), self.sample_rate, self.cutoff_)
         return flat.reshape(signals.shape)
 
-    def _moved(self, X: Array) -> Motion:
-        """Motion of a record behind the finer filter, (n, n_joints) each."""
-        each = [motion(x, self.sample_rate, self._fine) for x in X[:, : self.arm_.n_joints].T]
-        return Motion(*(np.column_stack(signals) for signals in zip(*each, strict=True)))
-
     # -- streams --------------------------------------------------------------------------
 
     def partial_rows(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> tuple[Array, Array]:
@@ -517,14 +512,11 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         names += [f"{a}.{n}" for group in self._groups for a in group for n in column_names(self.axes_[a][1])]
         q, v, a = self.arm_.drawn_motion(max(4 * len(names) // self.arm_.n_joints, DRAWN))
         drive = np.random.default_rng(1).normal(size=q.shape)
-        columns = self._all_columns(Motion(q, v, a), drive, np.arange(len(q)) / self.sample_rate)
+        others = self._axis_columns(Motion(q, v, a), drive, np.arange(len(q)) / self.sample_rate)
+        columns = np.concatenate([self.arm_.regressor(q, v, a), *others], axis=2)
         links = self.arm_.n_joints
         groups = [N_BODY] * links + [1] * (len(names) - N_BODY * links)
         return base_parameters(columns.reshape(-1, len(names)), names, groups)
-
-    def _all_columns(self, moved: Motion, drive: Array, time: Array) -> Array:
-        """All columns (n, n_joints, all), before merging: links, motor inertia by axis, effects by group of axes."""
-        return np.concatenate([self.arm_.regressor(*moved), *self._axis_columns(moved, drive, time)], axis=2)
 
     def _axis_columns(self, moved: Motion, drive: Array, time: Array) -> Iterator[Array]:
         """All columns but those of the links, block by block, (n, n_joints, some) each."""
@@ -569,8 +561,10 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         return min(FINE * self.cutoff_, WIDEST * self.sample_rate)
 
     def _columns_along(self, X: Array, drive: Array) -> tuple[Array, Motion]:
-        """Columns of one record before the filter, and its motion."""
-        moved, rate = self._moved(X), self.sample_rate
+        """Columns of one record before the filter, and its motion behind the finer one, (n, n_joints) each."""
+        rate = self.sample_rate
+        each = [motion(x, rate, self._fine) for x in X[:, : self.arm_.n_joints].T]
+        moved = Motion(*(np.column_stack(signals) for signals in zip(*each, strict=True)))
         return self.columns(moved, zero_phase(drive, rate, self._fine), np.arange(len(X)) / rate), moved
 
     def _seen(self, columns: Array, moved: Motion, target: Array, limits: Array) -> tuple[Any, ...]:

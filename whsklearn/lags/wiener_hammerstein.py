@@ -102,14 +102,13 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
 
         Raises ValueError if ``delays`` is not a pair of whole numbers of 0 or more.
         """
-        first, second = (*self.delays, None)[:2] if np.size(self.delays) == 2 else (None, None)
-        for delay in (first, second):
-            if isinstance(delay, bool) or not isinstance(delay, (int, np.integer)) or delay < 0:
-                raise ValueError(
-                    f"delays is {self.delays!r}, expected two whole numbers of 0 or more, for L1 and for L2; "
-                    "(1, 1) is the paper's, 0 a direct path."
-                )
-        return 2 - int(first) - int(second)  # type: ignore[arg-type]
+        delays: tuple[Any, ...] = tuple(self.delays) if np.size(self.delays) == 2 else (None,)
+        if any(isinstance(d, bool) or not isinstance(d, (int, np.integer)) or d < 0 for d in delays):
+            raise ValueError(
+                f"delays is {self.delays!r}, expected two whole numbers of 0 or more, for L1 and for L2; "
+                "(1, 1) is the paper's, 0 a direct path."
+            )
+        return 2 - sum(map(int, delays))
 
     def key_term(self) -> int:
         """Index of the law's term that carries the linear part of (5).
