@@ -50,7 +50,11 @@ class CheckedModel(KeptModel):
         weights = self._weights(given.sample_weight, len(X), some=True)
         self._warn_of_order(given.X)
         self._warn_of_record(X, y)
-        self._warn_of_structure(X, y, restart)
+        if self.lags is None:  # what that means differs between the estimators
+            name = type(self).__name__
+            several = _advice.of_several_inputs(name, X.shape[1]) if self._is_wiener_hammerstein else None
+            static = None if self._is_wiener_hammerstein else _advice.of_a_dynamic_record(name, X, y, restart)
+            warn(several or static)
         return X, y, restart, weights
 
     def _weights(self, sample_weight: ArrayLike | None, n: int, *, some: bool) -> Array | None:
@@ -101,17 +105,6 @@ class CheckedModel(KeptModel):
         if said is not None and said not in TOLD:
             TOLD.add(said)
             warn(said)
-
-    def _warn_of_structure(self, X: Array, y: Array, restart: Bools) -> None:
-        """Say which structure is used if ``lags`` was not given, because its default differs between estimators."""
-        if self.lags is not None:
-            return
-        name = type(self).__name__
-        if self._is_wiener_hammerstein:
-            said = _advice.of_several_inputs(name, X.shape[1])
-        else:
-            said = _advice.of_a_dynamic_record(name, X, y, restart)
-        warn(said)
 
     def _draw_seed(self) -> int:
         """A whole number from ``random_state``; 0 if nothing is drawn."""

@@ -138,27 +138,21 @@ class RecursiveRegressor(AxisRegressor):
         ):
             return self
         with self._alone():
-            return self._partial_fit_alone(X, y, groups, sample_weight)
-
-    def _partial_fit_alone(
-        self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None, sample_weight: ArrayLike | None
-    ) -> Self:
-        """`partial_fit`, called by one thread at a time."""
-        stream = self._stream
-        told = groups is not None or sample_weight is not None
-        if stream is None or told or not is_plain(X, y, self.n_features_in_):
-            return self._partial_fit_checked(X, y, groups, sample_weight)
-        n = len(y)  # type: ignore[arg-type]  # an array, as _plain has seen
-        undo = stream.undo
-        undo.before(self.state_, X, y)  # type: ignore[arg-type]
-        try:
-            stream.run(self.state_, X, y, _NO_RESTART if n == 1 else np.zeros(n, dtype=np.bool_))  # type: ignore[arg-type]
-            undo.done(n)
-        except BaseException:
-            self.state_ = undo.restored(stream.run)
-            raise
-        if n == 1 and type(stream) is RowsStream:
-            stream.pack(self.state_)
+            stream = self._stream  # another thread may have made it another one
+            told = groups is not None or sample_weight is not None
+            if stream is None or told or not is_plain(X, y, self.n_features_in_):
+                return self._partial_fit_checked(X, y, groups, sample_weight)
+            n = len(y)  # type: ignore[arg-type]  # an array, as is_plain has seen
+            undo = stream.undo
+            undo.before(self.state_, X, y)  # type: ignore[arg-type]
+            try:
+                stream.run(self.state_, X, y, _NO_RESTART if n == 1 else np.zeros(n, dtype=np.bool_))  # type: ignore[arg-type]
+                undo.done(n)
+            except BaseException:
+                self.state_ = undo.restored(stream.run)
+                raise
+            if n == 1 and type(stream) is RowsStream:
+                stream.pack(self.state_)
         return self
 
     def _partial_fit_checked(
@@ -379,11 +373,9 @@ class RecursiveRegressor(AxisRegressor):
     def _running(self) -> tuple[Array, wh.Structure]:
         with self._lock:
             reader = self._reader()
-            return (
-                (reader.running(self.state_), reader.structure)
-                if isinstance(reader, FullStream)
-                else super()._running()
-            )
+            if isinstance(reader, FullStream):
+                return reader.running(self.state_), reader.structure
+            return super()._running()
 
     def _natural(self) -> Array:
         with self._lock:
