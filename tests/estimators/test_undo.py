@@ -11,7 +11,7 @@ from whsklearn import RMILSRegressor, WienerHammersteinLags
 from whsklearn.checks import state_difference
 from whsklearn.datasets import make_wiener_hammerstein
 from whsklearn.estimators._streams import RowsStream
-from whsklearn.estimators._undo import ROWS, Undo, copied, noted
+from whsklearn.estimators._undo import REPLACED, ROWS, Undo, copied
 
 RNG = np.random.default_rng(0)
 U, Y = RNG.normal(size=(300, 2)), RNG.normal(size=300)
@@ -64,7 +64,7 @@ def test_what_a_note_does_not_copy_is_replaced_and_not_changed():
     model.partial_fit(X[:1], y[:1])
     for begin in range(1, 1500, ROWS):
         state = model.state_
-        shared = [name for name, value in noted(state).items() if value is state[name] and np.ndim(value)]
+        shared = [name for name, value in copied(state, REPLACED).items() if value is state[name] and np.ndim(value)]
         assert {"memory_u", "prior_information"} <= set(shared)
         before = {name: (state[name], state[name].copy()) for name in shared}
         fill = state["fill"]

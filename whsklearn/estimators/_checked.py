@@ -51,10 +51,10 @@ class CheckedModel(KeptModel):
         self._warn_of_order(given.X)
         self._warn_of_record(X, y)
         if self.lags is None:  # what that means differs between the estimators
-            name = type(self).__name__
-            several = _advice.of_several_inputs(name, X.shape[1]) if self._is_wiener_hammerstein else None
-            static = None if self._is_wiener_hammerstein else _advice.of_a_dynamic_record(name, X, y, restart)
-            warn(several or static)
+            if self._is_wiener_hammerstein:
+                warn(_advice.of_several_inputs(type(self).__name__, X.shape[1]))
+            else:
+                warn(_advice.of_a_dynamic_record(type(self).__name__, X, y, restart))
         return X, y, restart, weights
 
     def _weights(self, sample_weight: ArrayLike | None, n: int, *, some: bool) -> Array | None:

@@ -54,24 +54,19 @@ def fold_of_a_search() -> dict[str, Any] | None:
     return None
 
 
-def is_list_of_records(X: Any) -> bool:
-    """Whether X is a list or tuple of two-dimensional arrays or frames, and not of rows."""
-    return isinstance(X, (list, tuple)) and bool(X) and all(len(getattr(x, "shape", ())) == 2 for x in X)
-
-
 def joined(
     X: ArrayLike, y: ArrayLike | None = None, groups: ArrayLike | None = None, sample_weight: ArrayLike | None = None,
     first: int = 0,
 ) -> Given:  # fmt: skip
-    """Join the records of a list, each an experiment of its own; return anything else unchanged.
+    """Join the records of a list, each an experiment of its own; return anything else, such as rows, unchanged.
 
-    ``X`` is (n_i, n_features).
+    ``X`` is (n_i, n_features): arrays or frames.
     ``y``, ``sample_weight`` are (n_i,).
     ``groups``: not allowed together with a list.
     ``first``: label of the first experiment.
     Raises ValueError if the lists differ in length, or are given together with groups.
     """
-    if not is_list_of_records(X):
+    if not (isinstance(X, (list, tuple)) and X and all(len(getattr(x, "shape", ())) == 2 for x in X)):
         return Given(X, y, groups, sample_weight)
     if groups is not None:
         raise ValueError("X is a list of records, each an experiment of its own, so groups is not allowed; remove it.")
@@ -137,13 +132,8 @@ def is_plain(X: Any, y: Any, n_features: int) -> bool:
         return False
     if not (X.flags.carray and y.flags.carray):
         return False
-    return bool(_usable(X, y))
-
-
-def _usable(X: Array, y: Array) -> bool:
-    """Whether all are finite and not huge; the sum of squares is not finite if any number is not."""
     if y.size == 1:
         # Plain numbers: one NumPy call takes longer than checking a short row. No comparison holds for NaN.
         return abs(y.item()) < LARGEST and all(abs(v) < LARGEST for v in X.ravel().tolist())
-    with np.errstate(over="ignore"):
+    with np.errstate(over="ignore"):  # the sum of squares is not finite if any number is not
         return bool(np.dot(y, y) < 1e60) and bool(np.vdot(X, X) < 1e60)

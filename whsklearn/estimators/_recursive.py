@@ -433,8 +433,7 @@ class RecursiveRegressor(AxisRegressor):
             lags = self._lags
             n = n * lags.n_a + lags.n_b + lags.n_c + lags.n_d
             if self.gradient == "full":
-                memory = self.memory
-                n_starts = 1 if memory else self.n_starts
+                memory, n_starts = self.memory, 1 if self.memory else self.n_starts
         elif self.lags is not None:
             n = 0  # other lags make their own number of columns
         asked = n * n * n_starts + memory + self.p

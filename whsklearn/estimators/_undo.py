@@ -24,23 +24,18 @@ ROWS = 64
 PLAIN = frozenset((int, float, str, type(None)))  # types of immutable values
 
 
-def copied(state: State) -> State:
-    """The state in its own arrays, except for the read-only ones, which are replaced and never changed."""
-    return {name: _own(value) for name, value in state.items()}
-
-
 # Prefixes of names in the state of a stream with a memory.  The memory only grows until another one replaces it
 # (`NextMemory`), and the input of a re-run is replaced as a whole when the re-run ends.
 REPLACED = "memory_", "page_", "prior_", "past_", "origin"
 
 
-def noted(state: State) -> State:
-    """The same, without copying what only grows or is replaced: that would take as long as the row itself."""
-    return {name: value if name.startswith(REPLACED) else _own(value) for name, value in state.items()}
+def copied(state: State, but: tuple[str, ...] = ()) -> State:
+    """The state in its own arrays, except for those that are read-only, which never change, or begin with ``but``."""
+    return {name: value if name.startswith(but) else _own(value) for name, value in state.items()}
 
 
 def emptied(state: State) -> State:
-    """A noted state in its own arrays, with nothing in the memory beyond the samples it held then."""
+    """A state copied but for `REPLACED`, in its own arrays, with nothing in the memory beyond the samples of then."""
     state = copied(state)
     if "memory_restart" in state:
         history = len(state["memory_y"]) - len(state["memory_restart"])
@@ -79,7 +74,7 @@ class Undo:
         """Note rows, of shapes (n, n_columns) and (n,), that are about to be learned within one experiment."""
         n = len(y)
         if self._of is not state or self._seen != state["seen"] or self._filled + n > ROWS:
-            kept = noted(state)
+            kept = copied(state, REPLACED)  # of the memory, too, it would take as long as the row itself
             self.noted = True
             self._of, self._copy, self._seen, self._sizes, self._filled = state, kept, state["seen"], (), 0
         if n <= ROWS:
