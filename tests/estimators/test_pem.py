@@ -136,3 +136,17 @@ def test_its_default_is_example_5_1():
 def test_the_number_of_starts_is_a_whole_one(n_starts):
     with pytest.raises(ValueError, match="n_starts is"):
         PEMRegressor(n_starts=n_starts).fit(np.ones((20, 1)), np.ones(20))
+
+
+def test_a_fit_that_is_interrupted_leaves_the_estimator_as_it_was(monkeypatch):
+    X, y = make_wiener_hammerstein(100, snr_db=20, random_state=0)
+    model = PEMRegressor(n_starts=1, random_state=0).fit(X, y)
+    before = model.theta_
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(PredictionError, "climb", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        model.fit(X[:80], y[:80])
+    np.testing.assert_array_equal(model.theta_, before)
