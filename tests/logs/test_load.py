@@ -302,3 +302,14 @@ def test_a_unit_that_contradicts_the_name_of_its_column_is_used_and_told(tmp_pat
     assert len(told) == 1
     assert told[0].startswith("How the file was read.")  # the unit is known
     assert "Column 'position_rad' states rad, and deg was given for position: that is used." in told[0]
+
+
+def test_contradicted_units_are_told_in_the_order_of_the_roles_in_every_run(tmp_path):
+    logged = table(300)
+    extra = {"goal_rad": logged["position_rad"], "speed_rad_s": logged["torque_nm"]}
+    pd.DataFrame({**logged, **extra}).to_csv(tmp_path / "axis.csv", index=False)
+    roles = {"time": "ms", "drive": "mNm", "position": "deg", "reference": "deg", "velocity": "rpm"}
+    columns = {**NAMES, "reference": "goal_rad", "velocity": "speed_rad_s"}
+    log = load_log(tmp_path / "axis.csv", **columns, units=roles)
+    told = [n.partition(" was given for ")[2].partition(":")[0] for n in log.notes if "was given for" in n]
+    assert told == list(roles)

@@ -312,7 +312,7 @@ def _of_unit(role: str, column: str, units: dict[str, str]) -> str:
 def _restated(source: Source, columns: Mapping[str, str], given: Mapping[str, str]) -> list[Finding]:
     """Units that were given where the file states others."""
     found = []
-    for role in given.keys() & columns.keys():
+    for role in filter(given.__contains__, columns):  # in their order, which a set has not
         own = unit_in(source.units.get(columns[role], ""), columns[role], role)
         if is_known(own) and own != "counts" and factor_of(own) != factor_of(given[role]):
             told = f"Column {columns[role]!r} states {own}, and {given[role]} was given for {role}: that is used."
