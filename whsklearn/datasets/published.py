@@ -10,7 +10,7 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 import numpy as np
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 _DRIVE = "https://drive.google.com/uc?export=download&id="
 _PAGE = "https://www.nonlinearbenchmark.org/benchmarks/"
-KR300_FOLDER = "data/recorded_trajectories/2020-10-21 10s FF {} 08ms"
+_KR300_FOLDER = "data/recorded_trajectories/2020-10-21 10s FF {} 08ms"
 _KR300_COMMIT = "454c8e6d4f6f9a9ec0b2fcb10b4cb958ac702e55"
 _KR300_ADDRESS = f"https://raw.githubusercontent.com/JonasWeigand/Robot_Identification/{_KR300_COMMIT}/"
 
@@ -50,12 +50,10 @@ class _Publication:
         found = next(filter(complete, places), None) or (self.fetched() if download else None)
         if found is not None:
             return found
-        where = (
-            f"{given} does not hold" if given is not None else "No folder was given and WHSKLEARN_DATA does not hold"
-        )
+        where = given if given is not None else "No folder was given and WHSKLEARN_DATA"
         raise FileNotFoundError(
-            f"The {self.name} records are not here: {where} {self.wanted}; get them from {self.page} and name their "
-            "folder."
+            f"The {self.name} records are not here: {where} does not hold {self.wanted}; get them from {self.page} and "
+            "name their folder."
         )
 
     def fetched(self) -> Path | None:
@@ -66,6 +64,15 @@ class _Publication:
             return self.fetch(pooch)
         except Exception:  # whatever the network does wrong, the message above says what to do
             return None
+
+
+@dataclass(frozen=True)
+class _Frames(_Publication):
+    """Records that are read as frames, and have a checksum."""
+
+    files: dict[str, tuple[str, str]]  # of each, as CSV and as MAT
+    columns: list[str]
+    read_mat: Callable[[Path], Array]
 
 
 def _archive(wanted: str, archive: str, address: str) -> Callable[[Any], Path | None]:
@@ -83,19 +90,75 @@ def _kr300(pooch: Any) -> Path:
     """Fetch the three files of one commit, each into a folder of its own."""
     cache = Path(pooch.os_cache("whsklearn")) / "kr300"
     for name in "ABC":
-        place = f"{KR300_FOLDER.format(name)}/data.mat"
+        place = f"{_KR300_FOLDER.format(name)}/data.mat"
         folder = cache / Path(place).parent.name
         pooch.retrieve(f"{_KR300_ADDRESS}{quote(place)}", known_hash=None, fname="data.mat", path=folder)
     return cache
 
 
-EMPS = _Publication(
+def _columns(frame: pd.DataFrame, names: list[str], path: Path) -> Array:
+    """Columns of a table by name, (n, n_names)."""
+    if absent := [n for n in names if n not in frame.columns]:
+        there = ", ".join(map(str, frame.columns))
+        raise ValueError(f"{path.name} has no column {', '.join(absent)}; it has: {there}.")
+    return frame[names].to_numpy(dtype=float)
+
+
+def _from_mat(path: Path, names: Sequence[str], within: str = "") -> list[Array]:
+    """Signals of a publisher's MAT file by name, in the struct ``within`` if it has one."""
+    from scipy.io import loadmat
+
+    try:
+        found = loadmat(path, simplify_cells=bool(within))
+    except NotImplementedError:
+        raise ValueError(f"{path.name} is in MATLAB's format 7.3; save it in format 7 and read it again.") from None
+    found, prefix = (found.get(within, {}), f"{within}.") if within else (found, "")
+    if absent := [prefix + n for n in names if n not in found]:
+        raise ValueError(f"{path.name} has no signal {', '.join(absent)}; expected the publishers' file.")
+    return [np.asarray(found[n], dtype=float) for n in names]
+
+
+FORCE_PER_VOLT = 35.15065188248547
+# What the publishers' own programs read from ``rec`` in data.mat: one row per axis, one column per 4 ms.
+_KR300_FIELDS = (
+    "act_torque_abs_nm act_pos_mot_deg act_vel_mot_deg_per_s act_pos_se_deg act_vel_se_deg_per_s ref_pos_deg"
+).split()
+
+
+def _read_emps_mat(path: Path) -> Array:
+    """The columns of a record from the publishers' file."""
+    drive, position, reference = (x.ravel() for x in _from_mat(path, ("vir", "qm", "qg")))
+    return np.column_stack([np.arange(len(drive)) / 1000.0, drive, FORCE_PER_VOLT * drive, position, reference])
+
+
+def _read_kr300_mat(path: Path) -> Array:
+    """The columns of the first axis from the publishers' file of all six."""
+    axis = [np.atleast_2d(x)[0] for x in _from_mat(path, _KR300_FIELDS, "rec")]
+    return np.column_stack([np.arange(axis[0].size) / 250.0, *axis])
+
+
+# SHA-256 of the numbers, each as nine significant digits, so that CSV and MAT files of one record agree.
+_SUMS = {
+    "emps_train.csv": "f1d23e381b0257c2b4cb810ce23101d4827caaff77924504662e52771e8c97b2",
+    "emps_test.csv": "b19fe36e6211fa2b3b45b7e4af8712fb0ca484a1984ba28869b900973463f3c7",
+    "kr300_axis1_A.csv": "e79d29d879343f04492ab5b24b34a4d065f4c9249fa9a1ab72d582d8112f5d80",
+    "kr300_axis1_B.csv": "77e75c1f266dfbadcbf37d1383fcd75d2a5a4fd8a009028071306fa8ada3db3d",
+    "kr300_axis1_C.csv": "136865c4d63698eb8d94845097c049814886442ddfcf208c898e652424dd6813",
+}
+EMPS = _Frames(
     "EMPS", "emps/emps_train.csv and emps/emps_test.csv", f"{_PAGE}emps", ("emps",),
     _archive("DATA_EMPS.mat", "EMPS.zip", f"{_DRIVE}1zwoXYa9-3f8NQ0ohzmjpF7UxbNgRTHkS"),
+    {"train": ("emps_train.csv", "DATA_EMPS.mat"), "test": ("emps_test.csv", "DATA_EMPS_PULSES.mat")},
+    ["time_s", "drive_V", "force_N", "position_m", "reference_m"], _read_emps_mat,
 )  # fmt: skip
-KR300 = _Publication(
+KR300 = _Frames(
     "KR300", "kr300/kr300_axis1_A.csv, _B and _C", "https://github.com/JonasWeigand/Robot_Identification", ("kr300",),
     _kr300,
+    {k: (f"kr300_axis1_{k}.csv", f"{Path(_KR300_FOLDER.format(k)).name}/data.mat") for k in "ABC"},
+    [
+        "time_s", "motor_torque_Nm", "motor_position_deg", "motor_velocity_deg_s", "load_position_deg",
+        "load_velocity_deg_s", "reference_deg",
+    ], _read_kr300_mat,
 )  # fmt: skip
 SILVERBOX = _Publication(
     "silverbox", "SNLS80mV.mat", f"{_PAGE}silverbox", ("silverbox", "SilverboxFiles"),
@@ -157,8 +220,7 @@ def fetch_silverbox(folder: str | os.PathLike[str] | None = None, *, download: b
     ...     print("SNLS80mV" in str(error))
     True
     """
-    path = _file(SILVERBOX, folder, download)
-    u, y = _signals(path, ("V1", "V2"))
+    u, y = _signals(SILVERBOX, folder, download, ["V1", "V2"])
     arrow, sines = slice(100, 40_575), slice(40_650, 127_400)
     cut = int(0.75 * u[sines].size)
     return Bunch(
@@ -192,8 +254,7 @@ def fetch_coupled_drives(folder: str | os.PathLike[str] | None = None, *, downlo
     ----------
     Wigren and Schoukens 2017, Coupled Electric Drives Data Set and Reference Models, Uppsala University 2017-024.
     """
-    path = _file(COUPLED_DRIVES, folder, download)
-    u11, u12, z11, z12 = _signals(path, ("u11", "u12", "z11", "z12"))
+    u11, u12, z11, z12 = _signals(COUPLED_DRIVES, folder, download, ["u11", "u12", "z11", "z12"])
     both = ((u11, z11), (u12, z12))
     return Bunch(
         train=tuple((u[:400], y[:400]) for u, y in both),
@@ -226,8 +287,7 @@ def fetch_cascaded_tanks(folder: str | os.PathLike[str] | None = None, *, downlo
     ----------
     Schoukens, Mattson, Wigren and Noel 2016, Cascaded tanks benchmark combining soft and hard nonlinearities.
     """
-    path = _file(CASCADED_TANKS, folder, download)
-    u, v, y, z = _signals(path, ("uEst", "uVal", "yEst", "yVal"))
+    u, v, y, z = _signals(CASCADED_TANKS, folder, download, ["uEst", "uVal", "yEst", "yVal"])
     return Bunch(
         train=(u, y),
         test=(v, z),
@@ -237,70 +297,26 @@ def fetch_cascaded_tanks(folder: str | os.PathLike[str] | None = None, *, downlo
     )
 
 
-def _file(record: _Publication, folder: str | os.PathLike[str] | None, download: bool) -> Path:
-    """The file of a benchmark, as MAT before CSV, its extension in any case."""
+def _signals(
+    record: _Publication, folder: str | os.PathLike[str] | None, download: bool, names: list[str]
+) -> list[Array]:
+    """Signals (n,) of a benchmark's file by name; MAT goes before CSV, the extension in any case."""
 
     def files(where: Path) -> list[Path]:
         found = where.glob(f"{Path(record.wanted).stem}.*")
         return sorted((p for p in found if p.suffix.lower() in (".mat", ".csv")), key=lambda p: p.suffix.lower())
 
-    return files(record.folder(folder, download, files))[-1]
-
-
-def _signals(path: Path, names: Sequence[str]) -> list[Array]:
-    """Signals (n,) of a published file by name."""
+    path = files(record.folder(folder, download, files))[-1]
     if path.suffix.lower() == ".mat":
-        table = [np.ravel(x) for x in _from_mat(path, names)]
+        rows = np.column_stack([np.ravel(x) for x in _from_mat(path, names)])
     else:
         import pandas as pd
 
-        table = list(_columns(pd.read_csv(path, skipinitialspace=True).rename(columns=str.strip), names, path).T)
-    rows = np.column_stack(table)
+        rows = _columns(pd.read_csv(path, skipinitialspace=True).rename(columns=str.strip), names, path)
     return list(rows[np.isfinite(rows).all(axis=1)].T)
 
 
-def _columns(frame: pd.DataFrame, names: Sequence[str], path: Path) -> Array:
-    """Columns of a table by name, (n, n_names)."""
-    if absent := [n for n in names if n not in frame.columns]:
-        there = ", ".join(map(str, frame.columns))
-        raise ValueError(f"{path.name} has no column {', '.join(absent)}; it has: {there}.")
-    return frame[list(names)].to_numpy(dtype=float)
-
-
-def _from_mat(path: Path, names: Sequence[str], within: str = "") -> list[Array]:
-    """Signals of a publisher's MAT file by name, in the struct ``within`` if it has one."""
-    from scipy.io import loadmat
-
-    try:
-        found = loadmat(path, simplify_cells=bool(within))
-    except NotImplementedError:
-        raise ValueError(f"{path.name} is in MATLAB's format 7.3; save it in format 7 and read it again.") from None
-    found, prefix = (found.get(within, {}), f"{within}.") if within else (found, "")
-    if absent := [prefix + n for n in names if n not in found]:
-        raise ValueError(f"{path.name} has no signal {', '.join(absent)}; expected the publishers' file.")
-    return [np.asarray(found[n], dtype=float) for n in names]
-
-
 # --- measured records of real axes, from a local folder or from their publishers; none of them is shipped ------------
-FORCE_PER_VOLT = 35.15065188248547
-_KR300_COLUMNS = (
-    "time_s motor_torque_Nm motor_position_deg motor_velocity_deg_s load_position_deg load_velocity_deg_s reference_deg"
-).split()
-# What the publishers' own programs read from ``rec`` in data.mat: one row per axis, one column per 4 ms.
-_KR300_FIELDS = (
-    "act_torque_abs_nm act_pos_mot_deg act_vel_mot_deg_per_s act_pos_se_deg act_vel_se_deg_per_s ref_pos_deg"
-).split()
-
-# SHA-256 of the numbers, each as nine significant digits, so that CSV and MAT files of one record agree.
-_SUMS = {
-    "emps_train": "f1d23e381b0257c2b4cb810ce23101d4827caaff77924504662e52771e8c97b2",
-    "emps_test": "b19fe36e6211fa2b3b45b7e4af8712fb0ca484a1984ba28869b900973463f3c7",
-    "kr300_A": "e79d29d879343f04492ab5b24b34a4d065f4c9249fa9a1ab72d582d8112f5d80",
-    "kr300_B": "77e75c1f266dfbadcbf37d1383fcd75d2a5a4fd8a009028071306fa8ada3db3d",
-    "kr300_C": "136865c4d63698eb8d94845097c049814886442ddfcf208c898e652424dd6813",
-}
-
-
 def fetch_emps(folder: str | os.PathLike[str] | None = None, *, download: bool = True, verify: bool = True) -> Bunch:
     """The two records of the EMPS benchmark, a measured ball-screw axis.
 
@@ -336,7 +352,7 @@ def fetch_emps(folder: str | os.PathLike[str] | None = None, *, download: bool =
     ...     print("emps_train.csv" in str(error))
     True
     """
-    frames = _frames(_EMPS, folder, download, verify)
+    frames = _frames(EMPS, folder, download, verify)
     return Bunch(
         **frames,
         sample_rate=1000.0,
@@ -384,7 +400,7 @@ def fetch_kr300(folder: str | os.PathLike[str] | None = None, *, download: bool 
     ...     print("kr300" in str(error))
     True
     """
-    frames = _frames(_KR300, folder, download, verify)
+    frames = _frames(KR300, folder, download, verify)
     return Bunch(
         **frames,
         sample_rate=250.0,
@@ -400,22 +416,25 @@ def fetch_kr300(folder: str | os.PathLike[str] | None = None, *, download: bool 
 
 
 def _frames(
-    records: _Records, folder: str | os.PathLike[str] | None, download: bool, verify: bool
+    record: _Frames, folder: str | os.PathLike[str] | None, download: bool, verify: bool
 ) -> dict[str, pd.DataFrame]:
     """Every record, from the first place where it is found: a folder, or its publishers."""
     import pandas as pd
 
     def complete(where: Path) -> bool:
-        return all(any((where / f).is_file() for f in files) for files in records.files.values())
+        return all((where / csv).is_file() or (where / mat).is_file() for csv, mat in record.files.values())
 
-    where = records.published.folder(folder, download, complete)
+    where = record.folder(folder, download, complete)
+    measured = [c for c in record.columns if c not in ("time_s", "force_N")]  # those two are computed
     frames = {}
-    for name, files in records.files.items():
-        path = next(where / f for f in files if (where / f).is_file())
-        mat = path.suffix == ".mat"
-        table = records.read_mat(path) if mat else _columns(pd.read_csv(path), records.columns, path)
-        frame = frames[name] = pd.DataFrame(table, columns=records.columns)
-        if verify and checksum(frame[records.measured]) != _SUMS[f"{records.published.folders[0]}_{name}"]:
+    for name, (csv, mat) in record.files.items():
+        if (path := where / csv).is_file():
+            table = _columns(pd.read_csv(path), record.columns, path)
+        else:
+            path = where / mat
+            table = record.read_mat(path)
+        frame = frames[name] = pd.DataFrame(table, columns=record.columns)
+        if verify and checksum(frame[measured]) != _SUMS[csv]:
             raise ValueError(
                 f"The numbers in {path.name} are not those of the published record; get the file again, or pass "
                 "verify=False to use it as it is."
@@ -423,45 +442,7 @@ def _frames(
     return frames
 
 
-def _read_emps_mat(path: Path) -> Array:
-    """The columns of a record from the publishers' file."""
-    drive, position, reference = (x.ravel() for x in _from_mat(path, ("vir", "qm", "qg")))
-    return np.column_stack([np.arange(len(drive)) / 1000.0, drive, FORCE_PER_VOLT * drive, position, reference])
-
-
-def _read_kr300_mat(path: Path) -> Array:
-    """The columns of the first axis from the publishers' file of all six."""
-    axis = [np.atleast_2d(x)[0] for x in _from_mat(path, _KR300_FIELDS, "rec")]
-    return np.column_stack([np.arange(axis[0].size) / 250.0, *axis])
-
-
 def checksum(frame: pd.DataFrame) -> str:
     """SHA-256 of a frame's numbers, each written with nine significant digits."""
     lines = (",".join(f"{x:.9g}" for x in row) for row in frame.itertuples(index=False))
     return hashlib.sha256("\n".join(lines).encode()).hexdigest()
-
-
-class _Records(NamedTuple):
-    """The frames of one publication: their files as CSV and as MAT, and how they are read."""
-
-    published: _Publication
-    files: dict[str, tuple[str, str]]
-    columns: list[str]
-    measured: list[str]
-    read_mat: Callable[[Path], Array]
-
-
-_EMPS = _Records(
-    EMPS,
-    {"train": ("emps_train.csv", "DATA_EMPS.mat"), "test": ("emps_test.csv", "DATA_EMPS_PULSES.mat")},
-    ["time_s", "drive_V", "force_N", "position_m", "reference_m"],
-    ["drive_V", "position_m", "reference_m"],
-    _read_emps_mat,
-)
-_KR300 = _Records(
-    KR300,
-    {k: (f"kr300_axis1_{k}.csv", f"{Path(KR300_FOLDER.format(k)).name}/data.mat") for k in "ABC"},
-    _KR300_COLUMNS,
-    _KR300_COLUMNS[1:],
-    _read_kr300_mat,
-)

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from sklearn.utils import Bunch
 
-from whsklearn.effects.base import Effect, get_effect, rms, signals_of
+from whsklearn.effects.base import Array, Effect, get_effect, rms, signals_of
 from whsklearn.systems.servo import ServoAxis, record_frame, simulate_many
 from whsklearn.systems.servo_parts import PIDController, Sensor
 
@@ -26,7 +26,7 @@ def reference_signal(
     sample_rate: float = 1000.0,
     amplitude: float | None = None,
     random_state: Any = 0,
-) -> NDArray[np.float64]:
+) -> Array:
     """A reference for the position.
 
     Parameters
@@ -62,7 +62,7 @@ def reference_signal(
     >>> float(reference_signal("sine", 10.0, 100.0).max().round(3))
     0.8
     """
-    makers: dict[str, tuple[Callable[..., NDArray[np.float64]], float]] = {
+    makers = {
         "sine": (_sine, 0.8), "multisine": (_multisine, 1.0), "staircase": (_staircase, 5.0), "sweep": (_sweep, 1.0),
         "rich": (_rich, 5.0),
     }  # fmt: skip
@@ -79,22 +79,22 @@ def reference_signal(
     return make(np.arange(n) / sample_rate, peak, np.random.default_rng(random_state))
 
 
-def _sine(t: NDArray[np.float64], peak: float, _rng: np.random.Generator) -> NDArray[np.float64]:
+def _sine(t: Array, peak: float, _rng: np.random.Generator) -> Array:
     """The paper's reference."""
     return peak * np.sin(0.4 * math.pi * t)
 
 
-def _scaled(path: NDArray[np.float64], peak: float) -> NDArray[np.float64]:
+def _scaled(path: Array, peak: float) -> Array:
     """A path scaled by its largest value."""
     return path * (peak / np.abs(path).max())
 
 
-def _faded(t: NDArray[np.float64]) -> NDArray[np.float64]:
+def _faded(t: Array) -> Array:
     """A rise from 0 to 1 within the first second, so that the axis starts from rest."""
     return 0.5 - 0.5 * np.cos(math.pi * np.minimum(t, 1.0))
 
 
-def _multisine(t: NDArray[np.float64], peak: float, rng: np.random.Generator) -> NDArray[np.float64]:
+def _multisine(t: Array, peak: float, rng: np.random.Generator) -> Array:
     """Eight tones of equal velocity; frequencies 0.1, 0.5, 0.9 ... 2.9 Hz."""
     frequencies = 0.1 + 0.4 * np.arange(8)
     phases = rng.uniform(0.0, 2.0 * math.pi, 8)
@@ -102,13 +102,13 @@ def _multisine(t: NDArray[np.float64], peak: float, rng: np.random.Generator) ->
     return _scaled(tones.sum(axis=0) * _faded(t), peak)
 
 
-def _rich(t: NDArray[np.float64], peak: float, rng: np.random.Generator) -> NDArray[np.float64]:
+def _rich(t: Array, peak: float, rng: np.random.Generator) -> Array:
     """A triangle over 20 s with rounded corners, from 0 upwards, and the multisine at a sixth of its height."""
     triangle = np.arcsin(0.98 * np.sin(2.0 * math.pi * t / min(20.0, t[-1]))) / math.asin(0.98)
     return _scaled(triangle * _faded(t) + _multisine(t, 1.0, rng) / 6.0, peak)
 
 
-def _staircase(t: NDArray[np.float64], peak: float, _rng: np.random.Generator) -> NDArray[np.float64]:
+def _staircase(t: Array, peak: float, _rng: np.random.Generator) -> Array:
     """Eight speeds, each forwards and backwards, with smooth reversals."""
     speeds = np.geomspace(0.02, 1.0, 8)
     edges = np.linspace(0.0, t[-1] * (1 + 1e-12), 17)
@@ -120,7 +120,7 @@ def _staircase(t: NDArray[np.float64], peak: float, _rng: np.random.Generator) -
     return _scaled(np.cumsum(soft * _faded(t)), peak)
 
 
-def _sweep(t: NDArray[np.float64], peak: float, _rng: np.random.Generator) -> NDArray[np.float64]:
+def _sweep(t: Array, peak: float, _rng: np.random.Generator) -> Array:
     """A geometric sweep from 0.1 to 5 Hz with constant velocity amplitude."""
     low, high = 0.1, 5.0
     frequency = low * (high / low) ** (t / t[-1])
@@ -146,11 +146,7 @@ _SHAPES: dict[str, dict[str, tuple[Any, ...]]] = {
 
 
 def draw_effect(
-    name: str | type[Effect],
-    axis: ServoAxis,
-    reference: NDArray[np.float64],
-    share: float = 0.05,
-    random_state: Any = 0,
+    name: str | type[Effect], axis: ServoAxis, reference: Array, share: float = 0.05, random_state: Any = 0
 ) -> Effect:
     """Draw an effect of the catalogue with random shape and phase and the given influence on the drive.
 
@@ -204,11 +200,7 @@ def _shaped(cls: type[Effect], base: Bunch, rng: np.random.Generator) -> Effect:
     """The effect at its default size with shapes drawn."""
     fields: dict[str, Any] = {}
     for field, choice in _SHAPES.get(cls.name, {}).items():
-        if len(choice) > 2:
-            value = choice[rng.integers(len(choice))]
-            fields[field] = value if isinstance(value, str) else float(value)
-        else:
-            fields[field] = float(rng.uniform(*choice))
+        fields[field] = choice[rng.integers(len(choice))] if len(choice) > 2 else float(rng.uniform(*choice))
     if cls.phased:
         fields["phase"] = float(rng.uniform(-math.pi, math.pi))
     travel = np.abs(base.true_position).max()
@@ -219,7 +211,7 @@ def _shaped(cls: type[Effect], base: Bunch, rng: np.random.Generator) -> Effect:
     return cls(**fields)
 
 
-def _size(values: NDArray[np.float64]) -> float:
+def _size(values: Array) -> float:
     """Root mean square, never zero: it divides."""
     return max(rms(values), 1e-12)
 
@@ -233,7 +225,7 @@ def _limited(effect: Effect, signals: Bunch, wanted: float) -> Effect:
     return effect.resized(high)
 
 
-def _answered(effect: Effect, axis: ServoAxis, reference: NDArray[np.float64], base: Bunch, share: float) -> Effect:
+def _answered(effect: Effect, axis: ServoAxis, reference: Array, base: Bunch, share: float) -> Effect:
     """A size at which the response of the controller has the wanted rms, by repeated scaling."""
     wanted = share * np.std(base.drive)
     for _ in range(8):
@@ -243,8 +235,7 @@ def _answered(effect: Effect, axis: ServoAxis, reference: NDArray[np.float64], b
         if abs(answer / wanted - 1.0) < 0.05:
             break
         factor = float(np.clip(wanted / answer, 0.2, 5.0))
-        quantity = effect.quantities[effect.size]
-        effect = effect.resized(min(effect.magnitude * factor, quantity.high))
+        effect = effect.resized(min(effect.magnitude * factor, effect.quantities[effect.size].high))
     return effect
 
 
@@ -314,7 +305,12 @@ def make_servo_log(
     if isinstance(reference, str):
         reference = reference_signal(reference, duration, axis.sample_rate, amplitude, rng)
     path = np.asarray(reference, dtype=float)
-    hidden = _hidden(effects, sizes, axis, path, rng)
+    wanted = [effects] if isinstance(effects, (str, Effect)) else list(effects)
+    shares = np.broadcast_to(np.asarray(sizes, dtype=float), (len(wanted),))
+    hidden = tuple(
+        draw_effect(e, axis, path, float(s), rng) if isinstance(e, str) else e
+        for e, s in zip(wanted, shares, strict=True)
+    )
     for effect in hidden:
         axis = axis.with_effect(effect)
     sensor = {k: float(v) for k, v in (("noise", noise), ("resolution", resolution)) if v is not None}
@@ -340,31 +336,13 @@ def default_axis() -> ServoAxis:
     return ServoAxis(controller=controller, sensor=Sensor(noise=2e-5))
 
 
-def _hidden(
-    effects: Effect | str | Iterable[Effect | str],
-    sizes: float | Sequence[float],
-    axis: ServoAxis,
-    path: NDArray[np.float64],
-    rng: np.random.Generator,
-) -> tuple[Effect, ...]:
-    """The effects, with those given by name drawn."""
-    wanted = [effects] if isinstance(effects, (str, Effect)) else list(effects)
-    shares = np.broadcast_to(np.asarray(sizes, dtype=float), (len(wanted),))
-    return tuple(
-        draw_effect(e, axis, path, float(s), rng) if isinstance(e, str) else e
-        for e, s in zip(wanted, shares, strict=True)
-    )
-
-
 # --- the shipped record of the turntable of sec. 5.2 -----------------------------------------------------------------
 # It is simulated, not measured: the paper's records are not public.
 EXPERIMENTS = ("sine", "multisine")
 DURATION = 40.0
 
 
-def load_turntable(
-    experiment: str = "sine", *, return_X_y: bool = False
-) -> pd.DataFrame | tuple[NDArray[np.float64], NDArray[np.float64]]:
+def load_turntable(experiment: str = "sine", *, return_X_y: bool = False) -> pd.DataFrame | tuple[Array, Array]:
     """A simulated record of the preset rig, `ServoAxis.paper_rig`: 40 s at 100 Hz.
 
     Parameters
@@ -398,14 +376,12 @@ def load_turntable(
         raise ValueError(f"Unknown experiment {experiment!r}; expected one of: {', '.join(EXPERIMENTS)}.")
     name = f"turntable_{experiment}.csv"
     here = Path(__file__).resolve().parent
-    for folder in (here / "logs", here.parents[1] / "datasets"):
-        if (folder / name).is_file():
-            log = pd.read_csv(folder / name)
-            break
-    else:
+    path = next((p for p in (here / "logs" / name, here.parents[1] / "datasets" / name) if p.is_file()), None)
+    if path is None:
         raise FileNotFoundError(
             f"{name} is not installed; reinstall the package, or use make_turntable({experiment!r})."
         )
+    log = pd.read_csv(path)
     if return_X_y:
         return log[["reference_rad"]].to_numpy(), log["position_rad"].to_numpy()
     return log
