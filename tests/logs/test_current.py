@@ -7,7 +7,7 @@ import pytest
 
 from tests.logs.rig import TABLE, text
 from whsklearn.logs import ColumnError, load_log
-from whsklearn.logs.current import TorqueConstant
+from whsklearn.logs.current import torque_constant_of
 
 HEAD = ["time_s", "iq_a", "position_rad"]
 
@@ -45,9 +45,9 @@ def test_a_constant_for_a_torque_is_refused(tmp_path):
 @pytest.mark.parametrize("given", ["0.12±", "-0.1", "0", "0.1+-0.1+-0.1", "Nm", (0.1, -1.0), None, float("nan")])
 def test_what_is_no_constant_is_refused(given):
     with pytest.raises(ValueError, match=r"expected Nm per ampere"):
-        TorqueConstant.of(given)
+        torque_constant_of(given)
 
 
 @pytest.mark.parametrize("given", ["0.12+-0.01", "0.12 +/- 0.01", "0.12±0.01", (0.12, 0.01)])
 def test_spellings_of_a_constant(given):
-    assert TorqueConstant.of(given) == (0.12, 0.01)
+    assert torque_constant_of(given) == (0.12, 0.01)

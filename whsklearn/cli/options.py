@@ -57,10 +57,10 @@ ORDERS.name = "n_a,n_b,n_c,n_d"  # in the help
 
 def torque_constant(text: str) -> str:
     """The text itself; a wrong option if it is no torque constant such as ``0.12+-0.01``."""
-    from whsklearn.logs.current import TorqueConstant
+    from whsklearn.logs.current import torque_constant_of
 
     try:
-        TorqueConstant.of(text)
+        torque_constant_of(text)
     except ValueError as error:
         raise click.BadParameter(str(error)) from error
     return text

@@ -22,7 +22,9 @@ def open_parquet(path: Path) -> Source:
     with damaged(path, "Parquet file", ArrowException, OSError):
         file = ParquetFile(path)
         schema = file.schema_arrow
-        width = {n: _list_width(file, n) for n in schema.names if "list" in str(schema.field(n).type)}
+        lists = [n for n in schema.names if "list" in str(schema.field(n).type)]
+        first = next(file.iter_batches(1, columns=lists)).to_pylist() if lists and file.metadata.num_rows else [{}]
+        width = {n: len(first[0].get(n) or []) for n in lists}
     names = [n for n in schema.names if n not in width]
     names += [f"{n}.{i}" for n, k in width.items() for i in range(k)]
 
@@ -31,8 +33,8 @@ def open_parquet(path: Path) -> Source:
         for name in wanted:
             stem, _, number = name.rpartition(".")
             if stem in width:
-                lists = file.read([stem]).column(stem).to_pylist()
-                out[name] = Column(np.array([v[int(number)] if v else np.nan for v in lists], dtype=float))
+                rows = file.read([stem]).column(stem).to_pylist()
+                out[name] = Column(np.array([v[int(number)] if v else np.nan for v in rows], dtype=float))
             else:
                 out[name] = Column(file.read([name]).column(name).to_pandas().to_numpy())
         return out
@@ -46,16 +48,7 @@ def open_feather(path: Path) -> Source:
 
     with damaged(path, "Feather file", ArrowException, OSError):
         table = feather.read_table(path)
-    return Source(
-        path.name,
-        list(table.column_names),
-        lambda wanted: {w: Column(table.column(w).to_pandas().to_numpy()) for w in wanted},
-    )
-
-
-def _list_width(file: Any, name: str) -> int:
-    first = next(file.iter_batches(1, columns=[name])).column(0).to_pylist() if file.metadata.num_rows else [[]]
-    return len(first[0] or [])
+    return Source.of_arrays(path.name, table.to_pandas(ignore_metadata=True))
 
 
 def open_matlab(path: Path) -> Source:
@@ -117,11 +110,11 @@ def open_numpy(path: Path) -> Source:
     flat: dict[str, Any] = {}
     with damaged(path, "NumPy file", ValueError, OSError, EOFError, KeyError, BadZipFile):
         data = np.load(path, allow_pickle=False)
-        if hasattr(data, "files"):
+        if isinstance(data, np.ndarray):
+            parts = {"data": data}
+        else:
             with data:
                 parts = dict(data)
-        else:
-            parts = {"data": data}
     for name, value in parts.items():
         if value.dtype.names:
             flat.update({f: value[f] for f in value.dtype.names})

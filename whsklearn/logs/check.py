@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from whsklearn.logs.findings import SEVERITIES, Array, Finding, LogReport
+from whsklearn.logs.findings import Array, Finding, LogReport
 
 ALLOWED_JITTER = 0.01  # as a share of the period; derivatives of the position are wrong by the same share
 GAP = 1.5  # periods; a longer step has lost a sample, a shorter one is jitter
@@ -58,7 +58,6 @@ def check_log(time: Array, signals: dict[str, Array], rows: NDArray[np.intp] | N
         if quantum is not None:
             text = f"Values are multiples of {quantum:.4g}: its variance q^2/12 is the lowest noise a fit can reach."
             found.append(Finding("LOG007", "info", text, value=quantum))
-    found.sort(key=lambda f: -SEVERITIES.index(f.severity))
     return LogReport(tuple(found), skipped, jitter(time), quantum)
 
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from typing import Any, NamedTuple
+from typing import Any
 
-from whsklearn.logs.errors import ColumnError
 from whsklearn.logs.roles import words_of
 from whsklearn.logs.units import UNKNOWN, factor_of
 
@@ -18,58 +17,26 @@ _EFFORT = {"effort", "load", "pwm"}
 _FORM = re.compile(r"\s*([0-9.]+(?:e[+-]?\d+)?)\s*(?:(?:\+-|\+/-|±)\s*([0-9.]+(?:e[+-]?\d+)?))?\s*", re.IGNORECASE)
 
 
-class TorqueConstant(NamedTuple):
-    """Torque constant in Nm (or N) per ampere, with its standard deviation.
+def torque_constant_of(given: Any) -> tuple[float, float]:
+    """Nm (or N) per ampere and its standard deviation, from a number, a pair, or text such as ``0.12+-0.01``.
 
-    >>> TorqueConstant.of("0.12+-0.01"), TorqueConstant.of(0.5).relative
-    (TorqueConstant(value=0.12, deviation=0.01), 0.0)
+    Raises ValueError if it is none of these, or not positive.
+
+    >>> torque_constant_of("0.12+-0.01"), torque_constant_of(0.5)
+    ((0.12, 0.01), (0.5, 0.0))
     """
-
-    value: float
-    deviation: float = 0.0
-
-    @property
-    def relative(self) -> float:
-        """Standard deviation as a share of the value."""
-        return self.deviation / self.value
-
-    @classmethod
-    def of(cls, given: Any) -> TorqueConstant:
-        """The constant from a number, a pair, or text such as ``0.12+-0.01``.
-
-        Raises ValueError if it is none of these, or not positive.
-        """
-        try:
-            if isinstance(given, str):
-                found = _FORM.fullmatch(given)
-                numbers = tuple(float(x) for x in found.groups() if x) if found else ()
-            else:
-                numbers = tuple(float(x) for x in (given if isinstance(given, tuple | list) else (given,)))
-        except (TypeError, ValueError):
-            numbers = ()
-        if not 1 <= len(numbers) <= 2 or not all(map(math.isfinite, numbers)) or numbers[0] <= 0 or numbers[-1] < 0:
-            raise ValueError(
-                f"The torque constant is {given!r}; expected Nm per ampere and its standard deviation, such as "
-                "0.12+-0.01."
-            )
-        return cls(*numbers)
-
-
-def factor_to_torque(constant: TorqueConstant, unit: str, column: str) -> float:
-    """The factor that converts the drive to Nm (or N); a drive without a known unit is taken to be in amperes.
-
-    Raises ColumnError if the drive is not a current.
-
-    >>> factor_to_torque(TorqueConstant(0.12), "mA", "i")
-    0.00012
-    """
-    factor, si = factor_of(unit)
-    if si not in (*AMPERES, UNKNOWN):
-        raise ColumnError(
-            f"A torque constant was given, and the drive, column {column!r}, is in {unit}; leave the constant out, or "
-            "name the column of the current."
+    parts = given if isinstance(given, tuple | list) else (given,)
+    if isinstance(given, str):
+        parts = [x for x in found.groups() if x] if (found := _FORM.fullmatch(given)) else []
+    try:
+        numbers = [float(x) for x in parts]
+    except (TypeError, ValueError):
+        numbers = []
+    if not 1 <= len(numbers) <= 2 or not all(map(math.isfinite, numbers)) or numbers[0] <= 0 or numbers[-1] < 0:
+        raise ValueError(
+            f"The torque constant is {given!r}; expected Nm per ampere and its standard deviation, such as 0.12+-0.01."
         )
-    return constant.value * factor
+    return numbers[0], numbers[1] if len(numbers) == 2 else 0.0
 
 
 def is_current(column: str, unit: str) -> bool:

@@ -125,6 +125,10 @@ class LogReport:
     jitter: float = 0.0
     quantum: float | None = None
 
+    def __post_init__(self) -> None:
+        worst_first = sorted(self.findings, key=lambda f: -SEVERITIES.index(f.severity))
+        object.__setattr__(self, "findings", tuple(worst_first))
+
     @property
     def ok(self) -> bool:
         """Whether nothing worse than an info was found."""

@@ -22,13 +22,7 @@ _MAGIC: tuple[tuple[bytes, Callable[[Path], Source]], ...] = (
     (b"\x89MCAP", robots.open_mcap),
     (b"#ROSBAG", robots.open_bag),
 )
-_ENDINGS: dict[str, Callable[[Path], Source]] = {
-    ".parquet": binary.open_parquet, ".pq": binary.open_parquet, ".feather": binary.open_feather,
-    ".mat": binary.open_matlab, ".h5": binary.open_hdf5, ".hdf5": binary.open_hdf5,
-    ".npz": binary.open_numpy, ".npy": binary.open_numpy,
-    ".tdms": binary.open_tdms, ".mf4": binary.open_mdf, ".mdf": binary.open_mdf,
-    ".mcap": robots.open_mcap, ".bag": robots.open_bag,
-}  # fmt: skip
+_BINARY = set(".parquet .pq .feather .h5 .hdf5 .npz .npy .tdms .mf4 .mdf .mcap .bag".split())  # all but MATLAB
 # Module of an optional reader -> its package, and the extra that installs it.
 _EXTRAS = {
     "pyarrow": ("pyarrow", "parquet"), "h5py": ("h5py", "logs"), "nptdms": ("npTDMS", "logs"),
@@ -92,9 +86,10 @@ def _opened(file: Path) -> Source:
         raise FileNotFoundError(f"There is no file {file}; give the path of a log, such as axis.csv.")
     if not file.is_file():
         raise LogError(f"{file} is a device or a pipe; copy the log into a file first.")
-    if file.suffix.lower() in _SHEETS:
+    ending = file.suffix.lower()
+    if ending in _SHEETS:
         raise LogError(f"{file.name} is a spreadsheet; save its sheet as CSV.")
-    if file.suffix.lower() in _SCOPE:
+    if ending in _SCOPE:
         raise LogError(f"{file.name} is a TwinCAT Scope project; open it in Scope View and export its channels as CSV.")
     with file.open("rb") as stream:
         head = stream.read(512)
@@ -105,14 +100,10 @@ def _opened(file: Path) -> Source:
         return _unpacked(file, head)
     if what := packed.foreign(head):
         raise LogError(f"{file.name} is {what}.")
-    ending = _ENDINGS.get(file.suffix.lower())
-    if ending is binary.open_matlab and head:  # of version 4, without a signature
-        return ending(file)
-    if ending is not None and ending is not binary.open_matlab:
-        what = file.suffix.lower().lstrip(".")
-        raise LogError(
-            f"{file.name} is empty." if not head else f"{file.name} is not a {what} file: its first bytes differ."
-        )
+    if ending == ".mat" and head:  # of version 4, without a signature
+        return binary.open_matlab(file)
+    if ending in _BINARY:
+        raise LogError(f"{file.name} is {f'not a {ending[1:]} file: its first bytes differ' if head else 'empty'}.")
     return _of_text(file)
 
 

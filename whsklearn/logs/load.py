@@ -14,9 +14,9 @@ from sklearn.utils import Bunch
 
 from whsklearn.logs import mend
 from whsklearn.logs.check import check_log
-from whsklearn.logs.current import TorqueConstant, factor_to_torque, is_current
+from whsklearn.logs.current import AMPERES, is_current, torque_constant_of
 from whsklearn.logs.errors import ColumnError, LogError, LogWarning
-from whsklearn.logs.findings import SEVERITIES, Array, Finding, LogReport
+from whsklearn.logs.findings import Array, Finding, LogReport
 from whsklearn.logs.formats import open_source
 from whsklearn.logs.heads import drive_unit
 from whsklearn.logs.roles import guess
@@ -149,19 +149,19 @@ def load_log(
     """
     source = path if isinstance(path, Source) else open_source(path)
     asked = _by_role(columns) if any(c is not None for c in columns.values()) else _guessed(source, sample_rate)
-    given = stated(dict(units or {}))
+    given = stated(units or {})
     names = {r: source.resolve(c, r) for r, c in asked.items()}
     if "drive" in names and names["drive"] == names.get("position"):
         raise ColumnError(
             f"Column {names['drive']!r} of {source.name} was given for both drive and position; give two columns."
         )
-    table = read_columns(source, names, given, sample_rate)
-    constant = None if torque_constant is None else TorqueConstant.of(torque_constant)
-    _as_torque(table, constant)
+    record = _read(source, names, given, sample_rate)
+    constant, deviation = (None, 0.0) if torque_constant is None else torque_constant_of(torque_constant)
+    _as_torque(record, constant, deviation)
     if not resample:
-        _refuse(source.name, table)
-    log = _mended(source.name, table)
-    log.drive_error = constant.relative if constant is not None else 0.0
+        _refuse(record)
+    log = _mended(record)
+    log.drive_error = deviation / constant if constant is not None else 0.0
     if return_X_y and log.groups[-1] > 0:
         raise LogError(
             f"{source.name} falls into {log.groups[-1] + 1} segments, and X and y alone do not tell where one ends; "
@@ -207,39 +207,67 @@ def _by_role(columns: Mapping[str, str | int | None]) -> dict[str, str | int]:
     return {role: by_role[role] for role in ROLES if role in by_role}
 
 
-def _as_torque(table: _Table, constant: TorqueConstant | None) -> None:
+@dataclass
+class _Record:
+    """A log on its way to an even grid: signals (n,) by role on their clock, in segments, and what was found so far."""
+
+    name: str
+    time: Array
+    signals: dict[str, Array]
+    columns: dict[str, str]
+    units: dict[str, str]
+    found: list[Finding]
+    segment: NDArray[np.int64]
+
+    def keep(self, rows: NDArray[np.intp]) -> None:
+        """Keep these rows, in this order."""
+        self.time, self.segment = self.time[rows], self.segment[rows]
+        self.signals = {k: v[rows] for k, v in self.signals.items()}
+
+    def leave_out(self, out: NDArray[np.bool_], told: Finding | None) -> None:
+        """Leave rows out, if a finding says why; a new segment begins after each long run of them."""
+        if told is None:
+            return
+        rows = np.flatnonzero(~out)
+        self.keep(rows)
+        segment = self.segment + np.cumsum(np.diff(rows, prepend=rows[0]) >= LONG_GAP)
+        self.segment = np.unique(segment, return_inverse=True)[1].astype(np.int64)
+        self.found.append(told)
+
+
+def _as_torque(log: _Record, constant: float | None, deviation: float) -> None:
     """Convert a current to a torque, and report a drive that remains a current."""
-    if "drive" not in table.signals:
+    if "drive" not in log.signals:
         return
-    column, unit = table.columns["drive"], table.units["drive"]
+    column, unit = log.columns["drive"], log.units["drive"]
     if constant is not None:
-        table.signals["drive"] = table.signals["drive"] * factor_to_torque(constant, unit, column)
-        table.units["drive"], needless = "Nm", repr(column)
-        text = f"Column {column!r} was turned into a torque by {constant.value:g} Nm/A"
-        text += f" with a standard deviation of {constant.deviation:g}" if constant.deviation else ""
+        factor, si = factor_of(unit)
+        if si not in (*AMPERES, UNKNOWN):
+            raise ColumnError(
+                f"A torque constant was given, and the drive, column {column!r}, is in {unit}; leave the constant out, "
+                "or name the column of the current."
+            )
+        log.signals["drive"] = log.signals["drive"] * (constant * factor)
+        log.units["drive"], needless = "Nm", repr(column)
+        text = f"Column {column!r} was turned into a torque by {constant:g} Nm/A"
+        text += f" with a standard deviation of {deviation:g}" if deviation else ""
         text += ", its numbers taken as A; --unit drive=UNIT states another unit." if unit == UNKNOWN else "."
     elif is_current(column, unit):
-        table.units["drive"], needless = "A" if unit == UNKNOWN else unit, f"column {column!r}"
+        log.units["drive"], needless = "A" if unit == UNKNOWN else unit, f"column {column!r}"
         text = f"Column {column!r} is a current: sizes are in its unit, not in Nm, unless a torque constant is given."
         text += " It states no unit and is taken to be in A; --unit drive=UNIT states another." * (unit == UNKNOWN)
     else:
         return
-    table.findings[:] = [f for f in table.findings if f.code != "LOG019" or needless not in f.explanation]
-    table.findings.append(Finding("LOG022", "info", text))
+    log.found[:] = [f for f in log.found if f.code != "LOG019" or needless not in f.explanation]
+    log.found.append(Finding("LOG022", "info", text))
 
 
-class _Table(Bunch):
-    """Signals as logged, by role: ``time``, ``signals``, ``columns``, ``units``, ``findings``."""
-
-
-def read_columns(
-    source: Source, columns: Mapping[str, str], given: Mapping[str, str], sample_rate: float | None
-) -> _Table:
+def _read(source: Source, columns: dict[str, str], given: Mapping[str, str], sample_rate: float | None) -> _Record:
     """The signals of a source as floats of one length, time in s."""
     read = source.fetch(list(dict.fromkeys(columns.values())))
     units = {r: _unit(r, c, read[c], source, given) for r, c in columns.items()}
     found = [Finding("LOG017", "info", text) for text in source.notes]
-    values = {r: read[c].values if r == "time" else _floats(read[c].values, c, source.name) for r, c in columns.items()}
+    signals = {r: _floats(read[c], c, source.name) for r, c in columns.items() if r != "time"}
     doubtful = "time" in columns and units["time"] == UNKNOWN and written_unit(columns["time"]) != ""
     if "time" in columns:
         if units["time"] == "counts":
@@ -247,12 +275,13 @@ def read_columns(
                 f"Column {columns['time']!r} of {source.name} counts ticks of unknown rate; add --unit "
                 "time=ticks/8000 for ticks of 8 kHz (an ODrive's), or leave --time out and give --rate."
             )
-        clock, more = to_seconds(values.pop("time"), units["time"], columns["time"])
+        clock, more = to_seconds(read[columns["time"]].values, units["time"], columns["time"])
         found += more
-        clock, values = _in_turn(clock, values, columns, found)
+        values, stamps = _one_clock(columns, _in_turn(clock, signals), found)
+        clock = clock if stamps is None else stamps
         units["time"] = "s"
     else:
-        values, stamps = _one_clock(columns, read, values, found)
+        values, stamps = _one_clock(columns, signals, found)
         rate = sample_rate or source.sample_rate
         clock = np.arange(len(next(iter(values.values())))) / (rate or 1.0) if stamps is None else stamps - stamps[:1]
         units["time"] = "samples" if stamps is None and not rate else "s"
@@ -278,13 +307,8 @@ def read_columns(
             found.append(Finding("LOG019", "info", told + "states another unit, or the counts of a turn: counts/4096."))
         elif told := _of_unit(role, columns[role], units):
             found.append(Finding("LOG019", "info", told))
-    return _Table(
-        time=clock,
-        signals=values,
-        columns=dict(columns),
-        units=units,
-        findings=found + _restated(source, columns, given),
-    )
+    found += _restated(source, columns, given)
+    return _Record(source.name, clock, values, columns, units, found, np.zeros(len(clock), dtype=np.int64))
 
 
 def _not_known(role: str, column: str) -> str:
@@ -320,45 +344,38 @@ def _restated(source: Source, columns: Mapping[str, str], given: Mapping[str, st
     return found
 
 
-def _in_turn(
-    clock: Array, values: dict[str, Array], columns: Mapping[str, str], found: list[Finding]
-) -> tuple[Array, dict[str, Array]]:
-    """One row for each position of a table in which every signal has rows of its own, as PlotJuggler writes."""
-    there = {r: np.isfinite(v) & np.isfinite(clock) for r, v in values.items() if len(v) == len(clock)}
-    if len(there) < len(values) or len(there) < 2:
-        return clock, values
-    fewest = min(int(t.sum()) for t in there.values())
-    if fewest < FEWEST or 2 * np.logical_and.reduce(list(there.values())).sum() >= fewest:
-        return clock, values
-    names = {r: c for r, c in columns.items() if r != "time"}
-    read = {c: Column(values[r][there[r]], clock[there[r]]) for r, c in names.items()}
-    out, stamps = _one_clock(names, read, {r: read[c].values for r, c in names.items()}, found)
-    return (clock, values) if stamps is None else (stamps, out)
+def _in_turn(clock: Array, signals: dict[str, Column]) -> dict[str, Column]:
+    """Signals on the clock of a table, with their own stamps if each has rows of its own, as PlotJuggler writes."""
+    there = [np.isfinite(c.values) & np.isfinite(clock) for c in signals.values() if len(c.values) == len(clock)]
+    if 2 <= len(signals) == len(there):
+        fewest = min(int(t.sum()) for t in there)
+        if fewest >= FEWEST and 2 * np.logical_and.reduce(there).sum() < fewest:
+            return {r: Column(c.values[t], clock[t]) for (r, c), t in zip(signals.items(), there, strict=True)}
+    return {r: Column(c.values) for r, c in signals.items()}
 
 
 def _one_clock(
-    columns: Mapping[str, str], read: dict[str, Column], values: dict[str, Any], found: list[Finding]
-) -> tuple[dict[str, Any], Array | None]:
+    columns: Mapping[str, str], signals: dict[str, Column], found: list[Finding]
+) -> tuple[dict[str, Array], Array | None]:
     """Interpolate signals with their own stamps at the stamps of the position."""
-    lead = columns.get("position", columns.get("velocity"))
-    if lead is None or read[lead].stamps is None:
-        return values, None
-    base = np.asarray(read[lead].stamps)
-    clocks = [np.asarray(read[c].stamps) for c in columns.values() if read[c].stamps is not None]
+    lead = "position" if "position" in signals else "velocity"
+    if (base := signals[lead].stamps) is None:
+        return {r: c.values for r, c in signals.items()}, None
+    clocks = [c.stamps for c in signals.values() if c.stamps is not None]
     common = (base >= max(c.min() for c in clocks)) & (base <= min(c.max() for c in clocks)) if base.size else base > 0
     base, out = base[common], {}
-    for role, column in columns.items():
-        own = read[column].stamps
+    for role, (values, own, _) in signals.items():
         if own is None or (own.shape == common.shape and np.array_equal(own[common], base)):
-            out[role] = values[role] if own is None else values[role][common]
+            out[role] = values if own is None else values[common]
             continue
-        if own.size < 3 or base.size < 3:
+        column, other = columns[role], columns[lead]
+        if own.size < FEWEST or base.size < FEWEST:
             raise LogError(
-                f"Column {column!r} for {role} has no samples in the time span of {lead!r}; choose signals of one run."
+                f"Column {column!r} for {role} has no samples in the time span of {other!r}; choose signals of one run."
             )
         order = np.argsort(own, kind="stable")
-        out[role] = np.interp(base, own[order], values[role][order])
-        found.append(Finding("LOG011", "info", f"{column!r} was interpolated linearly at the stamps of {lead!r}."))
+        out[role] = np.interp(base, own[order], values[order])
+        found.append(Finding("LOG011", "info", f"{column!r} was interpolated linearly at the stamps of {other!r}."))
     return out, base
 
 
@@ -370,13 +387,13 @@ def _unit(role: str, column: str, read: Column, source: Source, given: Mapping[s
     return time_unit_of(column, unit) if role == "time" else unit
 
 
-def _floats(values: NDArray[Any], column: str, name: str) -> Array:
+def _floats(read: Column, column: str, name: str) -> Column:
     """A column as floats; text is refused with its row and value."""
     import pandas as pd
 
-    if values.dtype.kind in "fiub":
-        return values.astype(float)
-    series = pd.Series(values)
+    if read.values.dtype.kind in "fiub":
+        return read._replace(values=read.values.astype(float))
+    series = pd.Series(read.values)
     numeric = pd.to_numeric(series, errors="coerce")
     bad = np.flatnonzero((numeric.isna() & series.notna()).to_numpy())
     if bad.size:
@@ -384,99 +401,75 @@ def _floats(values: NDArray[Any], column: str, name: str) -> Array:
             f"Column {column!r} of {name} is not numeric: row {bad[0]} holds {str(series.iloc[bad[0]])[:40]!r}; "
             "give a column of numbers, or cut that row."
         )
-    return numeric.to_numpy(dtype=float)
+    return read._replace(values=numeric.to_numpy(dtype=float))
 
 
-def _refuse(name: str, table: _Table) -> None:
+def _refuse(log: _Record) -> None:
     """Refuse a log that needs repairs."""
-    _, hole = mend.missing_rows({"time": table.time, **table.signals}, table.columns)
+    _, hole = mend.missing_rows({"time": log.time, **log.signals}, log.columns)
     if hole is not None:
-        raise LogError(f"{name}: {hole.explanation.partition(');')[0]}); fill or drop them, or pass resample=True.")
-    report = check_log(table.time, table.signals)
-    worst = next((f for f in report.findings if f.code in _STAMPS), None)
+        raise LogError(f"{log.name}: {hole.explanation.partition(');')[0]}); fill or drop them, or pass resample=True.")
+    worst = next((f for f in check_log(log.time, log.signals).findings if f.code in _STAMPS), None)
     if worst is not None:
-        raise LogError(f"{name}: {worst.title.lower()}. {worst.explanation} (resample=True does this while reading.)")
+        raise LogError(
+            f"{log.name}: {worst.title.lower()}. {worst.explanation} (resample=True does this while reading.)"
+        )
 
 
-@dataclass
-class _Mending:
-    """Signals (n,) by role on their clock, in segments, and what was found so far."""
-
-    clock: Array
-    signals: dict[str, Array]
-    segment: NDArray[np.int64]
-    found: list[Finding]
-
-    def leave_out(self, out: NDArray[np.bool_], told: Finding | None) -> None:
-        """Leave rows out, if a finding says why; a new segment begins after each long run of them."""
-        if told is None:
-            return
-        rows = np.flatnonzero(~out)
-        segment = self.segment[rows] + np.cumsum(np.diff(rows, prepend=rows[0]) >= LONG_GAP)
-        self.segment = np.unique(segment, return_inverse=True)[1].astype(np.int64)
-        self.clock, self.signals = self.clock[rows], {k: v[rows] for k, v in self.signals.items()}
-        self.found.append(told)
-
-
-def _mended(name: str, table: _Table) -> Log:
+def _mended(log: _Record) -> Log:
     """The log on an even grid, in segments, with its report."""
-    log, raw = _in_order(name, table)
+    raw = _put_in_order(log)
     log.leave_out(*mend.again(log.signals, log.segment))
-    _restore(log, table.units)
+    _restore(log)
     if "drive" in log.signals and "position" in log.signals:
-        log.leave_out(*mend.held(log.clock, log.signals["drive"], log.signals["position"]))
-    if "position" in log.signals and factor_of(table.units["position"])[1] in (*UNSTATED, "rad", "m", "counts"):
+        log.leave_out(*mend.held(log.time, log.signals["drive"], log.signals["position"]))
+    if "position" in log.signals and factor_of(log.units["position"])[1] in (*UNSTATED, "rad", "m", "counts"):
         log.leave_out(*mend.frozen(log.signals["position"], log.segment))
-        _continue(log, table.units)
-    log.segment, more = bridged(log.clock, log.signals, log.segment)
-    log.found += more
-    done = even(log.clock, log.signals, log.segment)
-    if done.finding is not None:
-        log.found.append(done.finding)
-    if done.finding is None or not done.rounded:  # if stamps were merely rounded, no sample is lost
+        _continue(log)
+    log.segment, more = bridged(log.time, log.signals, log.segment)
+    done = even(log.time, log.signals, log.segment)
+    found = [*log.found, *more, *([done.finding] if done.finding is not None else [])]
+    if not done.rounded:  # if stamps were merely rounded, no sample is lost
         for f in raw.findings:
             if f.code in _STAMPS:  # the problem without the remedy, which was applied
                 text = f.explanation.partition(";")[0].rstrip(".") + "."
-                log.found.append(Finding(f.code, "warning", text, f.rows, f.value))
+                found.append(Finding(f.code, "warning", text, f.rows, f.value))
         if done.segment[-1] > 0:
-            log.found.append(Finding("LOG020", "info", f"There are {done.segment[-1] + 1} segments."))
-    every = [*log.found, *(f for f in raw.findings if f.code not in _STAMPS)]
-    every.sort(key=lambda f: -SEVERITIES.index(f.severity))
-    return _as_log(name, table, done, LogReport(tuple(every), raw.not_applicable, raw.jitter, raw.quantum))
+            found.append(Finding("LOG020", "info", f"There are {done.segment[-1] + 1} segments."))
+    found += [f for f in raw.findings if f.code not in _STAMPS]
+    report = LogReport(tuple(found), raw.not_applicable, raw.jitter, raw.quantum)
+    return _as_log(log, done, report)
 
 
-def _in_order(name: str, table: _Table) -> tuple[_Mending, LogReport]:
-    """The rows that have a number everywhere, in the order of time, and a check of them as they were logged."""
-    found: list[Finding] = list(table.findings)
-    signals, time = dict(table.signals), table.time
-    bad, hole = mend.missing_rows({"time": time, **signals}, table.columns)
+def _put_in_order(log: _Record) -> LogReport:
+    """Keep the rows that have a number everywhere, in the order of time; a check of them as they were logged."""
+    bad, hole = mend.missing_rows({"time": log.time, **log.signals}, log.columns)
     kept = np.flatnonzero(~bad)
     if hole is not None:
-        found.append(hole)
-        signals, time = {k: v[kept] for k, v in signals.items()}, time[kept]
-    motion = signals.get("position", signals.get("velocity"))
-    if motion is not None and (n := mend.axes_in(time, motion)) > 1:
+        log.found.append(hole)
+        log.keep(kept)
+    motion = log.signals.get("position", log.signals.get("velocity"))
+    if motion is not None and (n := mend.axes_in(log.time, motion)) > 1:
         raise LogError(
-            f"{name}: {n} rows share each time stamp and hold motions that are apart, as rows of {n} axes do; keep the "
-            "rows of one axis, or call the column that tells them apart 'axis'."
+            f"{log.name}: {n} rows share each time stamp and hold motions that are apart, as rows of {n} axes do; keep "
+            "the rows of one axis, or call the column that tells them apart 'axis'."
         )
-    same = np.r_[False, np.all([v[1:] == v[:-1] for v in signals.values()], axis=0)]
+    same = np.r_[False, np.all([v[1:] == v[:-1] for v in log.signals.values()], axis=0)]
     try:
-        stamps = in_order(time, same, kept)
+        rows, time, segment = in_order(log.time, same, kept, log.found)
     except LogError as error:
-        raise LogError(f"{name}: {error}") from None
-    if not np.array_equal(stamps.rows, kept):
-        place = np.searchsorted(kept, stamps.rows)
-        signals = {k: v[place] for k, v in signals.items()}
-    raw = check_log(stamps.time, signals, rows=stamps.rows)
-    return _Mending(stamps.time, signals, stamps.segment, [*found, *stamps.findings]), raw
+        raise LogError(f"{log.name}: {error}") from None
+    if not np.array_equal(rows, kept):
+        log.keep(np.searchsorted(kept, rows))
+    log.time, log.segment = time, segment
+    return check_log(time, log.signals, rows=rows)
 
 
-def _restore(log: _Mending, units: dict[str, str]) -> None:
+def _restore(log: _Record) -> None:
     """The sign of a drive logged as unsigned, wrapped angles, and a position of which only the velocity was logged."""
-    signals = log.signals
+    signals, units = log.signals, log.units
     if "drive" in signals:
-        signals["drive"], told = mend.signed("drive", signals["drive"])
+        signals["drive"], told = mend.signed(signals["drive"])
         log.found += [told] if told is not None else []
     for role in ("position", "reference", "command"):
         if role in signals and (turn := mend.turn_in(signals[role], units.get(role, UNKNOWN))) is not None:
@@ -489,43 +482,41 @@ def _restore(log: _Mending, units: dict[str, str]) -> None:
         counted = mend.speed_from_counts(signals["velocity"])
         speed = signals["velocity"] if counted is None else counted
         over = speed[1:] if counted is not None else 0.5 * (speed[1:] + speed[:-1])
-        step = np.where(np.diff(log.segment) == 0, np.diff(log.clock) * over, 0.0)
+        step = np.where(np.diff(log.segment) == 0, np.diff(log.time) * over, 0.0)
         signals["position"] = by * np.r_[0.0, np.cumsum(step)]
         said = "Only the velocity is logged; its integral is taken as the position, whose origin and drift are unknown."
         log.found.append(Finding("LOG018", "warning", said))
 
 
-def _continue(log: _Mending, units: Mapping[str, str]) -> None:
+def _continue(log: _Record) -> None:
     """The position without the jumps of its encoder."""
-    jump = mend.jumps_in(log.clock, log.signals["position"], log.segment)
-    if jump is not None and units["position"] in UNSTATED and "drive" in log.signals:  # perhaps no motion
-        driven = mend.jumps_in(log.clock, log.signals["drive"], log.segment)
+    jump = mend.jumps_in(log.time, log.signals["position"], log.segment)
+    if jump is not None and log.units["position"] in UNSTATED and "drive" in log.signals:  # perhaps no motion
+        driven = mend.jumps_in(log.time, log.signals["drive"], log.segment)
         jump = jump if driven is None or not np.any(driven[jump != 0]) else None
     if jump is not None:
         log.signals["position"], told = mend.without_jumps(log.signals["position"], jump)
         log.found.append(told)
 
 
-def _as_log(name: str, table: _Table, done: Even, report: LogReport) -> Log:
+def _as_log(log: _Record, done: Even, report: LogReport) -> Log:
     import pandas as pd
 
-    lead = done.signals.get("drive", done.signals.get("command"))
-    assert lead is not None
-    time = done.time - done.time[0]
-    roles = [r for r in ("drive", "command", "position", "reference", "velocity") if r in done.signals]
-    frame: dict[str, Any] = {"time": time, **{r: done.signals[r] for r in roles}}
+    time, signals = done.time - done.time[0], done.signals
+    roles = [r for r in ("drive", "command", "position", "reference", "velocity") if r in signals]
+    frame: dict[str, Any] = {"time": time, **{r: signals[r] for r in roles}}
     return Log(
-        X=lead[:, None],
-        y=done.signals["position"],
+        X=signals["drive" if "drive" in signals else "command"][:, None],
+        y=signals["position"],
         time=time,
-        reference=done.signals.get("reference"),
-        command=done.signals.get("command"),
+        reference=signals.get("reference"),
+        command=signals.get("command"),
         groups=done.segment,
         sample_rate=float(1.0 / done.period),
-        units=dict(table.units),
-        columns=dict(table.columns),
+        units=log.units,
+        columns=log.columns,
         frame=pd.DataFrame(frame, copy=False),
         report=report,
         notes=report.notes,
-        name=name,
+        name=log.name,
     )

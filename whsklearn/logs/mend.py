@@ -336,27 +336,27 @@ def without_jumps(position: Array, jump: Array) -> tuple[Array, Finding]:
     return position - np.cumsum(jump), Finding("LOG023", "warning", text, rows, float(jump[rows[0]]))
 
 
-def signed(role: str, values: Array) -> tuple[Array, Finding | None]:
+def signed(drive: Array) -> tuple[Array, Finding | None]:
     """Restore the sign of integers of 8, 16 or 32 bits whose negative values were logged as large positive ones.
 
     Two's complement is recognised by values at both ends of the range and none in its middle half.
 
-    >>> signed("drive", np.array([3.0, 1.0, 65535.0, 65530.0, 2.0]))[0]
+    >>> signed(np.array([3.0, 1.0, 65535.0, 65530.0, 2.0]))[0]
     array([ 3.,  1., -1., -6.,  2.])
     """
-    if values.size == 0 or values.min() < 0 or not np.all(values == np.round(values)):
-        return values, None
+    if drive.size == 0 or drive.min() < 0 or not np.all(drive == np.round(drive)):
+        return drive, None
     for bits in (8, 16, 32):
         whole = 2.0**bits
-        if 0.75 * whole < values.max() < whole:
-            negative = values > 0.5 * whole
-            middle = (values > 0.25 * whole) & (values < 0.75 * whole)
+        if 0.75 * whole < drive.max() < whole:
+            negative = drive > 0.5 * whole
+            middle = (drive > 0.25 * whole) & (drive < 0.75 * whole)
             if middle.any() or negative.all():
-                return values, None
-            text = f"The {role} has {bits}-bit numbers above {whole / 2:.0f}; {whole:.0f} was subtracted from them."
+                return drive, None
+            text = f"The drive has {bits}-bit numbers above {whole / 2:.0f}; {whole:.0f} was subtracted from them."
             found = Finding("LOG021", "info", text, np.flatnonzero(negative), whole)
-            return np.where(negative, values - whole, values), found
-    return values, None
+            return np.where(negative, drive - whole, drive), found
+    return drive, None
 
 
 def speed_from_counts(speed: Array) -> Array | None:

@@ -46,7 +46,9 @@ def shared_run(first: ArrayLike, second: ArrayLike) -> tuple[int, int, int] | No
                 break
             places = places[np.all(np.abs(a[places + k] - window[k]) <= near, axis=1)]
         if places.size:
-            return _whole(a, b, int(places.min()), start, near)
+            place = int(places.min())
+            before = _agree(a[:place][::-1], b[:start][::-1], near)
+            return place - before, start - before, before + _agree(a[place:], b[start:], near)
     return None
 
 
@@ -57,12 +59,7 @@ def _near(x: Array, y: Array) -> float:
     return max(0.51 * max(finest), NEAR * float(np.std(np.diff(y))), 1e-9 * float(np.ptp(y)), 1e-300)
 
 
-def _whole(a: Array, b: Array, i: int, j: int, near: Array) -> tuple[int, int, int]:
-    """Extend a match to its first and last sample."""
-    back = min(i, j)
-    same = np.all(np.abs(a[i - back : i] - b[j - back : j]) <= near, axis=1)
-    back = int(np.argmin(same[::-1])) if not same.all() else back
-    i, j = i - back, j - back
-    n = min(len(a) - i, len(b) - j)
-    same = np.all(np.abs(a[i : i + n] - b[j : j + n]) <= near, axis=1)
-    return i, j, n if same.all() else int(np.argmin(same))
+def _agree(a: Array, b: Array, near: Array) -> int:
+    """The number of samples from the first on in which two records agree."""
+    n = min(len(a), len(b))
+    return int(np.argmin(np.r_[np.all(np.abs(a[:n] - b[:n]) <= near, axis=1), False]))

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import struct
-import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cache
 from pathlib import Path
@@ -193,8 +192,7 @@ def open_lerobot(path: Path) -> Source:
         named[shown] = name
 
     def fetch(wanted: Sequence[str]) -> dict[str, Column]:
-        with warnings.catch_warnings():
-            parts = [open_parquet(f).fetch([named[w] for w in wanted]) for f in files]
+        parts = [open_parquet(f).fetch([named[w] for w in wanted]) for f in files]
         return {w: Column(np.concatenate([p[named[w]].values for p in parts])) for w in wanted}
 
     return Source(path.name, list(named), fetch, notes=[f"{len(files)} files of a LeRobot data set were joined."])

@@ -131,8 +131,8 @@ def drive_slips(drive: Array, position: Array) -> list[Slip]:
     inside = slice(20, -20)
     u, p, v, a = (x[inside] for x in (drive - drive.mean(), p, v, a))
     one = np.ones_like(p)
-    rest = _rest(u, [one, p, v])
-    by_axis = 1.0 - _rest(u, [one, p, v, a, np.sign(v)]) / rest
+    rest, axis = _rest(u, [one, p, v]), [one, p, v, a, np.sign(v)]
+    by_axis = 1.0 - _rest(u, axis) / rest
     by_speed = 1.0 - _rest(u, [one, p, v, np.sign(position[inside])]) / rest
     crosses = abs(position.mean()) < 0.5 * position.std()
     if crosses and by_speed > EXPLAINED and by_speed > 2.0 * by_axis:
@@ -140,7 +140,6 @@ def drive_slips(drive: Array, position: Array) -> list[Slip]:
         return [Slip(text, _VELOCITY)]
     if drive.min() >= 0.0 or drive.max() <= 0.0:
         size = np.abs(drive[inside])
-        axis = [one, p, v, a, np.sign(v)]
         if min(_rest_of_size(size, axis, s) for s in (p, v, a)) < SIGNED * _rest(size, axis):
             text = "The drive never changes its sign, but the motion is that of one that does: is it a magnitude only?"
             return [Slip(text, "its sign to the column (of a PWM duty, from the direction pin)")]

@@ -21,28 +21,20 @@ LONG_GAP = 5.0  # periods; four lost samples can be interpolated, within more an
 TURNED = 0.9  # share of steps backwards above which a log is written newest first
 ROUNDED = 1.05  # ticks; rounding scatters stamps by less than one about their line, which is fitted to 5 % of one
 RESTART = 20.0  # periods backwards; shorter steps are rows out of order, as written by two threads
-_SINCE_1970 = (  # stamps between 2001 and 2100, by the unit that they count
-    ("s", 1e9, 4.2e9, 1.0), ("ms", 1e12, 4.2e12, 1e-3), ("us", 1e15, 4.2e15, 1e-6), ("ns", 1e18, 4.2e18, 1e-9),
+# What stamps count, between which numbers (2001 and 2100; 1917 and 2234 on Windows and TwinCAT), and seconds per unit
+_EPOCHS = (
+    ("s since 1970", 1e9, 4.2e9, 1.0), ("ms since 1970", 1e12, 4.2e12, 1e-3), ("us since 1970", 1e15, 4.2e15, 1e-6),
+    ("ns since 1970", 1e18, 4.2e18, 1e-9), ("100 ns since 1601", 1e17, 2e17, 1e-7),
 )  # fmt: skip
 _DAYS = (2e4, 8e4)  # days since 1900, as in spreadsheets, between 1954 and 2119
 _DIGITS = 10  # behind the point of such a day, of the fifteen digits that Excel keeps
 _FASTEST = 2e-6  # s; smaller steps are counted in a longer unit
 _COUNTERS = (2.0**16, 2.0**24, 2.0**32)  # ticks at which a counter overflows
 _DAY = (86400.0, 86400e3, 86400e6)  # s, ms and us of a day, whose count begins again at midnight
-_FILETIME = (1e17, 2e17, 1e-7)  # 100 ns since 1601, between 1917 and 2234: stamps of Windows and TwinCAT
 ZONE = re.compile(r"\s+(?![AP]M$)[A-Z]{3,4}$")  # CEST behind a date, which is no part of it: only differences count
 # s; no axis is logged more slowly, so integers with larger steps count ms or us.  20 Hz, whose stamps are 0.05 s apart
 # only to the last digit of a float and to the clock's 1 %.
 SLOWEST = 0.0505
-
-
-class Stamps(NamedTuple):
-    """Kept rows, sorted by time, with their stamps in s and their segment numbers."""
-
-    rows: NDArray[np.intp]
-    time: Array
-    segment: NDArray[np.int64]
-    findings: tuple[Finding, ...]
 
 
 def to_seconds(values: NDArray[Any], unit: str, column: str) -> tuple[Array, tuple[Finding, ...]]:
@@ -62,25 +54,27 @@ def to_seconds(values: NDArray[Any], unit: str, column: str) -> tuple[Array, tup
         return values.astype("timedelta64[ns]").astype(float) * 1e-9, ()
     if values.dtype.kind not in "fiub":
         return _dates(values, column)
-    first = next((float(v) for v in values[:1000] if np.isfinite(v)), 0.0)
-    for name, low, high, factor in (*_SINCE_1970, ("100 ns since 1601", *_FILETIME)):
+    start = next((v for v in values[:1000] if np.isfinite(v)), 0.0)
+    first = float(start)
+    for since, low, high, factor in _EPOCHS:
         if low <= first < high:
-            start = next(v for v in values if np.isfinite(v))
-            since = name if "since" in name else f"{name} since 1970"
-            note = f"Column {column!r} holds {since}; time begins at 0 with the first row."
             # Subtract before scaling: 1.7e18 ns as a double has a resolution of 256 ns.
-            return (values - start).astype(float) * factor, (Finding("LOG015", "info", note),)
+            return (values - start).astype(float) * factor, (_begins(column, since),)
     values = values.astype(float)
     step = np.abs(np.diff(values)) if _DAYS[0] <= first < _DAYS[1] else np.empty(0)
     # Excel saves twelve digits, so stamps of ten ms and less repeat: then their mean step counts.
     if step.size and 0.0 < (np.nanmedian(step) or np.nanmean(step)) < _FASTEST:
-        note = f"Column {column!r} holds days, as spreadsheets count them; time begins at 0 with the first row."
-        return np.round(values - first, _DIGITS) * 86400.0, (Finding("LOG015", "info", note),)
+        days = _begins(column, "days, as spreadsheets count them")
+        return np.round(values - first, _DIGITS) * 86400.0, (days,)
     values, found = _unwound(values, column)
     if not is_time(unit):
         unit, told = _whole_numbers(values, column)
         found += told
     return values * seconds_of(unit), found
+
+
+def _begins(column: str, what: str) -> Finding:
+    return Finding("LOG015", "info", f"Column {column!r} holds {what}; time begins at 0 with the first row.")
 
 
 def on_one_clock(stamps: list[NDArray[Any]], unit: str, column: str) -> list[Array]:
@@ -137,11 +131,9 @@ def _unwound(values: Array, column: str) -> tuple[Array, tuple[Finding, ...]]:
 
 
 def _from_first(stamps: NDArray[Any]) -> Array:
-    known = ~np.isnat(stamps)
-    out = np.full(stamps.size, np.nan)
-    if known.any():
-        out[known] = (stamps[known] - stamps[known][0]).astype("timedelta64[ns]").astype(float) * 1e-9
-    return out
+    """Seconds since the first date; NaN where there is none."""
+    first = next((s for s in stamps if not np.isnat(s)), np.datetime64("NaT"))
+    return (stamps - first).astype("timedelta64[ns]").astype(float) * 1e-9
 
 
 def _dates(values: NDArray[Any], column: str) -> tuple[Array, tuple[Finding, ...]]:
@@ -162,13 +154,13 @@ def _dates(values: NDArray[Any], column: str) -> tuple[Array, tuple[Finding, ...
         try:
             since = pd.to_timedelta("00:" + text if minutes else text).dt.total_seconds().to_numpy(dtype=float)
             since = since + whole * np.r_[0.0, np.cumsum(np.diff(since) < -0.5 * whole)]  # over the hour, over midnight
-            return since - since[np.isfinite(since)][0], (_read_as_dates(column),)
+            return since - since[np.isfinite(since)][0], (_begins(column, "dates"),)
         except (ValueError, TypeError):
             pass
     for how in attempts:
         try:
             stamps = pd.to_datetime(text, utc=True, **how).dt.tz_localize(None)
-            return _from_first(stamps.to_numpy()), (_read_as_dates(column),)
+            return _from_first(stamps.to_numpy()), (_begins(column, "dates"),)
         except (ValueError, TypeError):
             continue
     numbers = pd.to_numeric(text, errors="coerce")
@@ -180,20 +172,18 @@ def _dates(values: NDArray[Any], column: str) -> tuple[Array, tuple[Finding, ...
     )
 
 
-def _read_as_dates(column: str) -> Finding:
-    return Finding("LOG015", "info", f"Column {column!r} holds dates; time begins at 0 with the first row.")
-
-
-def in_order(time: Array, same_rows: NDArray[np.bool_], rows: NDArray[np.intp]) -> Stamps:
-    """The rows sorted by time, without duplicates and stray stamps, in segments without long holes.
+def in_order(
+    time: Array, same_rows: NDArray[np.bool_], rows: NDArray[np.intp], found: list[Finding]
+) -> tuple[NDArray[np.intp], Array, NDArray[np.int64]]:
+    """The rows sorted by time, without duplicates and stray stamps, with their stamps and segments without long holes.
 
     ``time`` (n,): finite stamps in s, as logged.
     ``same_rows`` (n,): rows that equal the row before in every signal.
     ``rows`` (n,): row numbers in the file.
+    ``found``: gets what was found.
     A clock that restarts begins a new segment, whose stamps continue from the one before.
     Raises LogError if fewer than three stamps increase.
     """
-    found: list[Finding] = []
     logged = time
     turned = np.mean(np.diff(time) < 0) > TURNED
     if turned:
@@ -237,7 +227,7 @@ def in_order(time: Array, same_rows: NDArray[np.bool_], rows: NDArray[np.intp]) 
         )
     breaks = np.diff(time) >= LONG_GAP * _period(time)
     segment = np.r_[0, np.cumsum(breaks | starts[1:])].astype(np.int64)
-    return Stamps(rows, time, segment, tuple(found))
+    return rows, time, segment
 
 
 def _one_run(time: Array) -> bool:
@@ -263,14 +253,13 @@ def _spread(time: Array, same_rows: NDArray[np.bool_], period: float, found: lis
         return time
     first = np.flatnonzero(~double)
     counts = np.diff(np.r_[first, time.size])
-    place = np.arange(time.size)
-    slope, start = np.polyfit(place, time, 1)
-    line = start + slope * place
+    slope, line = _fitted_line(time)
     if np.ptp(time - line) <= ROUNDED * period:
         out, how = line, f"evenly every {slope:.6g} s"
     else:
         last = time[first[-1]] + period
-        out, how = np.interp(place, np.r_[first, time.size], np.r_[time[first], last]), "evenly"
+        out = np.interp(np.arange(time.size), np.r_[first, time.size], np.r_[time[first], last])
+        how = "evenly"
     text = f"Up to {counts.max()} rows share a time stamp with a resolution of {period:.3g} s; they were spread {how}."
     found.append(Finding("LOG003", "warning", text, np.flatnonzero(double), float(double.sum())))
     return out
@@ -469,6 +458,13 @@ def _resampled(t: Array, signals: dict[str, Array], period: float) -> tuple[Arra
     return grid, {k: smooth[k] if k in smooth else np.interp(grid, t, v) for k, v in signals.items()}
 
 
+def _fitted_line(t: Array) -> tuple[float, Array]:
+    """The step and the stamps of the even line that fits best."""
+    rows = np.arange(t.size)
+    slope, start = np.polyfit(rows, t, 1)
+    return slope, start + slope * rows
+
+
 def _line(t: Array) -> Array | None:
     """An even line through stamps that were rounded to a tick of at least a tenth of the period; None otherwise."""
     steps = np.round(np.diff(t), 9)
@@ -478,8 +474,7 @@ def _line(t: Array) -> Array | None:
     # Rounding gives two step lengths, both whole ticks and one tick apart, and both frequent; lost samples are rare.
     if tick < 0.1 * steps.mean() or not np.all((steps == short) | (steps == long)) or not 0.02 < often < 0.98:
         return None
-    slope, start = np.polyfit(np.arange(t.size), t, 1)
-    line = start + slope * np.arange(t.size)
+    line = _fitted_line(t)[1]
     off = t - line
     if abs(short / tick - round(short / tick)) > 1e-3 or np.ptp(off) > ROUNDED * tick:
         return None
@@ -492,9 +487,7 @@ def _by_rows(t: Array, motion: Array) -> Array | None:
     A host stamps rows when it gets to them: the samples of the drive are even, and the stamps jitter.  At 30 rad/s
     0.2 ms are eight counts of an encoder, which a spline through the stamps turns into acceleration.
     """
-    rows = np.arange(t.size)
-    slope, start = np.polyfit(rows, t, 1)
-    line = start + slope * rows
+    slope, line = _fitted_line(t)
     if t.size < _FEWEST or np.abs(t - line).max() > 0.5 * (GAP - 1.0) * slope:  # a longer step may be a lost row
         return None
     return line if _rough(line, motion) < SMOOTHER * _rough(t, motion) else None

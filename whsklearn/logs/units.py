@@ -65,7 +65,6 @@ _PER_TURN = re.compile(r"(?:counts|ticks)/(\d+\.?\d*(?:e\+?\d+)?)")
 _MULTIPLE = re.compile(r"(\d*\.?\d+(?:e[+-]?\d+)?)\s*[·*]?\s*([^\d\s./].*)", re.IGNORECASE)
 # A share of a torque or a current that the drive knows: `% rated`, `%MN`, `‰ of rated current`
 _SHARE = re.compile(r"(%|percent|prozent|‰|per ?mill?e?|promille|per ?thousand|1/1000)(?:$|\s*[a-z][^/]*|\s*\(.*)")
-_NANOMETRE = (1e-9, "m")  # "nm" for a position; for a drive, "nm" in column names means Nm
 _WIDE = str.maketrans("\uff08\uff09\uff3b\uff3d", "()[]")  # the brackets of Chinese and Japanese keyboards
 _TIMES = {"s", "ms", "us", "ns", "min", "h"}
 # At the end of a name, units only after one of _MARKS: torque_min is a minimum.
@@ -106,16 +105,12 @@ def unit_of(column: str, default: str = UNKNOWN) -> str:
     >>> unit_of("motorTorqueNm"), unit_of("torque_mNm"), unit_of("speedRadPerS"), unit_of("电机转矩（牛·米）")
     ('Nm', 'mNm', 'rad/s', 'Nm')
     """
-    joined = re.fullmatch(r"[a-z]{2,}(?:[A-Z][A-Za-z0-9]*)+", str(column))  # capitals divide its words
-    return _unit_of(re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", column) if joined else column, default)
-
-
-def _unit_of(column: str, default: str) -> str:
-    """`unit_of`, of a name in which capitals divide no words."""
-    written = written_unit(column)
+    text = str(column)
+    if re.fullmatch(r"[a-z]{2,}(?:[A-Z][A-Za-z0-9]*)+", text):  # capitals divide its words
+        text = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", text)
+    written = written_unit(text)
     if (symbol := symbol_of(written) or multiple_of(written)) is not None:
         return symbol
-    text = str(column)
     if written:
         text = text.translate(_WIDE)
         inside = _words(written)
@@ -269,8 +264,8 @@ def factor_of(symbol: str) -> tuple[float, str]:
     """
     if (of := _per_turn(symbol)) is not None:
         return 2 * math.pi / of, "rad"
-    if symbol == "nm":
-        return _NANOMETRE
+    if symbol == "nm":  # of a position, see `unit_for`
+        return 1e-9, "m"
     if known := _KNOWN.get(symbol) or _KNOWN.get(_SPELLED.get(_plain(symbol), "")):
         return known[:2]
     if (multiple := _MULTIPLE.fullmatch(symbol)) is not None:
@@ -409,13 +404,13 @@ def seconds_of(symbol: str) -> float:
     return 1.0 / float(symbol.partition("/")[2]) if symbol.startswith("ticks/") else factor_of(symbol)[0]
 
 
-def stated(units: dict[str, str] | None) -> dict[str, str]:
+def stated(units: Mapping[str, str]) -> dict[str, str]:
     """Units by role, with roles and symbols in the spelling of the library.
 
     Raises ColumnError if a unit's role is not known.
     """
     out = {}
-    for role, unit in (units or {}).items():
+    for role, unit in units.items():
         name = OTHER_NAMES.get(role, role)
         if name not in ROLES:
             raise ColumnError(
