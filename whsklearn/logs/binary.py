@@ -168,9 +168,8 @@ def open_tdms(path: Path) -> Source:
     with damaged(path, "TDMS file", ValueError, OSError, EOFError, KeyError), TdmsFile.read_metadata(path) as file:
         channels = [(g.name, c.name, c.properties) for g in file.groups() for c in g.channels()]
     once = [c for _, c, _ in channels]
-    where = {c if once.count(c) == 1 else f"{g}/{c}": (g, c) for g, c, _ in channels}
-    units = {n: str(p["unit_string"]) for n, (_, _, p) in zip(where, channels, strict=True) if p.get("unit_string")}
-    steps = {n: p.get("wf_increment") for n, (_, _, p) in zip(where, channels, strict=True)}
+    where = {c if once.count(c) == 1 else f"{g}/{c}": (g, c, told) for g, c, told in channels}
+    units = {n: str(told["unit_string"]) for n, (_, _, told) in where.items() if told.get("unit_string")}
     if not where:
         raise LogError(f"{path.name} has no channels; record the log again.")
 
@@ -178,10 +177,11 @@ def open_tdms(path: Path) -> Source:
         with TdmsFile.open(path) as file:
             out = {}
             for name in wanted:
-                channel = file[where[name][0]][where[name][1]]
+                group, called, told = where[name]
+                channel = file[group][called]
                 values = channel[:]
                 # Without a waveform increment, the stamps are a separate channel.
-                stamps = channel.time_track() if steps[name] and len(values) else None
+                stamps = channel.time_track() if told.get("wf_increment") and len(values) else None
                 out[name] = Column(np.asarray(values), stamps)
             return out
 

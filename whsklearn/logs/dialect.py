@@ -40,14 +40,11 @@ def dialect_of(lines: list[str]) -> Dialect | None:
     >>> dialect_of(["1 2.5", "2 2.6", "3 2.7"]).names is None
     True
     """
-    live = [(i, t) for i, t in enumerate(lines) if _says(t) and not t.lstrip().startswith(COMMENTS)]
-    best: tuple[float, Dialect] | None = None
-    quoted = any('"' in t for _, t in live)  # only then can a comma be both separator and decimal sign
-    for separator in SEPARATORS:
-        for decimal in (".", ",") if separator != "," or quoted else (".",):
-            found = _read_as(lines, live, separator, decimal)
-            if found is not None and (best is None or found[0] > best[0]):
-                best = found
+    live = [i for i, t in enumerate(lines) if _says(t) and not t.lstrip().startswith(COMMENTS)]
+    quoted = any('"' in lines[i] for i in live)  # only then can a comma be both separator and decimal sign
+    signs = {separator: (".", ",") if separator != "," or quoted else (".",) for separator in SEPARATORS}
+    found = [_read_as(lines, live, separator, decimal) for separator in SEPARATORS for decimal in signs[separator]]
+    best = max(filter(None, found), key=lambda f: f[0], default=None)
     return best[1] if best else None
 
 
@@ -74,32 +71,32 @@ def _says(line: str) -> bool:
     return re.fullmatch(r"[\s|+=,;:-]*", line) is None
 
 
+def _is_value(cell: str, decimal: str) -> bool:
+    return is_number(cell, decimal) or _DATE.fullmatch(cell) is not None
+
+
 def _is_data(cells: list[str], decimal: str) -> bool:
     """Whether most cells are numbers or dates, or half of four or more with the first, and not all are blank."""
-    good = [is_number(c, decimal) or bool(_DATE.fullmatch(c)) for c in cells]
+    good = [_is_value(c, decimal) for c in cells]
     half = len(cells) >= 4 and cells[0] != "" and good[0]  # time, name, value, unit
     return any(c and g for c, g in zip(cells, good, strict=True)) and 2 * sum(good) + half > len(cells)
 
 
-def _read_as(
-    lines: list[str], live: list[tuple[int, str]], separator: str, decimal: str
-) -> tuple[float, Dialect] | None:
-    """The layout for one separator and decimal sign, and how well it fits the first rows."""
-    rows = [(i, split(t, separator)) for i, t in live]
-    widths = [len(c) for _, c in rows]
-    start = _first_row(rows, widths, decimal)
+def _read_as(lines: list[str], live: list[int], separator: str, decimal: str) -> tuple[float, Dialect] | None:
+    """The layout for one separator and decimal sign, and how well it fits the first of the `live` lines."""
+    rows = [split(lines[i], separator) for i in live]
+    start = _first_row(rows, decimal)
     if start is None:
         return None
     if 0 < start <= _HEAD_BESIDE and _beside(rows, start, decimal):
         start = 0
-    width = widths[start]
-    body = [c for _, c in rows[start : start + _BODY]]
+    first, cells = live[start], rows[start]
+    width, body = len(cells), rows[start : start + _BODY]
     fits = sum(len(c) == width and _is_data(c, decimal) for c in body) / len(body)
     numeric = sum(is_number(x, decimal) and x != "" for c in body for x in c) / len(body)
-    first, cells = rows[start]
     above = [
-        _names_apart(lines[i], width) or c if separator == r"\s+" and len(c) > width else c
-        for k, (i, c) in enumerate(rows[:start])
+        _names_apart(lines[live[k]], width) or c if separator == r"\s+" and len(c) > width else c
+        for k, c in enumerate(rows[:start])
         if not _is_data(c, decimal) or (_label(rows, k, decimal) and not _below_names(rows, k, decimal))
     ]
     if all(not c[-1] for c in body):  # every row ends in a separator, which the header may lack
@@ -109,75 +106,68 @@ def _read_as(
     else:  # or only the header does, as in the Silverbox files
         above = [c[:-1] if len(c) == width + 1 and not c[-1] else c for c in above]
     if start == 0 and width > 1 and _counts_up(cells) and len(rows) > 1:  # pandas names unnamed columns 0, 1, 2
-        head, (first, cells) = Head([n or "index" for n in cells], None), rows[1]
+        head, first, cells = Head([n or "index" for n in cells], None), live[1], rows[1]
     else:
         head = headings(above, width, apart=all(not c[0] for c in body)) or Head(commented(lines[:first], width), None)
     header = above[-1] if above and head.names is None and not head.units else None
     comment = next((t.lstrip()[0] for t in lines if t.lstrip().startswith(("#", "%"))), "#")
     # A comma as separator is preferred to a decimal comma only if every cell is then a number (see `fits`); a decimal
     # point is assumed if both readings agree.
-    good = sum(is_number(x, decimal) or bool(_DATE.fullmatch(x)) for c in body for x in c) / sum(map(len, body))
+    good = sum(_is_value(x, decimal) for c in body for x in c) / sum(map(len, body))
     score = 10.0 * fits * good + min(numeric, 8.0) / 8.0 + 0.01 * (decimal == ".") + 0.5 * (width > 1)
     return score, Dialect(separator, decimal, first, head.names, head.units, width, comment, cells, head.clocks, header)
 
 
-def _first_row(rows: list[tuple[int, list[str]]], widths: list[int], decimal: str, above: int = 0) -> int | None:
+def _first_row(rows: list[list[str]], decimal: str, above: int = 0) -> int | None:
     """The first row of data at or below `above`; a few numbers above another header are not a log but parameters."""
-    start = next(
-        (
-            k
-            for k, (_, c) in enumerate(rows)
-            if k >= above
-            and _is_data(c, decimal)
-            and _goes_on(rows, widths, k, decimal)
-            and not _label(rows, k, decimal)
-        ),
-        None,
-    )
+
+    def begins(k: int) -> bool:
+        return _is_data(rows[k], decimal) and _goes_on(rows, k, decimal) and not _label(rows, k, decimal)
+
+    start = next(filter(begins, range(above, len(rows))), None)
     if start is None:
         return None
     for k in range(start + 1, min(start + _FEW, len(rows))):
-        cells = rows[k][1]
-        if len(cells) > 1 and all(map(is_word, cells)) and (start == 0 or cells != rows[start - 1][1]):
-            return _first_row(rows, widths, decimal, k + 1) or start
+        cells = rows[k]
+        if len(cells) > 1 and all(map(is_word, cells)) and (start == 0 or cells != rows[start - 1]):
+            return _first_row(rows, decimal, k + 1) or start
     return start
 
 
-def _goes_on(rows: list[tuple[int, list[str]]], widths: list[int], k: int, decimal: str) -> bool:
+def _goes_on(rows: list[list[str]], k: int, decimal: str) -> bool:
     """Whether an adjacent row has as many cells, or no row follows; a single cell needs more evidence."""
-    if k + 1 >= len(widths):
+    if k + 1 >= len(rows):
         return True
-    if widths[k] == 1:  # a date in a header
-        return widths[k + 1] == 1 and _is_data(rows[k + 1][1], decimal)
-    return widths[k] in (widths[k + 1], widths[k - 1] if k else 0)
+    if len(rows[k]) == 1:  # a date in a header
+        return len(rows[k + 1]) == 1 and _is_data(rows[k + 1], decimal)
+    return len(rows[k]) in (len(rows[k + 1]), len(rows[k - 1]) if k else 0)
 
 
-def _beside(rows: list[tuple[int, list[str]]], start: int, decimal: str) -> bool:
+def _beside(rows: list[list[str]], start: int, decimal: str) -> bool:
     """Whether all rows above the first data row are data too, next to header columns that are soon blank.
 
     An oscilloscope of Tektronix writes ``Record Length,2500,,-0.00125,0.04`` in its first rows.
     """
-    body = [c for _, c in rows[start : start + _BODY]]
+    body = rows[start : start + _BODY]
     width = len(body[0])
     said = [i for i in range(width) if any(len(c) == width and c[i] for c in body[_HEAD_BESIDE:])]
-    above = [c for _, c in rows[:start]]
     return 0 < len(said) < width and all(
-        len(c) == width and all(c[i] and is_number(c[i], decimal) for i in said) for c in above
+        len(c) == width and all(c[i] and is_number(c[i], decimal) for i in said) for c in rows[:start]
     )
 
 
-def _label(rows: list[tuple[int, list[str]]], k: int, decimal: str) -> bool:
+def _label(rows: list[list[str]], k: int, decimal: str) -> bool:
     """Whether a row begins with a word where the rows below have numbers: a ``key; value`` line, or a header."""
-    if not is_word(rows[k][1][0]) or bool(_DATE.fullmatch(rows[k][1][0])):
+    if not is_word(rows[k][0]) or _DATE.fullmatch(rows[k][0]):
         return False
-    below = [c[0] for _, c in rows[k + 1 :][-_BODY:]]
-    return 2 * sum(is_number(c, decimal) or bool(_DATE.fullmatch(c)) for c in below) > len(below)
+    below = [c[0] for c in rows[k + 1 :][-_BODY:]]
+    return 2 * sum(_is_value(c, decimal) for c in below) > len(below)
 
 
-def _below_names(rows: list[tuple[int, list[str]]], k: int, decimal: str) -> bool:
+def _below_names(rows: list[list[str]], k: int, decimal: str) -> bool:
     """Whether a row has numbers behind its first cell, and names above it: data with a word in place of the time."""
-    cells = rows[k][1]
-    named = any(len(c) == len(cells) and all(map(is_word, c)) for _, c in rows[:k])
+    cells = rows[k]
+    named = any(len(c) == len(cells) and all(map(is_word, c)) for c in rows[:k])
     return named and len(cells) > 1 and all(is_number(c, decimal) and c != "" for c in cells[1:])
 
 

@@ -12,7 +12,9 @@ import os
 import stat
 import threading
 import time
+from collections.abc import Iterator
 from pathlib import Path
+from typing import BinaryIO
 
 _STALE_SECONDS = 600.0
 
@@ -45,22 +47,17 @@ def atomic_write(path: str | os.PathLike[str], data: bytes) -> None:
         with open(path, "wb") as file:
             file.write(data)
         return
-    # every writer has its own file; a long name is cut because names have at most 255 bytes
-    aside = target.with_name(f".{target.name[:150]}.{os.getpid()}.{threading.get_ident()}.tmp")
     try:
-        with open(aside, "wb") as file:
+        with _beside(target) as file:
             if hasattr(os, "fchmod") and target.exists():
                 os.fchmod(file.fileno(), stat.S_IMODE(target.stat().st_mode))
             file.write(data)
             file.flush()
             os.fsync(file.fileno())
-        os.replace(aside, target)
+            file.close()  # Windows renames no open file
+            os.replace(file.name, target)
     except OSError as error:
-        _remove(aside)
         raise type(error)(error.errno, error.strerror or str(error), os.fspath(path)) from None
-    except BaseException:
-        _remove(aside)
-        raise
     _sync_folder(target.parent)
     _sweep(target)
 
@@ -83,14 +80,11 @@ def check_writable(path: str | os.PathLike[str]) -> None:
         return
     if not target.parent.is_dir():
         raise ValueError(f"The folder of {path} does not exist; create it, or write somewhere else.")
-    aside = target.with_name(f".{target.name[:150]}.{os.getpid()}.{threading.get_ident()}.tmp")
     try:
-        with open(aside, "wb") as file:
+        with _beside(target) as file:
             file.write(b"\0")
     except OSError as error:
         raise ValueError(f"{path} cannot be written ({error.strerror}); write somewhere else.") from None
-    finally:
-        _remove(aside)
 
 
 def is_device(path: str | os.PathLike[str]) -> bool:
@@ -98,10 +92,17 @@ def is_device(path: str | os.PathLike[str]) -> bool:
     return os.path.exists(path) and not os.path.isfile(path) and not os.path.isdir(path)
 
 
-def _remove(file: Path) -> None:
-    """Remove a file; neither it nor its folder need exist."""
-    with contextlib.suppress(OSError):
-        file.unlink()
+@contextlib.contextmanager
+def _beside(target: Path) -> Iterator[BinaryIO]:
+    """A hidden file in the same folder, open for writing, which is removed at the end unless it was renamed."""
+    # every writer has its own file; a long name is cut because names have at most 255 bytes
+    aside = target.with_name(f".{target.name[:150]}.{os.getpid()}.{threading.get_ident()}.tmp")
+    try:
+        with open(aside, "wb") as file:
+            yield file
+    finally:
+        with contextlib.suppress(OSError):
+            aside.unlink()
 
 
 def _sync_folder(folder: Path) -> None:

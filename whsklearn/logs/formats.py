@@ -109,11 +109,7 @@ def _opened(file: Path) -> Source:
 
 def _of_text(path: Path) -> Source:
     """JSON, lines of labelled numbers, or a table."""
-    with packed.opened(path) as stream:
-        try:
-            head = stream.read(4096)
-        except packed.DAMAGE:
-            head = b""  # reported by the reader of tables
+    head = _inside(path)
     if objects.is_json(head):
         return objects.open_json(path)
     if labelled.is_labelled(head):
@@ -122,16 +118,21 @@ def _of_text(path: Path) -> Source:
     return parts.by_motor(parts.by_signal(whole))
 
 
+def _inside(path: Path) -> bytes:
+    """The first bytes of a file, unpacked; none of a damaged one, which the reader of tables reports."""
+    with packed.opened(path) as stream:
+        try:
+            return stream.read(4096)
+        except packed.DAMAGE:
+            return b""
+
+
 def _unpacked(path: Path, head: bytes) -> Source:
     """A compressed log; NumPy archives are ZIP archives of binary."""
     if head.startswith(packed.ZIP) and all(n.endswith(".npy") for n in packed.members(path) or [""]):
         return binary.open_numpy(path)
-    with packed.opened(path) as stream:
-        try:
-            inside = stream.read(512)
-        except packed.DAMAGE:
-            inside = b""
-    if any(inside.startswith(magic) for magic, _ in _MAGIC):
+    inside = _inside(path)
+    if inside.startswith(tuple(magic for magic, _ in _MAGIC)):
         raise LogError(f"{path.name} is packed, and its content is not a text table; unpack it first.")
     if what := packed.foreign(inside):
         raise LogError(f"{path.name} is packed, and its content is {what}.")

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -48,22 +49,8 @@ def with_nanoseconds(source: Source) -> Source:
     if not pairs or not source.header:
         return source
 
-    def fetch(wanted: Sequence[str]) -> dict[str, Column]:
-        read = source.fetch([*wanted, *(pairs[w][0] for w in wanted if w in pairs)])
-        for name in set(wanted) & set(pairs):
-            part, each = pairs[name]
-            read[name] = read[name]._replace(values=_nanoseconds(read[name].values, read.pop(part).values, each))
-        return read
-
-    called = [f"Column {a!r} is completed by {b!r}, parts of a second." for a, (b, _) in pairs.items()]
-    parts = {part for part, _ in pairs.values()}
-    return replace(
-        source,
-        names=[n for n in source.names if n not in parts],
-        fetch=fetch,
-        units=source.units | dict.fromkeys(pairs, "ns"),
-        notes=[*source.notes, *called],
-    )
+    joins = {n: (part, partial(_nanoseconds, each=each)) for n, (part, each) in pairs.items()}
+    return replace(_completed(source, joins), units=source.units | dict.fromkeys(pairs, "ns"))
 
 
 def with_milliseconds(source: Source) -> Source:
@@ -81,7 +68,7 @@ def with_milliseconds(source: Source) -> Source:
         return source
     rest = [n for n in source.names if n != part]
     try:
-        time = guess(Source(source.name, rest, source.fetch, units=source.units), "time")
+        time = guess(replace(source, names=rest), "time")
     except ColumnError:
         return source
     if time is None:
@@ -91,18 +78,27 @@ def with_milliseconds(source: Source) -> Source:
     text = clock.dtype.kind in "OUST" and len(clock) > 0 and re.fullmatch(r".*\d:\d\d", str(clock[0]).strip())
     if not text or after.dtype.kind not in "fiu" or not np.all((after >= 0) & (after <= 999) & (after == after // 1)):
         return source  # also where a row has none
+    return _completed(source, {time: (part, _with_milliseconds)})
+
+
+def _completed(source: Source, joins: Mapping[str, tuple[str, Callable[[Any, Any], Any]]]) -> Source:
+    """Columns of time completed by others, parts of a second: by column, that of its part and how they are joined."""
 
     def fetch(wanted: Sequence[str]) -> dict[str, Column]:
-        read = source.fetch([*wanted, *([part] if time in wanted else [])])
-        if time in wanted:
-            ms = read.pop(part).values
-            read[time] = read[time]._replace(
-                values=np.array([f"{t}.{m:03.0f}" for t, m in zip(read[time].values, ms, strict=True)])
-            )
+        read = source.fetch([*wanted, *(joins[w][0] for w in wanted if w in joins)])
+        for name in set(wanted) & set(joins):
+            part, join = joins[name]
+            read[name] = read[name]._replace(values=join(read[name].values, read.pop(part).values))
         return read
 
-    called = f"Column {time!r} is completed by {part!r}, parts of a second."
-    return replace(source, names=rest, fetch=fetch, notes=[*source.notes, called])
+    parts = {part for part, _ in joins.values()}
+    called = [f"Column {n!r} is completed by {part!r}, parts of a second." for n, (part, _) in joins.items()]
+    kept = [n for n in source.names if n not in parts]
+    return replace(source, names=kept, fetch=fetch, notes=[*source.notes, *called])
+
+
+def _with_milliseconds(clock: NDArray[Any], ms: NDArray[Any]) -> NDArray[Any]:
+    return np.array([f"{t}.{m:03.0f}" for t, m in zip(clock, ms, strict=True)])
 
 
 def _nanoseconds(whole: NDArray[Any], part: NDArray[Any], each: int) -> NDArray[Any]:
@@ -129,8 +125,7 @@ def by_motor(source: Source) -> Source:
     numbers, counts = np.unique(ids, return_counts=True) if ids is not None else (np.empty(0), np.empty(0))
     if ids is None or not 2 <= numbers.size <= _MOST_MOTORS or counts.min() < _FEWEST_ROWS:
         return source
-    times = [n for n in source.names if guess(Source("", [n], source.fetch, units=source.units), "time")]
-    shared = times[:1]
+    shared = _times(source)[:1]
     where = {f"{n}.{i}": (n, i) for n in source.names if n not in (column, *shared) for i in numbers.tolist()}
 
     def fetch(wanted: Sequence[str]) -> dict[str, Column]:
@@ -150,6 +145,11 @@ def by_motor(source: Source) -> Source:
     return Source(source.name, [*shared, *where], fetch, units={w: u for w, u in units.items() if u}, notes=notes)
 
 
+def _times(source: Source) -> list[str]:
+    """All columns that may be the time."""
+    return [n for n in source.names if guess(replace(source, names=[n]), "time")]
+
+
 def by_signal(source: Source) -> Source:
     """The signals of a long table, which has one row per reading with its time and its name; else the source.
 
@@ -166,9 +166,10 @@ def by_signal(source: Source) -> Source:
         return next((n for n in source.names if word("_".join(words_of(n)))), None)
 
     column, value = called(_SIGNAL.fullmatch), called(_VALUE.__contains__)
-    time = next((n for n in source.names if guess(Source("", [n], source.fetch, units=source.units), "time")), None)
-    if column is None or value is None or time is None:
+    times = _times(source)
+    if column is None or value is None or not times:
         return source
+    time = times[0]
     told = called(_UNIT.__contains__)
     read = source.fetch([column, value, time, *([told] if told else [])])  # together: all lose the same rows
     signal = read[column].values

@@ -129,9 +129,7 @@ def numbers_of(message: Any) -> dict[str, float]:
     >>> numbers_of({"name": ["elbow"], "position": [0.5], "header": {"stamp": {"sec": 2, "nanosec": 500000000}}})
     {'position.elbow': 0.5, 'header.stamp': 2.5}
     """
-    out: dict[str, float] = {}
-    _collect(out, "", message, 0)
-    return out
+    return dict(_numbers("", message, 0))
 
 
 def _fields(message: Any) -> dict[str, Any] | None:
@@ -143,32 +141,30 @@ def _fields(message: Any) -> dict[str, Any] | None:
     return {n: getattr(message, n) for n in names if hasattr(message, n)} if names else None
 
 
-def _collect(out: dict[str, float], prefix: str, value: Any, depth: int) -> None:
+def _numbers(path: str, value: Any, depth: int) -> Iterator[tuple[str, float]]:
     if isinstance(value, bool | int | float | np.number):
-        out[prefix] = float(value)
+        yield path, float(value)
+    elif depth > _DEEPEST or isinstance(value, str | bytes) or value is None:
         return
-    if depth > _DEEPEST or isinstance(value, str | bytes) or value is None:
-        return
-    if isinstance(value, Sequence | np.ndarray):
+    elif isinstance(value, Sequence | np.ndarray):
         for i, item in enumerate(value[:64]):
-            _collect(out, f"{prefix}.{i}" if prefix else str(i), item, depth + 1)
-        return
-    fields = _fields(value)
-    if not fields:
-        return
-    parts = _seconds(fields)
-    if parts is not None:
-        out[prefix] = parts[0] + 1e-9 * parts[1]
-        return
-    joints = fields.get("name", fields.get("joint_names"))
-    joints = list(joints) if isinstance(joints, Sequence | np.ndarray) and not isinstance(joints, str) else []
-    for name, item in fields.items():
-        path = f"{prefix}.{name}" if prefix else name
-        if joints and isinstance(item, Sequence | np.ndarray) and len(item) == len(joints):
-            for joint, number in zip(joints, item, strict=True):
-                _collect(out, f"{path}.{joint}", number, depth + 1)
-        elif not name.startswith("_"):
-            _collect(out, path, item, depth + 1)
+            yield from _numbers(_below(path, i), item, depth + 1)
+    elif fields := _fields(value):
+        if (stamp := _seconds(fields)) is not None:
+            yield path, stamp[0] + 1e-9 * stamp[1]
+            return
+        joints = fields.get("name", fields.get("joint_names"))
+        joints = list(joints) if isinstance(joints, Sequence | np.ndarray) and not isinstance(joints, str) else []
+        for name, item in fields.items():
+            if joints and isinstance(item, Sequence | np.ndarray) and len(item) == len(joints):
+                for joint, number in zip(joints, item, strict=True):
+                    yield from _numbers(f"{_below(path, name)}.{joint}", number, depth + 1)
+            elif not name.startswith("_"):
+                yield from _numbers(_below(path, name), item, depth + 1)
+
+
+def _below(path: str, name: Any) -> str:
+    return f"{path}.{name}" if path else str(name)
 
 
 def open_lerobot(path: Path) -> Source:

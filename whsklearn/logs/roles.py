@@ -51,6 +51,7 @@ _NOT_MEASURED = {
 _TICKS = {"ticks", "tick"}  # of a clock, or of an encoder
 _COMMANDED = {*WORDS["reference"], "command", "commanded", "cmd"}
 _NO_TORQUE = (_NOT_MEASURED - _COMMANDED) | {*WORDS["position"], "max", "min", "pwm", "duty"}
+_TORQUES = {w for w in WORDS["drive"] if len(w) > 1}
 # A share of the supply: it is only ever commanded, and taken where no torque, current or voltage is logged.
 _DUTY, _NO_DUTY = {"pwm", "duty"}, {"limit", "lim", "max", "min", "error"}
 
@@ -80,11 +81,10 @@ def guess(source: Source, role: str) -> str | None:
     )
     found = next(filter(None, by_word), [n for n in free if units[n] == role])
     if not found and role == "drive":  # a torque that is only commanded drives, too
-        torques = {w for w in WORDS["drive"] if len(w) > 1}
-        found = [n for n in source.names if _COMMANDED & set(words_of(n)) and not _NO_TORQUE & set(words_of(n))]
-        found = [n for n in found if torques & set(words_of(n)) or _role_of_unit(source, n) == "drive"]
-    if not found and role == "drive":
-        found = [n for n in source.names if _DUTY & set(words_of(n)) and not _NO_DUTY & set(words_of(n))]
+        words = {n: set(words_of(n)) for n in source.names}
+        found = [n for n, w in words.items() if _COMMANDED & w and not _NO_TORQUE & w]
+        found = [n for n in found if _TORQUES & words[n] or _role_of_unit(source, n) == "drive"]
+        found = found or [n for n, w in words.items() if _DUTY & w and not _NO_DUTY & w]
     if len(found) > 1:
         found = _changing(source, found) or found
     if len(found) > 1:

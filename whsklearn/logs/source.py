@@ -59,6 +59,8 @@ class Source:
         Reads several columns at once, by their names.
     header : bool
         Whether the names are the file's own.
+    units : dict of str to str
+        By column, where the file states them apart from the names.
     notes : list of str
         How the file was read.
     nameless : str

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import codecs
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -37,16 +37,6 @@ _MOST_HEADERS = 1000  # that are compared with the first one
 _LIST = re.compile(r"\[[^\[\]\"]*\d[^\[\]\"]*\]")
 
 
-class _Table(NamedTuple):
-    """A table in a text file: how it is written, the rows to read (None for all), and whether the last one is cut."""
-
-    path: Path
-    encoding: str
-    layout: Dialect
-    rows: int | None
-    cut: bool
-
-
 def open_text(path: Path) -> Source:
     """A text file as a source of columns.
 
@@ -60,9 +50,9 @@ def open_text(path: Path) -> Source:
             f"{path.name} separates cells by commas and has decimal commas too: {len(layout.header or ())} names above "
             f"{layout.width} cells. Export it with semicolons, or with a decimal point."
         )
-    whole, last, notes = _whole_rows(path, encoding, layout)
-    table = _Table(path, encoding, layout, whole, _is_cut(last.decode(encoding, errors="replace"), clean, layout))
-    if table.cut:
+    rows, last, notes = _whole_rows(path, encoding, layout)
+    cut = _is_cut(last.decode(encoding, errors="replace"), clean, layout)
+    if cut:
         notes.append("The last row is incomplete and was left out.")
     names = layout.names or [str(i) for i in range(layout.width)]
     units = {n: u for n, u in zip(names, layout.units or [], strict=False) if u}
@@ -81,13 +71,17 @@ def open_text(path: Path) -> Source:
             f"Several columns are called {first!r}; the first keeps the name, others are {', '.join(doubles)}."
         )
 
+    def read(wanted: Iterable[str]) -> dict[str, Column]:
+        places = sorted({names.index(w) for w in wanted})
+        cells = _cells(path, places, layout, {"encoding": encoding, "nrows": rows})
+        return _typed(path.name, {names[i]: v[:-1] if cut else v for i, v in cells.items()}, layout.decimal, notes)
+
     def fetch(wanted: Sequence[str]) -> dict[str, Column]:
-        places = {w: names.index(w) for w in wanted}
-        if layout.clocks is None or any(layout.clocks[i] == i for i in places.values()):
-            return _read(table, places, notes)
-        clocks = {w: names[layout.clocks[i]] for w, i in places.items()}
-        places |= {c: names.index(c) for c in clocks.values()}
-        return with_clocks(_read(table, places, notes), clocks, units)
+        of = layout.clocks
+        if of is None or any(of[names.index(w)] == names.index(w) for w in wanted):
+            return read(wanted)
+        clocks = {w: names[of[names.index(w)]] for w in wanted}
+        return with_clocks(read([*wanted, *clocks.values()]), clocks, units)
 
     return Source(
         path.name, names, fetch, not why, units, notes,
@@ -285,29 +279,27 @@ def with_clocks(read: dict[str, Column], clocks: dict[str, str], units: dict[str
     return out
 
 
-def _read(table: _Table, columns: dict[str, int], notes: list[str]) -> dict[str, Column]:
-    """Columns by index, as floats if they are numbers, otherwise as text; conversions are added to `notes`.
+def _cells(path: Path, numbers: list[int], layout: Dialect, how: dict[str, Any]) -> dict[int, Any]:
+    """Columns by index, as numbers if all their cells are plain ones, otherwise as text.
 
     The file is read in chunks with all its columns, of which only the wanted ones are kept: with ``usecols`` pandas
     would silently drop surplus cells of a row, such as those of a decimal comma among comma-separated cells.
     """
     import pandas as pd
 
-    path, layout, numbers = table.path, table.layout, list(columns.values())
-    options: dict[str, Any] = {
+    options: dict[str, Any] = how | {
         "sep": layout.separator, "decimal": layout.decimal, "header": None, "skiprows": layout.first,
-        "skipinitialspace": layout.separator != r"\s+", "comment": layout.comment, "encoding": table.encoding,
-        "names": list(range(layout.width)), "index_col": False, "chunksize": _ROWS, "low_memory": False,
-        "nrows": table.rows,
+        "skipinitialspace": layout.separator != r"\s+", "comment": layout.comment, "names": list(range(layout.width)),
+        "index_col": False, "chunksize": _ROWS, "low_memory": False,
     }  # fmt: skip
-    types = {i: _type(layout.sample[i] if i < len(layout.sample) else "", layout.decimal) for i in set(numbers)}
+    types = {i: _type(layout.sample[i] if i < len(layout.sample) else "", layout.decimal) for i in numbers}
     try:
         try:
-            parts = _chunks(path, numbers, {**options, "dtype": types})
+            return _chunks(path, numbers, {**options, "dtype": types})
         except (ValueError, OverflowError) as error:
             if isinstance(error, pd.errors.ParserError | UnicodeDecodeError):
                 raise
-            parts = _chunks(path, numbers, {**options, "dtype": str})
+            return _chunks(path, numbers, {**options, "dtype": str})
     except (pd.errors.ParserError, UnicodeDecodeError, pd.errors.EmptyDataError, *DAMAGE) as error:
         ragged = re.search(r"Expected (\d+) fields in line (\d+), saw (\d+)", str(error))
         if ragged is not None:
@@ -317,9 +309,6 @@ def _read(table: _Table, columns: dict[str, int], notes: list[str]) -> dict[str,
             ) from None
         reason = str(error).strip().rstrip(".")
         raise LogError(f"{path.name} is not a readable CSV file ({reason}); export it again as UTF-8.") from None
-    inorder = sorted(columns.items(), key=lambda c: c[1])
-    cells = {name: parts[i][:-1] if table.cut else parts[i] for name, i in inorder}
-    return _typed(path.name, cells, layout.decimal, notes)
 
 
 def _typed(file: str, cells: dict[str, Any], decimal: str, notes: list[str]) -> dict[str, Column]:

@@ -5,6 +5,7 @@ Estimators and derivatives need one sample per period, whatever the logger did.
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import re
 from typing import Any, NamedTuple
@@ -145,24 +146,19 @@ def _dates(values: NDArray[Any], column: str) -> tuple[Array, tuple[Finding, ...
     text = pd.Series(values, dtype="string").str.strip().str.replace(",", ".", regex=False)
     text = text.str.replace(ZONE, "", regex=True)
     text = text.str.replace(r"(:\d\d):(\d{3,7})$", r"\1.\2", regex=True)  # 10:00:00:005, as LabVIEW and PLCs write
-    attempts: tuple[dict[str, Any], ...] = ({"format": "ISO8601"}, {"format": "mixed", "dayfirst": True})
     sample = text.dropna().iloc[0] if text.notna().any() else ""
     if sample.count(":") >= 1 and "-" not in sample and "/" not in sample and sample.count(".") <= 1:
-        attempts = ()
         minutes = sample.count(":") == 1 and "." in sample  # mm:ss.0, as spreadsheets show a time
         whole = 3600.0 if minutes else 86400.0
-        try:
+        with contextlib.suppress(ValueError, TypeError):
             since = pd.to_timedelta("00:" + text if minutes else text).dt.total_seconds().to_numpy(dtype=float)
             since = since + whole * np.r_[0.0, np.cumsum(np.diff(since) < -0.5 * whole)]  # over the hour, over midnight
             return since - since[np.isfinite(since)][0], (_begins(column, "dates"),)
-        except (ValueError, TypeError):
-            pass
-    for how in attempts:
-        try:
-            stamps = pd.to_datetime(text, utc=True, **how).dt.tz_localize(None)
-            return _from_first(stamps.to_numpy()), (_begins(column, "dates"),)
-        except (ValueError, TypeError):
-            continue
+    else:
+        for how in ({"format": "ISO8601"}, {"format": "mixed", "dayfirst": True}):
+            with contextlib.suppress(ValueError, TypeError):
+                stamps = pd.to_datetime(text, utc=True, **how).dt.tz_localize(None)  # type: ignore[call-overload]
+                return _from_first(stamps.to_numpy()), (_begins(column, "dates"),)
     numbers = pd.to_numeric(text, errors="coerce")
     bad = np.flatnonzero((numbers.isna() & text.notna()).to_numpy())
     row = int(bad[0]) if bad.size else 0
