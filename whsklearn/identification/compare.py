@@ -29,9 +29,9 @@ from whsklearn.identification.axis_fit import (
 )
 from whsklearn.identification.chain_fit import fit_chain, fit_folded, fit_rectified, loses_sign
 from whsklearn.identification.drive_lead import moved, skew
-from whsklearn.identification.end_stops import fit_stopped_axis
 from whsklearn.identification.linear_fit import fit_arx, fit_output_error
 from whsklearn.identification.logs_together import OwnDrive, together
+from whsklearn.identification.stopped_axis import fit_stopped_axis
 from whsklearn.identification.two_masses import fit_two_masses
 from whsklearn.identification.view import RATES, View, held_out_from, smooth, view, window_of
 from whsklearn.identification.windows import (

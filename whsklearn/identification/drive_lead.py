@@ -13,6 +13,7 @@ from whsklearn.effects.base import Array, rms
 from whsklearn.filtering.records import HOLDS
 from whsklearn.identification.axis_inverse import FEWEST, KNOWN, balance, inverse_starts, solved
 from whsklearn.identification.axis_numbers import shooting_log
+from whsklearn.identification.end_stops import contacts
 from whsklearn.identification.view import View
 from whsklearn.identification.windows import axis_score
 from whsklearn.recursion.batch.axis_free_run import HANGS, AxisForm, fit_pieces
@@ -70,19 +71,26 @@ def skew(log: View) -> int:
     width = smoothing_width(log.dt)
     if 2 * OLDEST < log.dt or log.logged == "output":
         return 0
-    form = force_form([log])
-    columns, drive = balance(log, width, form)
+    stops = contacts(log, hangs=log.angle) if log.logged == "position" else None
+
+    def free(lead: int) -> View:
+        """The motion between the stops: what these push is no answer to the drive, whatever its age."""
+        shifted = moved(log, lead)
+        return (stops and stops.between(shifted)) or shifted
+
+    form = force_form([free(0)])
+    columns, drive = balance(free(0), width, form)
     if drive.size < 10 * FEWEST:
         return 0
 
     def look(lead: int) -> tuple[float, float]:
-        return age(moved(log, lead), form)
+        return age(free(lead), form)
 
     lead = drive_lead(look, rms(drive - columns @ solved(columns, drive)), log.dt, either_way=True)
     if lead and not look(lead)[1] < KNOWN * rms(drive):
         return 0
     if log.logged == "position" and look(0)[1] < KNOWN * rms(drive):
-        lead = _by_shooting(log.part(0, min(log.u.size, ENOUGH)), lead, form)
+        lead = _by_shooting(free, lead, form)
     return lead
 
 
@@ -130,15 +138,18 @@ def same_age(logs: Sequence[View]) -> list[int]:
     return leads.tolist()
 
 
-def _by_shooting(log: View, lead: int, form: AxisForm) -> int:
+def _by_shooting(free: Callable[[int], View], lead: int, form: AxisForm) -> int:
     """The shift near ``lead`` with the smallest error of short runs, with a drive held or smooth between its samples.
 
-    No shift is preferred to one that does not remove `EXPLAINED` of the squared error.
+    ``free``: the motion with its drive shifted.  No shift is preferred to one that does not remove `EXPLAINED` of the
+    squared error.
     """
+    dt = free(0).dt
 
     @functools.cache
     def left(shift: int) -> float:
-        shifted = moved(log, shift)
+        shifted = free(shift)
+        shifted = shifted.part(0, min(shifted.u.size, ENOUGH))
         try:
             starts = inverse_starts(shifted, form)
         except ValueError:
@@ -147,9 +158,9 @@ def _by_shooting(log: View, lead: int, form: AxisForm) -> int:
         held, smooth = (shooting_log(dataclasses.replace(shifted, hold=h), PIECES, form) for h in HOLDS)
         return min(fit_pieces(theta, pieces, iterations=SHORT_FIT).cost for pieces in (held, smooth))
 
-    step = max(round(STEP / log.dt), 1)
+    step = max(round(STEP / dt), 1)
     while step:
-        near = min((k for k in (lead - step, lead + step) if abs(k) * log.dt <= OLDEST), key=left, default=lead)
+        near = min((k for k in (lead - step, lead + step) if abs(k) * dt <= OLDEST), key=left, default=lead)
         if left(near) < left(lead):
             lead = near
         else:
