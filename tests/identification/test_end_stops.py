@@ -7,7 +7,7 @@ import pytest
 
 from tests.identification.test_stopped_axis import BOTH, UPPER, driven
 from whsklearn.identification.drive_lead import moved, skew
-from whsklearn.identification.end_stops import contacts, struck
+from whsklearn.identification.end_stops import contacts, struck, struck_before
 from whsklearn.identification.view import view
 
 
@@ -47,3 +47,12 @@ def test_the_age_of_the_drive_is_that_of_the_motion_between_the_stops(lead):
     """Of the whole record it was found up to 50 ms late."""
     record = view(*driven(BOTH), 0.002, "position")
     assert skew(moved(record, -lead)) == lead
+
+
+def test_an_end_that_is_struck_first_in_the_held_out_part_is_fitted_if_enough_is_left():
+    record = view(*driven(BOTH), 0.002, "position")
+    first = int(np.argmax(record.y < BOTH.ends[0]))  # the other end is struck before
+    last = first + int(np.argmax(record.y[first:] > BOTH.ends[0]))
+    assert last < struck_before(record, first - 5) < last + 100
+    assert struck_before(record, last + 200) == last + 200
+    assert struck_before(record.part(0, last + 20), first - 5) == first - 5

@@ -116,16 +116,10 @@ def fit_hanging_axis(log: View, *, loaded: bool = False, sprung: bool = False) -
     if sprung:
         inertia, *_, stiffness = inverse_starts(record, form)[0].theta
         record = replace(record, steps=max(record.steps, spring_steps(abs(stiffness) / inertia, record.dt)))
-    model, own = _fit(record, form)
-    forces = {"Gravity": model.parameters["gravity_imbalance"]}
-    if sprung:
-        forces["The spring"] = abs(model.parameters["cable_spring"]) * float(np.std(log.y))
-    for name, force in forces.items():
-        if (share := force / np.std(log.u)) < LEAST_FORCE:
-            raise ValueError(f"{name} would be {100 * share:.2g} % of the drive, so the axis without it is equivalent.")
+    model, own = _with_weight(record, form, log)
     if not abs(model.parameters["input_offset"]) > 2.0 * model.standard_errors["input_offset"]:
         # over part of a turn an offset that is not there cancels a weight that is not, until the axis turns further
-        model, own = _fit(record, form._replace(shifted=False))
+        model, own = _with_weight(record, form._replace(shifted=False), log)
     numbers = model.parameters
     if abs(numbers["input_offset"]) > np.abs(log.u).max():
         raise UntoldError(
@@ -133,6 +127,18 @@ def fit_hanging_axis(log: View, *, loaded: bool = False, sprung: bool = False) -
             "over this range a weight cannot be told from other forces that follow the position."
         )
     return determined(model, own)
+
+
+def _with_weight(record: View, form: AxisForm, log: View) -> tuple[AxisModel, dict[str, float]]:
+    """The fit of an axis with a weight, if it and a spring beside it are enough of the drive to be there."""
+    model, own = _fit(record, form)
+    forces = {"Gravity": model.parameters["gravity_imbalance"]}
+    if form.powers:
+        forces["The spring"] = abs(model.parameters["cable_spring"]) * float(np.std(log.y))
+    for name, force in forces.items():
+        if (share := force / np.std(log.u)) < LEAST_FORCE:
+            raise ValueError(f"{name} would be {100 * share:.2g} % of the drive, so the axis without it is equivalent.")
+    return model, own
 
 
 def fit_placed_axis(log: View, powers: int) -> AxisModel:

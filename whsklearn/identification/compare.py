@@ -29,6 +29,7 @@ from whsklearn.identification.axis_fit import (
 )
 from whsklearn.identification.chain_fit import fit_chain, fit_folded, fit_rectified, loses_sign
 from whsklearn.identification.drive_lead import moved, skew
+from whsklearn.identification.end_stops import struck_before
 from whsklearn.identification.linear_fit import fit_arx, fit_output_error
 from whsklearn.identification.logs_together import OwnDrive, together
 from whsklearn.identification.stopped_axis import fit_stopped_axis
@@ -301,7 +302,7 @@ def identify(
     drive, output = (factor_of(units.get(k, UNKNOWN)) for k in ("input", "output"))
     logs = _logs(u, y, dt, logged, groups, records, (drive, output))
     whole, own = together(logs, si=(drive[0], output[0]))
-    cut = held_out_from(whole.y)
+    cut = struck_before(whole.in_si, held_out_from(whole.y))
     fitting, held_out = whole.part(0, cut), whole.part(cut, whole.u.size)
     judged = held_out  # by the models that were fitted to what is before it, as the choice was made
     if test is not None:

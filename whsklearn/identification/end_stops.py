@@ -31,6 +31,7 @@ STOP_FAR = 6.0
 STOP_KNEE = 3.0
 # Share of the events' energy allowed outside the regions: the blur carries some to before the contact.
 STOP_EDGE = 0.03
+LEAST_HELD = 0.1  # of the record
 MARGIN = 0.01  # of the travel: how far before the events of an end a contact may begin, as its first push is no event
 BESIDE = 3  # samples before and after a contact that are left out with it: the velocity of the sample is uncertain
 
@@ -121,6 +122,22 @@ def contacts(log: View, *, hangs: bool) -> Contacts:
             break
         found, between = then, left
     return found
+
+
+def struck_before(log: View, cut: int) -> int:
+    """The first held-out sample, after ``cut`` if an end of the travel is struck first in what would be held out.
+
+    What is fitted before must show it, or no model predicts the rest.  A tenth of the record remains in any case.
+    """
+    if log.logged != "position":
+        return cut
+    found, latest = contacts(log, hangs=log.angle), int((1.0 - LEAST_HELD) * log.y.size)
+    for side, end in found.ends.items():
+        there = found.touched & (side * log.y >= side * end)
+        first = int(np.argmax(there))
+        left = first + int(np.argmin(np.append(there[first:], False))) + LEAST_SEGMENT
+        cut = left if cut < left <= latest else cut
+    return cut
 
 
 def _struck_by(log: View, form: AxisForm) -> list[Region]:
