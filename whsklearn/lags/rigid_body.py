@@ -313,6 +313,11 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         flat = zero_phase(signals.reshape(len(signals), -1), self.sample_rate, self.cutoff_)
         return flat.reshape(signals.shape)
 
+    def _moved(self, X: Array) -> Motion:
+        """Motion of a record behind the finer filter, (n, n_joints) each; the gap of an arm asks for it, too."""
+        each = [motion(x, self.sample_rate, self._fine) for x in X[:, : self.arm_.n_joints].T]
+        return Motion(*(np.column_stack(signals) for signals in zip(*each, strict=True)))
+
     # -- streams --------------------------------------------------------------------------
 
     def partial_rows(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> tuple[Array, Array]:
@@ -562,9 +567,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
 
     def _columns_along(self, X: Array, drive: Array) -> tuple[Array, Motion]:
         """Columns of one record before the filter, and its motion behind the finer one, (n, n_joints) each."""
-        rate = self.sample_rate
-        each = [motion(x, rate, self._fine) for x in X[:, : self.arm_.n_joints].T]
-        moved = Motion(*(np.column_stack(signals) for signals in zip(*each, strict=True)))
+        moved, rate = self._moved(X), self.sample_rate
         return self.columns(moved, zero_phase(drive, rate, self._fine), np.arange(len(X)) / rate), moved
 
     def _seen(self, columns: Array, moved: Motion, target: Array, limits: Array) -> tuple[Any, ...]:
