@@ -225,7 +225,7 @@ def test_a_wave_is_what_stands_before_it_times_a_cosine():
     """Scans of orders and frequencies take the factor before a wave from the effect's own column at order zero."""
     motion = Bunch(time=np.zeros(50), position=np.zeros(50), velocity=np.linspace(-1.0, 1.0, 50), drive=np.arange(50.0))
     turned = Bunch(**{**motion, "position": np.linspace(-3.0, 3.0, 50), "time": np.linspace(0.0, 9.0, 50)})
-    for kind in (c for c in catalogue() if c.paired and c.scanned):
+    for kind in (c for c in catalogue() if c.linear == 2 and c.scanned):
         front = kind.unit_columns((0.0,), motion)[:, 0]
         phase = 2 * np.pi * 1.3 * turned.time if kind.scanned == "time" else 1.3 * turned.position
         wave = np.column_stack([front * np.cos(phase), front * np.sin(phase)])

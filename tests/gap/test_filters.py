@@ -29,7 +29,7 @@ RNG = np.random.default_rng(0)
 
 def test_filter_turns_a_lag_of_position_into_the_torque_behind_it():
     dt, inertia = 1e-3, 0.05
-    seen_through = residual_filter(dt, inertia, 1e-6, 1.0, tracking=2.0)
+    seen_through = residual_filter(dt, inertia, 1e-6, 1.0, tracking=2.0, goal=0.004)
     t = np.arange(8000) * dt
     l1, l2 = seen_through.gains[0] / dt, seen_through.gains[1] / dt
     w = 2 * np.pi * 1.5
@@ -42,7 +42,7 @@ def test_filter_turns_a_lag_of_position_into_the_torque_behind_it():
 
 
 def test_decimation_keeps_samples_in_place():
-    seen_through = residual_filter(1e-3, 0.05, 1e-3, 1.0, tracking=2.0)
+    seen_through = residual_filter(1e-3, 0.05, 1e-3, 1.0, tracking=2.0, goal=0.004)
     ramp = np.arange(6000.0)
     middle = slice(20, -20)
     level = seen_through.taps.sum()  # a ramp of the innovation gives a ramp of torque
@@ -51,7 +51,7 @@ def test_decimation_keeps_samples_in_place():
 
 
 def test_noise_gain_is_that_of_white_noise():
-    seen_through = residual_filter(1e-3, 0.05, 1e-4, 1.0, tracking=2.0)
+    seen_through = residual_filter(1e-3, 0.05, 1e-4, 1.0, tracking=2.0, goal=0.004)
     d = seen_through.torque(1e-4 * RNG.standard_normal(100_000))
     assert d[50:-50].std() == pytest.approx(1e-4 * seen_through.noise_gain, rel=0.1)
 

@@ -12,7 +12,7 @@ import pytest
 from tests.foreign_frame import ForeignFrame
 from whsklearn.gap.data_check import check_servo
 from whsklearn.gap.plants.servo_sensors import coarse_encoder
-from whsklearn.gap.record import ServoRecord, held_out_blocks, noise_level, reading_noise
+from whsklearn.gap.record import ServoRecord, noise_level, reading_noise, training_samples
 
 T = np.arange(20_000) / 1000
 PATH = np.sin(2 * T) + 0.3 * np.sin(7 * T)
@@ -72,29 +72,23 @@ def test_a_grid_that_the_log_states_or_that_is_usual_is_no_effect(step, stated, 
     record = SimpleNamespace(resolution=stated, units=("Nm", unit))
     view = SimpleNamespace(
         quantum=step, noise=0.3 * step, scene=SimpleNamespace(reach=1.0), record=record,
-        gap=lambda m: m, rms=lambda g: 1.0, floor=lambda: 1.0,
+        gap=lambda m: m, rms=lambda g: 1.0, floor=1.0,
     )  # fmt: skip
     assert bool(coarse_encoder(view, None)) == named
 
 
-def test_blocks_part_the_record_and_each_is_held_out_once():
-    number, train = held_out_blocks(1003, 5, 0.4)
-    assert np.array_equal(number < 0, train)
-    assert set(number[~train]) == set(range(5))
-    assert np.mean(~train) == pytest.approx(0.4, abs=0.02)
-    for k in range(5):
-        held = np.flatnonzero(number == k)
-        assert np.array_equal(held, np.arange(held[0], held[-1] + 1))  # one piece
+@pytest.mark.parametrize("n", [1003, 10_000])
+def test_two_fifths_are_held_out_in_five_stretches(n):
+    train = training_samples(n)
+    assert np.mean(~train) == pytest.approx(0.4, abs=0.005)
+    first, last = (np.flatnonzero(np.diff(np.pad(~train, 1).astype(int)) == way) for way in (1, -1))
+    assert first.size == 5
+    assert np.ptp(last - first) <= 1
+    assert train[0]
+    assert not train[-1]
 
 
 RNG = np.random.default_rng(0)
-
-
-def test_blocks_leave_two_fifths_out_in_five_stretches():
-    held, train = held_out_blocks(10_000)
-    assert train.mean() == pytest.approx(0.6, abs=0.01)
-    assert sorted(set(held[held >= 0])) == [0, 1, 2, 3, 4]
-    assert not np.any(train & (held >= 0))
 
 
 @pytest.mark.parametrize("sigma", [1e-5, 1e-3])

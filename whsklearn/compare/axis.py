@@ -127,7 +127,7 @@ def best_of(views: Sequence[InverseView], rivals: list[list[ServoHypothesis]]) -
         left = [weight * (view.gap(m) - own.mean) for m, own in zip(models, owns, strict=True)]
         n = n_effective(min(left, key=lambda rest: float(rest @ rest)), view.n_effective)
         kinds = [m.terms[-1].kind for m in models]
-        numbers = np.array([kind.linear + (kind.n_slots - kind.linear) / len(views) for kind in kinds])
+        numbers = np.array([kind.linear + (len(kind.fields) - kind.linear) / len(views) for kind in kinds])
         power = np.array([rest @ rest for rest in left]) / (weight @ weight)
         totals += n * np.log(np.maximum(power, 1e-300)) + numbers * np.log(n)
     return rivals[int(np.argmin(totals))]
@@ -248,7 +248,7 @@ def by_shape(view: InverseView, model: ServoHypothesis) -> Array:
     for i in range(model.n_base, len(model.terms)):
         term = model.terms[i]
         kind = term.kind
-        for slot in range(kind.linear, kind.n_slots):
+        for slot in range(kind.linear, len(kind.fields)):
             step = SMALL * (abs(term.q[slot]) if kind.ratios(slot) else kind.spread(slot - kind.linear, model.scene))
             ends = [view.term_columns(model, term.with_slot(slot, term.q[slot] + by), None) for by in (step, -step)]
             change = (ends[0] - ends[1]) @ np.array(term.q[: kind.linear])

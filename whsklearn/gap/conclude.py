@@ -54,8 +54,7 @@ def conclude(plant: Any, found: Found, rng: np.random.Generator, say: Callable[[
     rows = rows_in(rows, motion, own, "before", "after", "floor")
     diagnosis.horizons = [{k: v for k, v in r.items() if k not in ("first", "last")} for r in rows]
     headline = _headline(plant, rows)
-    both = [headline["first"].as_dict(), headline["last"].as_dict()]
-    diagnosis.before, diagnosis.after = rows_in(both, motion, own, "rmse", "mu_e")
+    diagnosis.before, diagnosis.after = rows_in([headline["first"], headline["last"]], motion, own, "rmse", "mu_e")
     diagnosis.floor, diagnosis.closure = headline["floor"], headline["closure"]
     diagnosis.interrupted = found.interrupted
     diagnosis.candidates = candidates(found, diagnosis, plant, alpha)
@@ -431,9 +430,8 @@ def _learned(
     if learned is None:
         return rows
     grown = prove(plant, found.base, learned.model, rng, plant.reading(found.base, found.model).given)
-    before, after = (next(r["after"] for r in rs if r["horizon"] == plant.headline) for rs in (rows, grown))
-    floor = min(r["floor"] for r in grown if r["horizon"] == plant.headline)
-    share = closure(before, after, floor)
+    last = _headline(plant, grown)
+    share = closure(_headline(plant, rows)["after"], last["after"], last["floor"])
     worse = any(new["after"] > old["after"] for new, old in zip(grown, rows, strict=True))
     if share < LEARNED_SHARE or worse:
         return rows

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from whsklearn.gap.record import ServoRecord
-from whsklearn.logs.check import stillness
+from whsklearn.logs.check import runs, stillness
 from whsklearn.logs.timebase import LONG_GAP, SLOWEST
 
 # s: a third of a record is lost to restarts and filters, and the rest must hold several reversals.
@@ -169,15 +169,13 @@ def cut_at_speed(x: np.ndarray, dt: float) -> bool:
     if x.size < 10 * k:
         return False
     at = (x == x.max()) | (x == x.min())
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], at.astype(np.int8), [0]])))
-    whole = [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if a >= k and b + k <= x.size]
-    runs = [(a, b) for a, b in whole if b - a >= FLAT_RUN]
+    halts = [(a, b) for a, b in zip(*runs(at), strict=True) if b - a >= FLAT_RUN and a >= k and b + k <= x.size]
     near = np.convolve(at, np.ones(2 * k + 1), mode="same")[k:-k] > 0
     bends = np.abs(x[2 * k :] - 2 * x[k:-k] + x[: -2 * k])
-    if not runs or near.all():
+    if not halts or near.all():
         return False
     usual = float(np.quantile(bends[~near], USUAL))
-    speeds = [min(abs(x[a] - x[a - k]), abs(x[b - 1 + k] - x[b - 1])) for a, b in runs]
+    speeds = [min(abs(x[a] - x[a - k]), abs(x[b - 1 + k] - x[b - 1])) for a, b in halts]
     return float(np.median(speeds)) > SHARPER * usual
 
 

@@ -60,7 +60,7 @@ def observer_gains(tracking: float, dt: float) -> tuple[float, float]:
 
 
 def residual_filter(
-    dt: float, inertia: float, noise: float, torque: float, *, tracking: float, goal: float = 0.004
+    dt: float, inertia: float, noise: float, torque: float, *, tracking: float, goal: float
 ) -> ResidualFilter:
     """The filter whose floor from white position noise is ``goal`` times the rms drive, between 4 and 40 Hz.
 

@@ -10,6 +10,7 @@ import numpy as np
 from whsklearn.filtering.records import CUTOFF_SIGMA, HIGHEST_CUTOFF, filtered, gaussian_derivatives
 from whsklearn.gap import least_squares as ols
 from whsklearn.gap.record import Array, ServoRecord
+from whsklearn.identification.drive_lead import earlier
 
 # Share of the residual below which a delay, a derivative or an integral is accepted: a delay trades off against viscous
 # friction (`benchmarks.real_axes --only so101`).
@@ -65,7 +66,7 @@ def following_error(record: ServoRecord) -> tuple[Array, Loop]:
 
     def fitted(samples: int, n: int) -> tuple[float, Array]:
         """(rms residual, the first n of T_D and 1 / T_I) at one delay."""
-        error, slope = (record.by_piece(partial(late, samples=samples), x) - y for x, y in ((c, q), (rate, v)))
+        error, slope = (record.by_piece(partial(earlier, samples=-samples), x) - y for x, y in ((c, q), (rate, v)))
         loop = [-slope, -record.by_piece(lambda e: np.cumsum(e) * dt, error)][:n]
         columns = np.column_stack([axis, *loop])[rows]
         sizes, _ = ols.solve(columns, error[rows], POSITIVE[: columns.shape[1]])
@@ -77,20 +78,14 @@ def following_error(record: ServoRecord) -> tuple[Array, Loop]:
         if min(losses) < WORTH_IT * least:
             best, least = (int(np.argmin(losses)), n), min(losses)
     derivative, integral = np.append(fitted(*best)[1], np.zeros(2 - best[1]))
-    error = record.by_piece(partial(late, samples=best[0]), command) - position
-    drive = record.by_piece(lambda e: _controlled(e, dt, derivative, integral), error)
+    error = record.by_piece(partial(earlier, samples=-best[0]), command) - position
+
+    def controlled(e: Array) -> Array:
+        slope = np.gradient(e, dt) if e.size > 1 else np.zeros_like(e)
+        return e + derivative * slope + integral * dt * np.cumsum(e)
+
+    drive = record.by_piece(controlled, error)
     return drive, Loop(best[0] * dt, float(derivative), float(integral))
-
-
-def _controlled(error: Array, dt: float, derivative: float, integral: float) -> Array:
-    slope = np.gradient(error, dt) if error.size > 1 else np.zeros_like(error)
-    return error + derivative * slope + integral * dt * np.cumsum(error)
-
-
-def late(x: Array, samples: int) -> Array:
-    """A signal delayed by some samples, with its first value repeated before it."""
-    samples = min(samples, x.size)
-    return np.concatenate([np.full(samples, x[0]), x[: x.size - samples]])
 
 
 def _inner(all_of_it: Array, edge: int) -> Array:

@@ -6,8 +6,8 @@ unexplained (the *gap*), which effects may be missing and how each is tried.  Th
 
 How to write a plant
 --------------------
-1. A frozen model class with ``terms`` (base model's first), ``n_base``, ``without(index)`` and ``with_terms``; each
-   term has ``name`` and ``effect`` (the library's own `whsklearn.effects.Effect`).
+1. A frozen dataclass that is a model `WithTerms`; each term has ``name`` and ``effect`` (the library's own
+   `whsklearn.effects.Effect`).
 2. ``base``, ``errors`` and ``settled``: the model, its residual, and the model with all numbers fitted.
 3. ``looks``: every candidate to first order, in the record and in records that the model simulates
    (`whsklearn.gap.tangent.Tangent` does both at once); ``refine`` fits one of them, ``objection`` gives a physical
@@ -91,6 +91,30 @@ class FittedTerm:
         for i, value in zip(self.free, x, strict=True):
             q[i] = float(np.exp(value) if self.kind.ratios(i) else value)
         return replace(self, q=tuple(q))
+
+
+class WithTerms:
+    """A model whose effects are its ``terms``; the first ``n_base`` are the base model's."""
+
+    terms: tuple[Any, ...]
+    n_base: int
+
+    @property
+    def added(self) -> tuple[Any, ...]:
+        """Effects beyond the base model."""
+        return self.terms[self.n_base :]
+
+    def with_terms(self, terms: Iterable[Any]) -> Self:
+        """The model with other terms."""
+        return replace(self, terms=tuple(terms))  # type: ignore[type-var]  # those that have it are dataclasses
+
+    def with_term(self, term: Any) -> Self:
+        """The model with one more effect."""
+        return self.with_terms((*self.terms, term))
+
+    def without(self, index: int) -> Self:
+        """The model without its term ``index``."""
+        return self.with_terms(self.terms[:index] + self.terms[index + 1 :])
 
 
 def with_vectors(terms: tuple[Any, ...], x: Array) -> tuple[Any, ...]:

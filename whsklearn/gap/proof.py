@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,33 +17,16 @@ OWN_RUNS = 5  # they determine the floor to a tenth
 NO_GAP = 1e-3
 
 
-@dataclass(frozen=True)
-class FreeRun:
-    """Errors of one simulation on held-out samples, y - y_hat.
+def free_run_error(plant: Any, model: Any, horizon: float, *beside: Any) -> dict[str, float]:
+    """``nmse``, ``mu_e`` and ``rmse`` of the free run on the held-out samples that compare it with ``beside``, too.
 
-    >>> FreeRun(nmse=0.01, mu_e=0.0, rmse=0.002).as_dict()
-    {'nmse': 0.01, 'mu_e': 0.0, 'rmse': 0.002}
-    """
-
-    nmse: float
-    mu_e: float
-    rmse: float
-
-    def as_dict(self) -> dict[str, float]:
-        """For the report's file."""
-        return {"nmse": self.nmse, "mu_e": self.mu_e, "rmse": self.rmse}
-
-
-def free_run_error(plant: Any, model: Any, horizon: float, *beside: Any) -> FreeRun:
-    """NMSE, mean error and RMSE of the free run on held-out samples that also compare it with other models ``beside``.
-
-    The errors of a run that diverges are limited to ten times the range of the output.
+    ``beside``: other models. The errors of a run that diverges are limited to ten times the range of the output.
     """
     y, held = plant.measured(*beside)
     y_hat = plant.simulate(model, horizon)
     worst = 10.0 * float(np.ptp(y))
     e = np.clip(np.nan_to_num((y - y_hat)[held], nan=worst, posinf=worst, neginf=-worst), -worst, worst)
-    return FreeRun(float(np.mean(e**2) / np.var(y[held])), float(np.mean(e)), rms(e))
+    return {"nmse": float(np.mean(e**2) / np.var(y[held])), "mu_e": float(np.mean(e)), "rmse": rms(e)}
 
 
 def closure(before: float, after: float, floor: float, spread: float = np.inf) -> float:
@@ -93,11 +75,11 @@ def prove(
         after = free_run_error(plant, model, horizon, base, model)
         same = other_record is plant and first is model
         before = after if same else free_run_error(other_record, first, horizon, base, model)
-        own = rms(np.array([free_run_error(other, model, horizon).rmse for other in others]))
-        floor = min(own, after.rmse, before.rmse)
+        own = rms(np.array([free_run_error(other, model, horizon)["rmse"] for other in others]))
+        floor = min(own, after["rmse"], before["rmse"])
         rows.append({
-            "horizon": horizon, "before": before.rmse, "after": after.rmse, "floor": floor,
-            "closure": closure(before.rmse, after.rmse, floor, spread), "first": before, "last": after,
+            "horizon": horizon, "before": before["rmse"], "after": after["rmse"], "floor": floor,
+            "closure": closure(before["rmse"], after["rmse"], floor, spread), "first": before, "last": after,
         })  # fmt: skip
     return rows
 
@@ -132,7 +114,7 @@ def on_second_record(finder: Any, log: Any, **columns: str | None) -> list[dict[
         raise ValueError("It contains samples of the record that was fitted, so it is no test; give another run.")
     rows = []
     for horizon in plant.horizons:
-        before, after = (free_run_error(plant, _moved(m, here), horizon).rmse for m in (found.base, found.model))
+        before, after = (free_run_error(plant, _moved(m, here), horizon)["rmse"] for m in (found.base, found.model))
         rows.append({"horizon": horizon, "before": before, "after": after})
     return rows_in(rows, plant.units[1], fitted.own_units, "before", "after")
 

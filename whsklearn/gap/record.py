@@ -304,12 +304,7 @@ def reading_noise(drives: Sequence[Array], positions: Sequence[Array]) -> float:
     return MAD * float(np.median(np.abs(left)))
 
 
-def held_out_blocks(
-    n: int, n_pairs: int = PARTS, share: float = HELD_OUT
-) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
-    """Number of the held-out block (or -1) and training mask of every sample: 60 and 40 % interleaved."""
-    period = n / n_pairs
-    phase = (np.arange(n) % period) / period
-    number = (np.arange(n) / period).astype(np.intp)
-    held = phase >= 1.0 - share
-    return np.where(held, number, -1), ~held
+def training_samples(n: int) -> NDArray[np.bool_]:
+    """Mask of the samples that are fitted, shape (n,); the others, at the end of each of `PARTS` parts, judge."""
+    period = n / PARTS
+    return np.asarray((np.arange(n) % period) / period < 1.0 - HELD_OUT)

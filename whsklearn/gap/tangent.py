@@ -7,7 +7,7 @@ project the subspace out, and compute how much of each vector the columns explai
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -16,6 +16,9 @@ import numpy as np
 from whsklearn.gap.calibration import p_value
 from whsklearn.gap.record import Array
 
+# (shapes, columns, shares) of s shapes: the columns have shape (n, s, k), and the shares (s,) are the factor by which
+# each shape reduces the whole (one if it takes nothing off the drive)
+Blocks = Iterator[tuple[Any, Array, Array | float]]
 # Share of a column that must remain outside the span of the model's own: below it, only rounding errors are seen.
 VISIBLE = 1e-3
 # Share of the power of two columns that is added to the diagonal: a wave over less than a period is a line and a
@@ -30,9 +33,7 @@ class Family:
     """One candidate with all shapes that are tried."""
 
     name: str  # canonical name of the effect; empty for the nameless basis
-    # (tangent) -> triples of (shapes, columns, shares): s shapes, their columns of shape (n, s, k), and the factor by
-    # which each reduces the whole, shape (s,) (one if it takes nothing off the drive)
-    blocks: Callable[[Tangent], Iterable[tuple[Any, Array, Array | float]]]
+    blocks: Callable[[Tangent], Blocks]
     start: Callable[[Any, Array], Any]  # (shape, sizes of shape (k,)) -> the start of a refit
     n_numbers: int = 1  # free numbers, shape included
     positive: bool = False  # whether its one size must be positive
@@ -193,7 +194,7 @@ def looks_at(family: Family, *tangents: Tangent) -> list[Look | None]:
     return [scan.look() for scan in scans]
 
 
-def _joined(blocks: Iterable[tuple[Any, Array, Array | float]]) -> Iterator[tuple[list[Any], Array, Array]]:
+def _joined(blocks: Blocks) -> Iterator[tuple[list[Any], Array, Array]]:
     """The finite blocks, small ones joined: the null rows are read once for `AT_ONCE` shapes, not for each of them."""
     held: list[tuple[Any, Array, Array]] = []
     n = 0
@@ -240,6 +241,13 @@ def strongest_lines(rows: Array, kept: Array, step: float, low: float, high: flo
     # the vertex of the parabola through three lines; at an end of the band there may be none
     off = np.clip(np.divide(0.5 * (above - below), bend, out=np.zeros(best.size), where=bend > here * 1e-9), -0.5, 0.5)
     return [float(f) for f in np.unique(np.clip((best + off) * frequency[1], low, high))]
+
+
+def lines(rows: Array, kept: Array, step: float, low: float, high: float, time: Array) -> Blocks:
+    """A cosine and a sine of ``time`` (n,) at each of the `strongest_lines`."""
+    if best := strongest_lines(rows, kept, step, low, high):
+        phase = 2 * np.pi * time[:, None] * np.array(best)
+        yield [(f,) for f in best], np.stack([np.cos(phase), np.sin(phase)], axis=2), 1.0
 
 
 def with_p_values(looks: list[Look], least: float = 0.0) -> list[Look]:

@@ -233,7 +233,7 @@ def test_signals_are_one_sample_late_as_l2_is():
 def test_gaps_and_their_spectra_are_those_of_the_two_models():
     """Half the squared amplitudes sum to the variance, up to the window's own 1.5 bins."""
     s = record(QuadraticDrag(0.05))
-    base, model = coloured(s, TRUE), coloured(s, TRUE.plus(term("quadratic_drag", 0.05)))
+    base, model = coloured(s, TRUE), coloured(s, TRUE.with_term(term("quadratic_drag", 0.05)))
     plant = readings.ChainPlant(s.u, s.y, (None, (2, 2, 2, 2), 0), tolerance=0.004)
     plant.record = plant.everything = s
     plant.unit = 2.0

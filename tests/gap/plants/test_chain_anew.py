@@ -85,7 +85,7 @@ def test_the_pairs_of_poles_that_ring_become_resonances_with_their_numbers():
 def test_an_instant_is_walked_to():
     s = record(ParameterChange(0.3, 503.0, "coulomb"))
     k = next(k for k in anew.kinds(s, TRUE) if k.options.get("parameter") == "coulomb")
-    m = sharpened(s, coloured(s, TRUE).plus(anew.ChainTerm(k, (0.3, 450.0))), (1000.0,))
+    m = sharpened(s, coloured(s, TRUE).with_term(anew.ChainTerm(k, (0.3, 450.0))), (1000.0,))
     found = anew.walked(s, m).terms[-1].q
     assert found[1] == pytest.approx(503.0, abs=5.0)
     assert found[0] == pytest.approx(0.3, rel=0.1)
@@ -130,15 +130,15 @@ def test_a_spring_that_pulls_on_a_mass_is_fitted_from_every_division_of_a_linear
 
 def test_a_rival_starts_from_the_blocks_of_the_best():
     s = PLAIN.with_output(
-        PLAIN.y + chain_free_run(PLAIN, TRUE.plus(term("input_delay", 0.1))) - chain_free_run(PLAIN, TRUE)
+        PLAIN.y + chain_free_run(PLAIN, TRUE.with_term(term("input_delay", 0.1))) - chain_free_run(PLAIN, TRUE)
     )
-    lag = sharpened(s, TRUE.plus(term("actuator_lag", 0.3)))
+    lag = sharpened(s, TRUE.with_term(term("actuator_lag", 0.3)))
     rivals = {k.name: m for k, m in anew.beside_the_best(s, [(lag.terms[0].kind, lag)])}
     assert rivals["input_delay"].terms[0].q[0] == pytest.approx(0.1, rel=0.2)
     assert cost(s, rivals["input_delay"]) < cost(s, lag)
 
 
 def test_the_best_candidate_gets_no_rivals_if_it_leaves_the_blocks_as_they_are():
-    m = sharpened(PLAIN, TRUE.plus(term("quadratic_drag", 0.01)))
+    m = sharpened(PLAIN, TRUE.with_term(term("quadratic_drag", 0.01)))
     assert list(anew.beside_the_best(PLAIN, [(m.terms[0].kind, m)])) == []
     assert list(anew.beside_the_best(PLAIN, [])) == []

@@ -67,14 +67,14 @@ def test_a_pole_and_a_zero_that_the_record_needs_are_not_released():
 
 def test_an_effect_is_fitted_together_with_the_blocks():
     s = record(QuadraticDrag(0.1))
-    fitted = cf.sharpened(s, TRUE.plus(term("quadratic_drag", 0.01)), (30.0, 300.0, 1000.0))
+    fitted = cf.sharpened(s, TRUE.with_term(term("quadratic_drag", 0.01)), (30.0, 300.0, 1000.0))
     assert fitted.terms[0].q[0] == pytest.approx(0.1, rel=0.1)
     assert cf.cost(s, fitted) < 0.5 * cf.cost(s, cf.polished(s, TRUE))
 
 
 def test_weights_come_from_least_squares_beside_effects():
     one = term("output_offset", 0.4)
-    s = PLAIN.with_output(chain_free_run(PLAIN, TRUE.plus(one)))
+    s = PLAIN.with_output(chain_free_run(PLAIN, TRUE.with_term(one)))
     m = ChainHypothesis(cf.weighed(s, THETA[:3], THETA[6:], (one,)), (one,))
     np.testing.assert_array_equal(np.delete(m.theta, [3, 4, 5]), np.delete(THETA, [3, 4, 5]))
     kappa = 1.0 / rms_dx(s, m)  # the weights are those of the softest sign
@@ -83,7 +83,7 @@ def test_weights_come_from_least_squares_beside_effects():
         return np.std((s.y - simulate(s, model, kappa)[2])[s.fit])
 
     assert rest(m) < 0.5 * np.std(s.y[s.fit])
-    assert rest(m) < rest(TRUE.plus(one))
+    assert rest(m) < rest(TRUE.with_term(one))
 
 
 def test_the_divisions_of_the_linear_model_have_all_its_poles():

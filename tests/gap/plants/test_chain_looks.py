@@ -34,7 +34,7 @@ def test_a_column_is_what_a_small_effect_does(base, name):
     shape = k.shapes(scene.sizes)[0]
     columns = scene.columns(k, [shape])[:, 0, :]
     q = (*(1e-6 * np.ones(k.linear)), *shape)
-    change = simulate(PLAIN, base.plus(term(name, *q)), scene.kappa)[2] - scene.run[2]
+    change = simulate(PLAIN, base.with_term(term(name, *q)), scene.kappa)[2] - scene.run[2]
     np.testing.assert_allclose(1e-6 * columns.sum(axis=1), scene.seen(change), rtol=1e-2, atol=1e-10)
 
 
@@ -78,7 +78,7 @@ def test_an_excess_over_dry_friction_needs_dry_friction():
 
 
 def test_a_chain_has_one_play_at_a_port_but_may_have_two_waves():
-    m = TRUE.plus(term("backlash", 0.1, at="middle")).plus(term("disturbance_tone", 0.1, 0.0, 0.1, at="law"))
+    m = TRUE.with_term(term("backlash", 0.1, at="middle")).with_term(term("disturbance_tone", 0.1, 0.0, 0.1, at="law"))
     ports = {(c.name, c.at) for c in looks.kinds(PLAIN, m)}
     assert ("backlash", "middle") not in ports
     assert {("backlash", "input"), ("disturbance_tone", "law"), ("saturation", "input")} <= ports

@@ -33,7 +33,7 @@ TERMS = [
 
 @pytest.mark.parametrize("one", TERMS, ids=lambda t: t.name)
 def test_vector_and_model_are_inverses(one):
-    m = TRUE.plus(one)
+    m = TRUE.with_term(one)
     again = cm.from_vector(m, cm.to_vector(m))
     np.testing.assert_allclose(again.theta, THETA)
     np.testing.assert_allclose(again.terms[0].q, one.q)
@@ -41,7 +41,7 @@ def test_vector_and_model_are_inverses(one):
 
 @pytest.mark.parametrize("one", TERMS, ids=lambda t: t.name)
 def test_sensitivities_are_central_differences(one):
-    m = dataclasses.replace(TRUE.plus(one), ar=COLOUR)
+    m = dataclasses.replace(TRUE.with_term(one), ar=COLOUR)
     rows = cm.sensitivities(PLAIN, m, 0.5)
     x = cm.to_vector(m)
     for i in range(x.size):
@@ -59,7 +59,7 @@ def test_what_the_truth_leaves_is_the_noise_that_has_passed_l2():
 
 
 def test_several_runs_at_once_are_the_runs_one_by_one():
-    models = [TRUE.plus(term("cogging", a, 0.0, 0.6)) for a in (0.1, 0.3)]
+    models = [TRUE.with_term(term("cogging", a, 0.0, 0.6)) for a in (0.1, 0.3)]
     both = cm.outputs(PLAIN, models, 5.0)
     for run, m in zip(both, models, strict=True):
         np.testing.assert_array_equal(run, cm.simulate(PLAIN, m, 5.0)[2])
@@ -106,7 +106,7 @@ def test_a_made_record_has_the_models_output_and_noise_of_the_same_size_and_colo
 
 
 def test_readings_that_are_never_negative_stay_so_in_made_records():
-    m = TRUE.plus(term("sensor_rectification", 1.0))
+    m = TRUE.with_term(term("sensor_rectification", 1.0))
     folded = PLAIN.with_output(np.abs(PLAIN.y))
     assert cm.made(folded, m, np.random.default_rng(0)).y.min() >= 0.0
     below = PLAIN.with_output(np.abs(PLAIN.y) - 1e-3)
@@ -227,7 +227,7 @@ def test_every_candidate_is_in_the_system_that_is_handed_back_saved_and_loaded(k
     assert one.row()[: len(one.q)] == pytest.approx(one.effect.row)
     assert one.effect.name == k.name
     system = WienerHammersteinSystem(**PARTS, effects=[one.effect])
-    np.testing.assert_allclose(system.simulate(U), chain_free_run(PLAIN, TRUE.plus(one)), atol=1e-9)
+    np.testing.assert_allclose(system.simulate(U), chain_free_run(PLAIN, TRUE.with_term(one)), atol=1e-9)
     assert (
         np.abs(system.simulate(U) - WienerHammersteinSystem(**PARTS).simulate(U)).max() > 0.0
         or k.name == "input_offset"

@@ -255,7 +255,7 @@ def test_where_single_samples_are_noise_only_waves_are_looked_for():
     view, _ = looks_at([])
     model = start_of(view.record, ("viscous", "coulomb"), 0.004)[1]
     looks = servo_families.looks(view, view.fit(model), view.own, 0.0, waves=True)
-    assert {k.name for k in looks if k.name} == {c.name for c in servo_families.inverse_kinds(model) if c.paired}
+    assert {k.name for k in looks if k.name} == {c.name for c in servo_families.inverse_kinds(model) if c.linear == 2}
     assert {k.signal for k in looks if not k.name} == {"position"}
 
 

@@ -152,7 +152,7 @@ def test_friction_never_turns_negative(plain):
 def test_a_limit_at_which_the_drive_always_stands_is_refused(plain, share, refused):
     view, model = start_of(plain, ("viscous",), 0.004)
     limited = model.with_term(ServoTerm(candidate("saturation"), (share * float(np.abs(plain.drive).max()),)))
-    assert ("beside its sign" in view.objection(limited, 1)) == refused
+    assert ("beside its sign" in unphysical(view, limited, 1)) == refused
 
 
 @pytest.fixture(scope="module")
@@ -202,7 +202,7 @@ def test_beside_a_limit_that_leaves_little_of_the_drive_nothing_is_named(mostly_
     weight = ServoTerm(candidate("gravity_imbalance"), (0.1, 0.0))
     for limit, hides in ((0.3, True), (5.0, False)):
         beside = model.with_term(ServoTerm(candidate("saturation"), (limit,))).with_term(weight)
-        assert ("hides it" in view.objection(beside, 3)) == hides
+        assert ("hides it" in unphysical(view, beside, 3)) == hides
 
 
 @pytest.mark.parametrize(("steps", "refused"), [(0.4, True), (3.0, False)])
@@ -212,7 +212,7 @@ def test_a_play_narrower_than_a_step_of_the_encoder_is_refused(plain, steps, ref
     counted = ServoRecord(plain.time, plain.drive, step * np.round(plain.position / step))
     view, model = start_of(counted, ("viscous",), 0.004)
     loose = model.with_term(ServoTerm(candidate("backlash"), (steps * step, 0.3, 30.0, 0.5, 0.0)))
-    assert ("narrower" in view.objection(loose, 1)) == refused
+    assert ("narrower" in unphysical(view, loose, 1)) == refused
 
 
 @pytest.mark.parametrize(

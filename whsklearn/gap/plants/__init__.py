@@ -51,9 +51,10 @@ def make_plant(model: Any, log: Any, y: Any, base: Base, *, tolerance: float, co
 
         return arm_plant(model, log, law=base.law, tolerance=tolerance)
     if all(hasattr(model, name) for name in ("simulate", "refit", "with_effect")):
-        from whsklearn.gap.plants.simulator import simulator_plant
+        from whsklearn.gap.plants.from_log import servo_record
+        from whsklearn.gap.plants.simulator import SimulatorPlant
 
-        return simulator_plant(model, log, tolerance=tolerance, columns=columns)
+        return SimulatorPlant(model, servo_record(log, columns), tolerance=tolerance)
     raise ValueError(
         f"model is {model!r}; expected 'servo', 'wiener-hammerstein', a ServoAxis, a WienerHammersteinSystem, or an "
         "object with simulate, refit and with_effect."

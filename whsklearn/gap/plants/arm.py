@@ -43,7 +43,7 @@ from whsklearn.gap.plants.servo_candidates import aliases as of_axis
 from whsklearn.gap.plants.servo_inverse import too_large
 from whsklearn.gap.plants.servo_model import ServoTerm
 from whsklearn.gap.plants.servo_run import OWN_MOTION
-from whsklearn.gap.record import SPLIT, Array, held_out_blocks
+from whsklearn.gap.record import SPLIT, Array, training_samples
 from whsklearn.gap.search import HALF, LEAST_SHARE, STILL
 from whsklearn.gap.tangent import Family, Look, Tangent
 from whsklearn.identification.arm_checks import (
@@ -472,7 +472,7 @@ class ArmPlant(Plant):
         plainer = [
             (c.name.replace("_", " "), JointTerm(replace(t.kind, cls=c.cls, catalogued=c), (0.0,)))
             for c in (at_a_joint() if shaped else ())
-            if c.cls.elementary and c.n_slots == 1
+            if c.cls.elementary and len(c.fields) == 1
         ]
         if t.kind.splits:
             plainer.append(("a spring without a play", replace(t, q=(0.0, *t.q[1:]))))
@@ -678,7 +678,7 @@ class ArmPlant(Plant):
         Models are compared at the joints of their effects: the errors of the others, which may be larger, would hide
         them.
         """
-        _, train = held_out_blocks(len(self.record.time))
+        train = training_samples(len(self.record.time))
         edge = max(int(self.view.kept[0]), round(max(self.horizons) * self.lags.sample_rate))
         for s, _ in self.record.pieces:
             train[s][:edge] = train[s][-edge:] = True

@@ -16,11 +16,10 @@ from whsklearn.gap.nameless import nameless
 from whsklearn.gap.plants.arm_terms import AtJoint, JointTerm, Load
 from whsklearn.gap.plants.arm_view import LATEST, ArmState, ArmView
 from whsklearn.gap.record import Array
-from whsklearn.gap.tangent import AT_ONCE, Family, Look, Tangent, strongest_lines
+from whsklearn.gap.tangent import AT_ONCE, Blocks, Family, Look, Tangent, lines
 from whsklearn.identification.drive_lead import OLDEST
 from whsklearn.identification.payload import place_of, point_load
 
-Blocks = Iterator[tuple[Any, Array, Array | float]]
 N_STEPS, N_LIMITS, N_AGES = 25, 24, 16
 # Plays that are looked at: widths as shares of the reach, shares of the inertia and of the dry friction behind it, and
 # the contact (Hz, damping ratio), which the filter hides.
@@ -75,7 +74,7 @@ def _blocks(view: ArmView, kind: AtJoint, tangent: Tangent) -> Blocks:
         for angle in place:
             shape: tuple[float, ...] = (float(angle), 0.0, 0.0)
             yield [shape], view.columns(kind, shape)[:, None, :], 1.0
-    elif c.scanned == "position" and c.paired:
+    elif c.scanned == "position" and c.linear == 2:
         yield from _orders(view, kind)
     elif c.scanned == "time":
         yield from _tones(view, kind, tangent)
@@ -100,13 +99,13 @@ def look_at_limit(view: ArmView, kind: AtJoint, tangent: Tangent) -> Look | None
     A drive contains everything that is not explained, so a limit just below its peaks always explains some of it.
     """
     c, j = kind.catalogued, kind.index
-    assert c is not None
     assert j is not None
     weight = view.flat_weight()[kind.rows]
     left = np.where(weight > 0.0, tangent.rows[kind.rows].T / np.where(weight > 0.0, weight, 1.0), 0.0)
     drives = view.target[:, j] - left[0] + left  # (records, m): each record's own drive
     best, shape = np.zeros(len(left)), None
-    for value in np.geomspace(*c.ranged(view.scene(kind))[0], N_LIMITS):
+    low, high = c.ranged(view.scene(kind))[0]
+    for value in np.geomspace(low, high, N_LIMITS):
         lost = c.effect(np.array([value])).value(drive=drives)
         if not _varies(tangent, drives[0], lost[0], weight):
             continue
@@ -128,7 +127,6 @@ def limited(view: ArmView, tangent: Tangent, model: ArmState, term: JointTerm) -
     large as the limit of a controller that winds up.
     """
     kind, at, weight = term.kind, term.kind.rows, view.flat_weight()
-    assert kind.catalogued is not None
     y = view.target[:, kind.index] * weight[at]
 
     def fitted(x: float) -> ArmState:
@@ -177,10 +175,8 @@ def _varies(tangent: Tangent, drive: Array, lost: Array, weight: Array) -> bool:
 
 def _orders(view: ArmView, kind: AtJoint) -> Blocks:
     """Waves over the angle; the filter damps each by its frequency at the speed of the instant."""
-    c = kind.catalogued
-    assert c is not None
     assert kind.index is not None
-    scene, j = view.scene(kind), kind.index
+    c, scene, j = kind.catalogued, view.scene(kind), kind.index
     q, v = (x[view.kept, j] for x in view.moved[:2])
     low = c.ranged(scene)[0][0]
     speed = max(float(np.median(np.abs(v))), 1e-9)
@@ -198,19 +194,12 @@ def _orders(view: ArmView, kind: AtJoint) -> Blocks:
 
 def _tones(view: ArmView, kind: AtJoint, tangent: Tangent) -> Blocks:
     """The strongest line of the record at a joint and of every null row, from their spectra (holes are zeros)."""
-    c = kind.catalogued
-    assert c is not None
-    assert kind.index is not None
-    low = c.ranged(view.scene(kind))[0][0]
+    low = kind.catalogued.ranged(view.scene(kind))[0][0]
     at = np.rint(view.time[view.kept] / view.step).astype(int)
     kept = np.zeros(at[-1] + 1, dtype=bool)
     kept[at] = True
     high = min(1.5 * view.lags.cutoff_, 0.5 / view.step)
-    best = strongest_lines(tangent.rows[kind.rows], kept, view.step, low, high)
-    if not best:
-        return
-    phase = 2 * np.pi * view.time[view.kept][:, None] * np.array(best)
-    yield [(f,) for f in best], np.stack([np.cos(phase), np.sin(phase)], axis=2), 1.0
+    return lines(tangent.rows[kind.rows], kept, view.step, low, high, view.time[view.kept])
 
 
 def nameless_at(view: ArmView) -> Iterator[Family]:
@@ -247,7 +236,7 @@ def polished(view: ArmView, tangent: Tangent, term: JointTerm) -> JointTerm:
     logs = [
         c.ratios(c.linear + i) and low > 0.0 and term.shape[i] > 0.0 for i, (low, _) in zip(free, ranges, strict=True)
     ]
-    family = Family(kind.name, lambda _: (), lambda *_: None, positive=kind.grows, offset=kind.sizeless,
+    family = Family(kind.name, lambda _: iter(()), lambda *_: None, positive=kind.grows, offset=kind.sizeless,
                     rows=kind.rows)  # fmt: skip
     record = copy.copy(tangent)  # without its null records
     record.rows, record.power = tangent.rows[:, :1], tangent.power[:1]
@@ -304,7 +293,6 @@ def _placed(view: ArmView, tangent: Tangent, term: JointTerm) -> JointTerm:
 def _width(view: ArmView, kind: AtJoint, logarithm: bool, bounds: tuple[float, float]) -> float:
     """First step of a polish: a fifth in ratios, a fiftieth of the range, a part of a wave's period."""
     c, scene = kind.catalogued, view.scene(kind)
-    assert c is not None
     if c.scanned == "position":
         return float(0.1 / scene.reach)
     if c.scanned == "time":

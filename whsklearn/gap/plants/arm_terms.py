@@ -101,7 +101,8 @@ class AtJoint:
     cls: type[Effect]  # the effect
     joint: str  # name of the joint or of the sum; empty for the whole arm
     direction: tuple[float, ...]  # (n_joints,): coefficients of the sum over the joints
-    catalogued: Candidate | None = None  # the effect as in the search on a single axis; its columns have shapes
+    # the effect as in the search on a single axis, a `Candidate`, whose columns have shapes; None if it is none there
+    catalogued: Any = None
     width: int = 1  # number of columns of an effect without a shape
     place: frozenset[str] = frozenset()  # the joints at which it acts; empty if it acts on all
     # whether the model already has it, with a value from another record; the value may have decreased since
@@ -163,7 +164,7 @@ class AtJoint:
         """Free numbers."""
         if self.catalogued is None:
             return 4 if self.cls is Load else self.width
-        return self.catalogued.n_slots - len(self.catalogued.held)
+        return len(self.catalogued.fields) - len(self.catalogued.held)
 
     def effect(self, q: Any) -> Effect:
         """The effect with these numbers."""

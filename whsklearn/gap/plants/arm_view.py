@@ -22,6 +22,7 @@ from whsklearn.effects.transmission import contact_damping, contact_stiffness
 from whsklearn.filtering import Motion
 from whsklearn.filtering.records import encoder_noise
 from whsklearn.gap.calibration import N_NULL, coloured, n_effective, null_rows, smoothed_power
+from whsklearn.gap.plant import WithTerms
 from whsklearn.gap.plants.arm_terms import AtJoint, JointInertia, JointTerm, Load, Weight, completed
 from whsklearn.gap.plants.servo_candidates import ColumnSignals
 from whsklearn.gap.plants.servo_own import N_RECORDS
@@ -50,7 +51,7 @@ STANDS_OUT = 4.0  # standard deviations of the residual; chance puts 6e-5 of a n
 
 
 @dataclass(frozen=True)
-class ArmState:
+class ArmState(WithTerms):
     """Base numbers, ages of the drives, and terms; the first ``n_base`` are the plays that the base model has.
 
     >>> from whsklearn.effects import Coulomb
@@ -64,23 +65,6 @@ class ArmState:
     timing: Any  # (n_joints,), s
     terms: tuple[JointTerm, ...] = ()
     n_base: int = 0
-
-    @property
-    def added(self) -> tuple[JointTerm, ...]:
-        """Effects beyond the base model."""
-        return self.terms[self.n_base :]
-
-    def with_terms(self, terms: tuple[JointTerm, ...]) -> ArmState:
-        """The same state with other terms."""
-        return dataclasses.replace(self, terms=tuple(terms))
-
-    def with_term(self, term: JointTerm) -> ArmState:
-        """The same state with one more term."""
-        return self.with_terms((*self.terms, term))
-
-    def without(self, index: int) -> ArmState:
-        """The same state without its term ``index``."""
-        return self.with_terms(self.terms[:index] + self.terms[index + 1 :])
 
 
 @dataclass(frozen=True)
@@ -231,7 +215,6 @@ class ArmView(ArmRows):
         elif kind.transforms:
             along = self.lost(kind, shape)[:, None]
         else:
-            assert kind.catalogued is not None
             signals = self.turned(kind.cls, kind.joint, self.signals(kind.direction))
             along = self.along_pieces(partial(kind.catalogued.unit_columns, shape), signals)
         seen = self.blur(along)
@@ -269,7 +252,6 @@ class ArmView(ArmRows):
         A limit or a dead zone removes it from the logged drive.  A delay is applied to the torque that the model
         predicts, because a logged drive would explain its own noise.
         """
-        assert kind.catalogued is not None
         if kind.delays:
             earlier = partial(advance, kind.catalogued.code, age=shape[0], dt=self.dt)
             return np.asarray(self.record.by_piece(earlier, self.torque @ np.array(kind.direction)))

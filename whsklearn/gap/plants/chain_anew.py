@@ -108,7 +108,7 @@ def beside_the_best(
     for other in kinds(s, bare):
         if other != kind and is_strong(other, s) and not other.folds and (among is None or other.name in among):
             sizes = (0.0,) * other.linear
-            starts = best(s, [bare.plus(ChainTerm(other, (*sizes, *shape))) for shape in other.shapes(z)], 1)
+            starts = best(s, [bare.with_term(ChainTerm(other, (*sizes, *shape))) for shape in other.shapes(z)], 1)
             yield from ((other, sharpened(s, m, cm.RUNGS[1:], 6)) for m in starts)
 
 
@@ -117,9 +117,9 @@ def fitted(s: Record, models: list[ChainHypothesis], term: ChainTerm) -> ChainHy
     z = cm.sizes(s, models[0])
     bounds = [term.kind.range_of(i, z) for i in range(len(term.q))]
     term = ChainTerm(term.kind, tuple(float(np.clip(v, *b)) for v, b in zip(term.q, bounds, strict=True)))
-    ways = [sharpened(s, m.plus(term), cm.RUNGS[1:], 6) for m in models]
+    ways = [sharpened(s, m.with_term(term), cm.RUNGS[1:], 6) for m in models]
     if term.kind.linear:
-        ways.append(sharpened(s, models[0].plus(term), cm.HARD[1:], 8))
+        ways.append(sharpened(s, models[0].with_term(term), cm.HARD[1:], 8))
     out = min(ways, key=lambda m: cost(s, m))
     return walked(s, out) if term.kind.scanned == "step" else out
 
@@ -193,18 +193,19 @@ def starts_of(
     starts: list[ChainHypothesis] = []
     sizes = (0.0,) if kind.pulls else ()
     terms = [ChainTerm(kind, (*sizes, *shape)) for shape in (FOLDS if kind.folds else kind.shapes(z))]
-    starts += [o.plus(term) for o in (m, *others) for term in terms]
+    starts += [o.with_term(term) for o in (m, *others) for term in terms]
     if kind.pulls:
         for theta in divided(s, linear_model(s, s.u)):
-            starts += [dataclasses.replace(m.plus(term), theta=theta) for term in terms]
+            starts += [dataclasses.replace(m.with_term(term), theta=theta) for term in terms]
     elif kind.at == "input" or kind.cls.place == "drive":
         linear = [(linear_model(s, applied(s, term)), term) for term in terms]
         linear.sort(key=lambda pair: misfit(s, pair[0], applied(s, pair[1])))
         for ratio, term in linear[:KEPT]:
-            more = m.plus(term)
+            more = m.with_term(term)
             starts += [dataclasses.replace(more, theta=t) for t in divided(s, ratio, more.terms)]
     if kind.folds:
-        starts += [dataclasses.replace(b.plus(ChainTerm(kind, (1.0,))), n_base=m.n_base) for b in unfolded(s, m, rng)]
+        fold = ChainTerm(kind, (1.0,))
+        starts += [dataclasses.replace(b.with_term(fold), n_base=m.n_base) for b in unfolded(s, m, rng)]
     elif "frequency" in kind.fields:
         starts += [*split_off(s, m, kind), *(t for o in (m, *others) for t in pulled_out(s, o, kind))]
     return best(s, starts, max(kind.n_numbers, 1) * 2 * KEPT)
@@ -238,7 +239,7 @@ def split_off(s: Record, m: ChainHypothesis, kind: ChainCandidate) -> Iterator[C
     for pole, term in resonances(s, m, poles, kind):
         rest = poles[(np.abs(poles - pole) > 1e-9) & (np.abs(poles - np.conj(pole)) > 1e-9)]
         for kept in [np.delete(zeros, i) for i in real] or [zeros]:
-            more = m.plus(term)
+            more = m.with_term(term)
             for theta in divided(s, Ratio(np.atleast_1d(np.real(np.poly(kept))), np.real(np.poly(rest))), more.terms):
                 yield dataclasses.replace(more, theta=theta)
 
@@ -253,7 +254,7 @@ def pulled_out(s: Record, m: ChainHypothesis, kind: ChainCandidate) -> Iterator[
         poles = np.concatenate([rest, np.zeros(2)])
         for zero in (m.theta[zeros], np.zeros(zeros.stop - zeros.start)):
             own, other = np.concatenate([zero, poles]), m.theta[c.start :] if first else m.theta[: b.stop]
-            more = m.plus(term)
+            more = m.with_term(term)
             one, two = (own, other) if first else (other, own)
             yield dataclasses.replace(more, theta=weighed(s, one, two, more.terms))
 

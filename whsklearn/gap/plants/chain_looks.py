@@ -77,7 +77,7 @@ class Scene:
         """Columns of one candidate at several shapes, shape (n, s, 1 or 2)."""
         size = cm.SMALL * self.sizes.v if kind.linear else 1.0
         sizes_of = size * np.eye(kind.linear) if kind.linear else np.zeros((1, 0))
-        grown = [self.model.plus(ChainTerm(kind, (*q, *shape))) for shape in shapes for q in sizes_of]
+        grown = [self.model.with_term(ChainTerm(kind, (*q, *shape))) for shape in shapes for q in sizes_of]
         change = (cm.outputs(self.record, grown, self.kappa) - self.run[2]) / size
         return self.seen(change.T).reshape(-1, len(shapes), len(sizes_of))
 

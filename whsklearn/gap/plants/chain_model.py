@@ -26,10 +26,10 @@ from whsklearn.effects.chain import CHAIN_FORMS
 from whsklearn.effects.own import WHICH, address_of
 from whsklearn.effects.rows import law_values
 from whsklearn.effects.static import Power
-from whsklearn.gap.plant import FittedTerm, with_vectors
+from whsklearn.gap.plant import FittedTerm, WithTerms, with_vectors
 from whsklearn.gap.plants.variant import WAVE_STEP, EffectVariant
 from whsklearn.gap.record import MAD
-from whsklearn.logs.check import lattice
+from whsklearn.logs.check import lattice, runs
 from whsklearn.recursion.batch.best_linear import filter_rows, stabilised
 from whsklearn.systems.chain import PackedChain, Ports, run
 
@@ -263,25 +263,13 @@ class Record:
 
 
 @dataclass(frozen=True)
-class ChainHypothesis:
+class ChainHypothesis(WithTerms):
     """theta = [a[1:], b, weights of the law, c[1:], d], effects, and the colour A of the residual."""
 
     theta: Array
     terms: tuple[ChainTerm, ...] = ()
     ar: Array = dataclasses.field(default_factory=lambda: np.zeros(AR_ORDER))
     n_base: int = 0
-
-    def plus(self, term: ChainTerm) -> ChainHypothesis:
-        """The model with one more effect."""
-        return dataclasses.replace(self, terms=(*self.terms, term))
-
-    def without(self, i: int) -> ChainHypothesis:
-        """The model without effect ``i``."""
-        return self.with_terms(self.terms[:i] + self.terms[i + 1 :])
-
-    def with_terms(self, terms: tuple[ChainTerm, ...]) -> ChainHypothesis:
-        """The model with these effects."""
-        return dataclasses.replace(self, terms=terms)
 
     @property
     def at_sensor(self) -> bool:
@@ -374,8 +362,7 @@ def filtered(b: Array, a: Array, rows: Array) -> Array:
 
 def pieces_of(seen: Bools) -> list[slice]:
     """The runs of logged samples between holes."""
-    edges = np.flatnonzero(np.diff(seen, prepend=False, append=False)).tolist()
-    return [slice(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    return [slice(int(a), int(b)) for a, b in zip(*runs(seen), strict=True)]
 
 
 def left(s: Record, m: ChainHypothesis, kappa: float = np.inf) -> Array:

@@ -35,7 +35,7 @@ from whsklearn.gap.plants.from_log import servo_record
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, UNSEEN, aliases, candidate
 from whsklearn.gap.plants.servo_families import highest_order, next_order, polished, widened
 from whsklearn.gap.plants.servo_families import settled as looking_settled
-from whsklearn.gap.plants.servo_inverse import InverseView, surroundings
+from whsklearn.gap.plants.servo_inverse import InverseView, surroundings, unphysical
 from whsklearn.gap.plants.servo_model import HOLD, WIDEST, ServoHypothesis
 from whsklearn.gap.plants.servo_run import ObserverView
 from whsklearn.gap.plants.servo_sensors import UNFOLDED, coarse_encoder, unfold
@@ -166,8 +166,8 @@ class ServoPlant(Plant):
         view, plays = self.observer, [m for m in tried if m.has_play]
         if not plays:
             return []
-        start = min(plays, key=lambda m: view.rms(view.gap(m), "train"))
-        done = quiet(view.rms(view.gap(start), "train"), view.floor(start), self.tolerance * self.scale)
+        start = min(plays, key=lambda m: view.rms(view.gap(m), fitted=True))
+        done = quiet(view.rms(view.gap(start), fitted=True), view.floor, self.tolerance * self.scale)
         return [] if done else [servo_run.evolved(view, start)]
 
     def contributes(self, base: ServoHypothesis, model: ServoHypothesis) -> bool:
@@ -195,7 +195,7 @@ class ServoPlant(Plant):
             return servo_run.train_error(self.observer, m, horizon)
 
         best, view = min((model, *self._by_run(model, "flexible_coupling")), key=error), self.observer
-        if quiet(view.rms(view.gap(best)), view.floor(best), self.tolerance * self.scale):
+        if quiet(view.rms(view.gap(best)), view.floor, self.tolerance * self.scale):
             return model
         return next((m for m in self._by_run(model, "backlash") if error(m) < HALF * error(best)), model)
 
@@ -464,7 +464,7 @@ class ServoPlant(Plant):
 
     def objection(self, model: ServoHypothesis, grown: ServoHypothesis) -> str:
         """The objection to an effect: a physical one, too many numbers, too small a share beside play, a worse run."""
-        said = self.inverse.objection(grown, len(grown.terms) - 1)
+        said = unphysical(self.inverse, grown, len(grown.terms) - 1)
         if said:
             return said
         if grown.vector().size > self.inverse.n_effective:
@@ -497,7 +497,7 @@ class ServoPlant(Plant):
         """
         if any(t.kind.code in TWO_MASS for t in model.terms):
             seen = self.observer
-            return Figures(seen.rms(seen.gap(base)), seen.rms(seen.gap(model)), seen.floor(model), by_run=True)
+            return Figures(seen.rms(seen.gap(base)), seen.rms(seen.gap(model)), seen.floor, by_run=True)
         view = self.inverse
         if view.own is None:  # the last effect was taken back, and no look has been taken at the residual
             self.own, _ = servo_own.own(view, model, np.random.default_rng(0))
@@ -532,7 +532,7 @@ class ServoPlant(Plant):
         """Whiteness of the residual, remarks, and the series that the page draws."""
         view, both = self.observer, (("before", base), ("after", model))
         view.weigh(0.0)
-        tests = [whiteness(view.whitened(view.gap(m), on="all"), name) for name, m in both]
+        tests = [whiteness(view.whitened(view.gap(m)), name) for name, m in both]
         runs = {name: servo_run.restarted_run(view, m, self.headline) for name, m in both}
         drawn = pictures(self.inverse, base, model, self.units, self.gap_word) | {"floor": self.own.floor}
         drawn |= {"runs": runs, "held": servo_run.held_out(view)}
@@ -565,7 +565,7 @@ class ServoPlant(Plant):
         return [
             *notes,
             f"Position noise {self.record.told(view.noise, self.units[1])} (from sixth differences); the gap is seen "
-            f"up to {view.filter.cutoff:.1f} Hz, where that noise makes {100 * view.floor() / self.scale:.2f} % "
+            f"up to {view.filter.cutoff:.1f} Hz, where that noise makes {100 * view.floor / self.scale:.2f} % "
             "of the rms drive.",
             "The drive is replayed and an observer holds the model near the measurement, so no controller is needed.",
             SPLIT,

@@ -49,19 +49,9 @@ class Candidate(EffectVariant):
     whole: bool = False  # whether the numbers that are freed later (`Effect.later`) are free
 
     @property
-    def n_slots(self) -> int:
-        """Numbers in use."""
-        return len(self.fields)
-
-    @property
-    def paired(self) -> bool:
-        """Whether the size is a cosine and a sine."""
-        return self.linear == 2
-
-    @property
     def positive(self) -> bool:
         """Whether a physical size is positive; the two weights of a wave are free."""
-        return not self.paired and self.cls.quantities[self.cls.size].positive
+        return self.linear != 2 and self.cls.quantities[self.cls.size].positive
 
     @cached_property
     def parent(self) -> str:
@@ -77,7 +67,7 @@ class Candidate(EffectVariant):
     @cached_property
     def free(self) -> tuple[int, ...]:
         """Numbers that a fit moves."""
-        return tuple(i for i in range(self.n_slots) if i - self.linear not in self.held)
+        return tuple(i for i in range(len(self.fields)) if i - self.linear not in self.held)
 
     @cached_property
     def later(self) -> tuple[int, ...]:

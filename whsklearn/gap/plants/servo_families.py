@@ -44,18 +44,17 @@ from whsklearn.gap.record import Array
 from whsklearn.gap.search import HALF, LEAST_SHARE
 from whsklearn.gap.tangent import (
     AT_ONCE,
+    Blocks,
     Family,
     Look,
     Tangent,
     chance,
+    lines,
     looks_at,
-    strongest_lines,
     undiluted,
     with_p_values,
 )
 from whsklearn.identification.drive_lead import LATEST, OLDEST
-
-Blocks = Iterator[tuple[Any, Array, Array | float]]
 
 
 class Scene:
@@ -206,7 +205,7 @@ def families(scene: Scene, waves: bool = False) -> Iterator[tuple[Family, bool]]
     """Families that have columns or limit the drive, each with whether it is a force of the position alone."""
     slides = scene.view.record.units[1] == "m"
     for kind in inverse_kinds(scene.model):
-        if kind in stop.KINDS or kind.delays or (waves and not kind.paired) or (slides and kind.cls.rotary):
+        if kind in stop.KINDS or kind.delays or (waves and kind.linear != 2) or (slides and kind.cls.rotary):
             continue
         if scene.torque is None and kind.driven and not kind.transforms:
             continue
@@ -219,7 +218,7 @@ def families(scene: Scene, waves: bool = False) -> Iterator[tuple[Family, bool]]
 
 def family(scene: Scene, kind: Candidate, shape: tuple[float, ...] | None = None) -> Family:
     """One candidate; at one shape if that is given."""
-    n_numbers = kind.n_slots - len(kind.held)
+    n_numbers = len(kind.fields) - len(kind.held)
     zeros = (0.0,) * kind.linear
 
     def term(shape: tuple[float, ...], _sizes: Array) -> ServoTerm:
@@ -316,7 +315,7 @@ def orders(scene: Scene, kind: Candidate) -> Blocks:
         values = np.arange(present[0], high + present[0], present[0]) if repeats else values[:0]
     zeros = (0.0,) * kind.linear
     values = np.array([o for o in values if o > 0.0 and resolved(view, scene.model, ServoTerm(kind, (*zeros, o)))])
-    if not kind.paired:
+    if kind.linear != 2:
         for order in values:
             yield [(float(order),)], scene.columns(ServoTerm(kind, (0.0, float(order)))), 1.0
         return
@@ -347,11 +346,8 @@ def tones(scene: Scene, kind: Candidate, tangent: Tangent) -> Blocks:
     What the filter leaves of a strong line beyond its cut-off may still be most of the residual.
     """
     view = scene.view
-    best = strongest_lines(tangent.rows, view.usable, view.step, kind.ranged(view.scene)[0][0], 0.5 / view.step)
-    if not best:
-        return
-    phase = 2 * np.pi * scene.time[:, None] * np.array(best)
-    yield [(f,) for f in best], np.stack([np.cos(phase), np.sin(phase)], axis=2), 1.0
+    low, high = kind.ranged(view.scene)[0][0], 0.5 / view.step
+    return lines(tangent.rows, view.usable, view.step, low, high, scene.time)
 
 
 def next_order(view: Any, model: ServoHypothesis, kind: Candidate) -> ServoHypothesis | None:

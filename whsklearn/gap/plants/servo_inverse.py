@@ -31,7 +31,7 @@ from whsklearn.gap.record import Array, ServoRecord
 from whsklearn.gap.search import HALF
 from whsklearn.identification.axis_inverse import KNOWN
 from whsklearn.identification.drive_lead import LATEST, OLDEST
-from whsklearn.logs.check import lattice
+from whsklearn.logs.check import lattice, runs
 
 KEPT = 40  # columns cached, because a polish moves one shape and not the others
 SOLUTIONS_KEPT = 8  # models: of 1,741 calls 520 ask again for one of the last eight, 586 for any before
@@ -135,9 +135,8 @@ class InverseView:
         """
         dt, n = self.scene.dt, len(self.record)
         still = np.abs(self.motion.velocity) < self.slowest
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(np.int8), [0]])))
         keep = np.ones(n, dtype=bool)
-        for a, b in zip(edges[::2], edges[1::2], strict=True):
+        for a, b in zip(*runs(still), strict=True):
             if (b - a) * dt > 2 * sigma:
                 keep[a:b] = False
         half = self.g.size // 2
@@ -454,11 +453,6 @@ class InverseView:
         _, x, target, sizes, _ = self.solved(model)
         return (target - x @ sizes)[self.at]
 
-    def objection(self, model: ServoHypothesis, index: int) -> str:
-        """What is wrong with the sign or the range of a term's numbers; empty if nothing."""
-        return unphysical(self, model, index)
-
-    # --- candidates ---------------------------------------------------------------------------
     def linearised(self, model: ServoHypothesis) -> Linearised:
         """Residual and derivatives by all free numbers, scaled to the number of independent samples.
 

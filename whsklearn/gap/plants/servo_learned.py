@@ -299,9 +299,9 @@ def with_curves(view: Any, model: ServoHypothesis, fits: list[CurveFit], heights
     return dataclasses.replace(model, terms=tuple(terms))
 
 
-def curve_of(fit: CurveFit, weights: Array, n: int = 200) -> Curve:
-    """The curve on a grid, with two standard deviations on either side."""
-    x = np.linspace(fit.form.low, fit.form.high, n)
+def curve_of(fit: CurveFit, weights: Array) -> Curve:
+    """The curve at 200 places, with two standard deviations on either side."""
+    x = np.linspace(fit.form.low, fit.form.high, 200)
     d = x[:, None] - fit.centres[None, :]
     if fit.form.period:
         d -= fit.form.period * np.round(d / fit.form.period)

@@ -10,7 +10,7 @@ import numpy as np
 from whsklearn.effects import EarlyReversal, Effect, Scales
 from whsklearn.effects import codes as k
 from whsklearn.effects.own import WHICH, address_of
-from whsklearn.gap.plant import FittedTerm, with_vectors
+from whsklearn.gap.plant import FittedTerm, WithTerms, with_vectors
 from whsklearn.gap.plants.servo_candidates import ColumnSignals
 from whsklearn.gap.record import Array
 from whsklearn.lags.axis_rows import DRY
@@ -48,7 +48,7 @@ class ServoTerm(FittedTerm):
 
 
 @dataclass(frozen=True)
-class ServoHypothesis:
+class ServoHypothesis(WithTerms):
     """J a = u - sum of terms, where the drive is ``timing`` samples old when it acts."""
 
     inertia: float
@@ -60,18 +60,6 @@ class ServoHypothesis:
     # how dry friction reverses, if not at once (`EarlyReversal`), and the speed (rad/s) over which it does
     early: EarlyReversal | None = None
     creep: float = 0.0
-
-    def with_term(self, term: ServoTerm) -> ServoHypothesis:
-        """The model with one more effect."""
-        return replace(self, terms=(*self.terms, term))
-
-    def without(self, index: int) -> ServoHypothesis:
-        """The model without its term ``index``."""
-        return replace(self, terms=self.terms[:index] + self.terms[index + 1 :])
-
-    def with_terms(self, terms: tuple[ServoTerm, ...]) -> ServoHypothesis:
-        """The model with other terms."""
-        return replace(self, terms=terms)
 
     @property
     def effects(self) -> tuple[Effect, ...]:
@@ -85,11 +73,6 @@ class ServoHypothesis:
         return motion._replace(
             velocity=(motion.velocity + self.early.lead * motion.acceleration) / self.creep, kappa=1.0
         )
-
-    @property
-    def added(self) -> tuple[ServoTerm, ...]:
-        """Effects beyond the base model."""
-        return self.terms[self.n_base :]
 
     def at_the_end(self, index: int) -> str:
         """A sentence if a shape number that makes a term what it is is at the end of its range; empty if not."""

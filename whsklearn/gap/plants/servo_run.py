@@ -25,7 +25,7 @@ from whsklearn.gap.least_squares import Minimum, gain_of, least_squares
 from whsklearn.gap.plant import PAYS
 from whsklearn.gap.plants.servo_candidates import Candidate
 from whsklearn.gap.plants.servo_model import LONGEST_STEP, ServoHypothesis, ServoTerm
-from whsklearn.gap.record import Array, ServoRecord, held_out_blocks
+from whsklearn.gap.record import Array, ServoRecord, training_samples
 from whsklearn.systems.servo import FEWEST_STEPS
 
 STEP_ERROR = 0.01  # share of the tolerance by which a longer fine step may change the gap
@@ -59,8 +59,7 @@ class ObserverView:
     scene: Scales
     noise: float  # standard deviation of the position noise
     start: tuple[Array, Array]
-    train: NDArray[np.bool_]  # train, held (n_decimated,): training mask; number of the held-out block, or -1
-    held: NDArray[np.intp]
+    train: NDArray[np.bool_]  # train, usable (n_decimated,): the samples that are fitted; those away from the edges
     usable: NDArray[np.bool_]
     tolerance: float  # torque below which nothing is worth naming, as a share of the rms drive
     quantum: float = 0.0
@@ -78,21 +77,19 @@ class ObserverView:
         q, v = r.by_piece(lambda x: smoothed(x, dt, width), r.position)
         return width, q, v
 
-    def follow(self, model: ServoHypothesis) -> tuple[Array, Array, Array]:
-        """Prediction, angle and velocity of the model held near the record."""
-        return self.held_near(model)[:3]
-
     def held_near(self, model: ServoHypothesis) -> tuple[Array, Array, Array, Array]:
-        """The same with the twist of the coupling and its rate, shape (n, 2); a diverging run is kept finite."""
+        """Prediction, angle and velocity of the model held near the record, and twist and its rate, shape (n, 2).
+
+        A run that diverges is kept finite.
+        """
         r = self.record
         out = model.follow(r.drive, r.position, self.filter.gains, start=self.start, pieces=r.pieces)
-        far = LOST * (self.scene.reach + abs(self.scene.centre)), LOST * self.scene.speed
-        if all(-f < x.min() and x.max() < f for x, f in zip(out[:3], (far[0], far[0], far[1]), strict=True)):
+        far, fast = LOST * (self.scene.reach + abs(self.scene.centre)), LOST * self.scene.speed
+        limits = (far, far, fast, fast)
+        if all(-f < x.min() and x.max() < f for x, f in zip(out[:3], limits[:3], strict=True)):
             return out
-        held = [
-            np.clip(np.nan_to_num(x, nan=0.0), -f, f) for x, f in zip(out[:3], (far[0], far[0], far[1]), strict=True)
-        ]
-        return held[0], held[1], held[2], np.clip(np.nan_to_num(out[3]), -far[1], far[1])
+        y_hat, angle, speed, twist = (np.clip(np.nan_to_num(x), -f, f) for x, f in zip(out, limits, strict=True))
+        return y_hat, angle, speed, twist
 
     def starts(self, model: ServoHypothesis) -> tuple[tuple[Array, Array], Array]:
         """`restart_states` of the model, kept for runs over other horizons."""
@@ -104,27 +101,25 @@ class ObserverView:
 
     def gap(self, model: ServoHypothesis) -> Array:
         """Torque that the model lacks, filtered; shape (n_decimated,)."""
-        y_hat, _, _ = self.follow(model)
-        d = self.filter.torque(self.record.position - y_hat)
+        d = self.filter.torque(self.record.position - self.held_near(model)[0])
         return np.where(np.isfinite(d), np.clip(d, -1e6, 1e6), 1e6)
 
-    def whitened(self, d: Array, *, on: str = "train") -> Array:
-        """Whitened samples of one part: ``train``, ``held`` or ``all``."""
-        mask = {"train": self.train, "held": self.held >= 0, "all": self.usable}[on]
-        return whiten(d, self.ar)[mask & self.usable]
+    def whitened(self, d: Array) -> Array:
+        """All whitened samples."""
+        return whiten(d, self.ar)[self.usable]
 
     def residual(self, model: ServoHypothesis) -> Array:
         """The residual that the fit minimises."""
-        return self.whitened(self.gap(model))
+        return whiten(self.gap(model), self.ar)[self.train & self.usable]
 
-    def floor(self, model: ServoHypothesis | None = None) -> float:
+    @property
+    def floor(self) -> float:
         """Rms of the missing torque due to position noise alone."""
         return self.filter.noise_gain * self.noise
 
-    def rms(self, d: Array, on: str = "all") -> float:
-        """Rms of the missing torque on one part."""
-        mask = {"train": self.train, "held": self.held >= 0, "all": self.usable}[on] & self.usable
-        return rms(d[mask])
+    def rms(self, d: Array, *, fitted: bool = False) -> float:
+        """Rms of the missing torque, of all samples or of those that are fitted."""
+        return rms(d[self.train & self.usable if fitted else self.usable])
 
     def weigh(self, gap: float) -> None:
         """Set the whitening to position noise plus white torque of the rms ``gap``.
@@ -136,8 +131,6 @@ class ObserverView:
         r = np.array([taps @ full[i * every : i * every + taps.size] for i in range(WHITENING + 1)])
         white = max(gap, 0.5 * self.tolerance * self.scene.torque) ** 2
         self.ar = solve_whitening(self.noise**2 * r, white)
-
-    # --- the protocol of a view --------------------------------------------------------------
 
     def coarsened(self, model: ServoHypothesis) -> ObserverView:
         """The view with the longest fine step, at most a quarter of a sample, that does not change the gap.
@@ -223,11 +216,11 @@ def _hopeless(view: Any, model: ServoHypothesis, fit: Minimum) -> bool:
 
 def _settle(view: Any, model: ServoHypothesis) -> tuple[ServoHypothesis, Minimum]:
     """Repeated fits, each weighted for the gap of the previous one: the weights of a large gap hide a small one."""
-    gap = view.rms(view.gap(model), "all")
+    gap = view.rms(view.gap(model))
     for _ in range(3):
         view.weigh(gap)
         model, fit = view.fitted(model)
-        before, gap = gap, view.rms(view.gap(model), "all")
+        before, gap = gap, view.rms(view.gap(model))
         if gap > 0.8 * before:
             break
     return model, fit
@@ -240,10 +233,10 @@ def evolved(view: ObserverView, model: ServoHypothesis) -> ServoHypothesis:
     derivatives ends in one of them: with five plays drawn by `benchmarks.blind`, it left 10 to 78 times the noise, and
     one search 1.3 to 25 times.  Two short ones find the valley more often than a long one.
     """
-    view.weigh(view.rms(view.gap(model), "all"))
+    view.weigh(view.rms(view.gap(model)))
     rng = np.random.default_rng(0)
     found = [_searched(view, start, rng) for start in (model, _softly(model))]
-    return min((model, *(_settle(view, m)[0] for m in found)), key=lambda m: view.rms(view.gap(m), "train"))
+    return min((model, *(_settle(view, m)[0] for m in found)), key=lambda m: view.rms(view.gap(m), fitted=True))
 
 
 def _searched(view: ObserverView, model: ServoHypothesis, rng: np.random.Generator) -> ServoHypothesis:
@@ -395,8 +388,7 @@ def held_out(view: Any, *, fitted: bool = False) -> NDArray[np.bool_]:
     The state at an edge is poorly known: neither the smoother nor the memory of a drive's lag reaches beyond it.
     """
     n = len(view.record)
-    number, _ = held_out_blocks(n)
-    mask = (number < 0) == fitted
+    mask = training_samples(n) == fitted
     edge = int(0.5 / view.scene.dt)
     mask[:edge] = False
     mask[n - view.filter.half_width :] = False
@@ -405,7 +397,7 @@ def held_out(view: Any, *, fitted: bool = False) -> NDArray[np.bool_]:
 
 def misfit(view: Any, model: ServoHypothesis) -> float:
     """Mean square of the innovation; finite even for a model that diverges."""
-    e = view.record.position - view.follow(model)[0]
+    e = view.record.position - view.held_near(model)[0]
     return float(np.mean(np.clip(np.nan_to_num(e, nan=1e6), -1e6, 1e6) ** 2))
 
 

@@ -42,7 +42,7 @@ def coarse_encoder(view: Any, base: Any) -> list[Any]:
     if step < COARSER_THAN_STATED * stated:
         return []
     effect = get_effect("quantization")(step=step)  # type: ignore[call-arg]
-    if view.rms(view.gap(base)) > QUIET * view.floor():
+    if view.rms(view.gap(base)) > QUIET * view.floor:
         return []
     return [NamedEffect(effect, {}, 0.0, 1.0)]
 

@@ -22,10 +22,10 @@ from whsklearn.gap.plants.servo_inverse import NOISY, SLOW, InverseView, lag_of,
 from whsklearn.gap.plants.servo_model import FASTEST_COUPLING, HOLD, ServoHypothesis, ServoTerm
 from whsklearn.gap.plants.servo_own import own
 from whsklearn.gap.plants.servo_run import ObserverView
-from whsklearn.gap.record import Array, ServoRecord, held_out_blocks, noise_level
+from whsklearn.gap.record import Array, ServoRecord, noise_level, training_samples
 from whsklearn.gap.search import HALF
 from whsklearn.identification.drive_lead import drive_lead, earlier
-from whsklearn.logs.check import lattice
+from whsklearn.logs.check import lattice, runs
 
 LOWEST_CUTOFF = 2.0  # Hz, of the search for the filter
 FIRST_CUTOFF = 8.0  # Hz, for the first guess of the inertia: above any reference, below most noise
@@ -234,9 +234,9 @@ def creeps(view: InverseView, model: ServoHypothesis, law: EarlyReversal, dry: f
     expected = creep_of(law, model)
     fastest, trim = expected * dry, int(np.ceil(2.0 * law.lead / dt)) + 1
     slow = np.abs(s.velocity) < 2.0 * fastest + view.unknown
-    edges = np.flatnonzero(np.diff(slow.astype(np.int8), prepend=0, append=0))
+    first, behind = runs(slow)
     drives, speeds = [], []
-    for a, b in zip(edges[::2] + trim, edges[1::2] - trim, strict=True):
+    for a, b in zip(first + trim, behind - trim, strict=True):
         time = (b - 1 - a) * dt
         if time < 2.0 * law.lead or fastest * time < 2.0 * view.quantum:
             continue
@@ -266,10 +266,10 @@ def observer_view(view: InverseView, scene: Scales, *, tolerance: float = DEFAUL
     dt, n = record.dt, len(record)
     slow = tracking(dt)
     chosen = residual_filter(dt, scene.inertia, view.noise, scene.torque, tracking=slow, goal=tolerance)
-    number, train = held_out_blocks(n)
+    train = training_samples(n)
     guard = chosen.half_width
     edge = np.zeros(n, dtype=bool)
-    change = np.flatnonzero(np.diff(number) != 0)
+    change = np.flatnonzero(np.diff(train))
     between = min(guard, n // 50)  # a held-out block is 8 % of the record, and half of it must remain for judging
     for c in change:
         edge[max(0, c - between) : c + between] = True
@@ -280,6 +280,5 @@ def observer_view(view: InverseView, scene: Scales, *, tolerance: float = DEFAUL
     usable &= ~record.near_a_hole(guard, settle)
     return ObserverView(
         record, chosen, scene, view.noise, view.start,
-        chosen.pick(train & ~edge), chosen.pick(np.where(edge, -1, number)), chosen.pick(usable), tolerance,
-        view.quantum,
+        chosen.pick(train & ~edge), chosen.pick(usable), tolerance, view.quantum,
     )  # fmt: skip

@@ -33,7 +33,6 @@ from whsklearn.gap.data_check import DataProblem, check_servo
 from whsklearn.gap.filters import WHITENING, autoregression, whiten, whiteness
 from whsklearn.gap.localisation import since_reversal, spectra
 from whsklearn.gap.plant import Figures, Gap, Linearised, Plant, Told, quiet
-from whsklearn.gap.plants.from_log import servo_record
 from whsklearn.gap.plants.simulator_look import (
     Errors,
     FollowedMotion,
@@ -46,7 +45,7 @@ from whsklearn.gap.plants.simulator_look import (
     whole,
 )
 from whsklearn.gap.plants.simulator_model import SimulatorFit, SimulatorModel, refine
-from whsklearn.gap.record import SPLIT, Array, ServoRecord, held_out_blocks, noise_level
+from whsklearn.gap.record import SPLIT, Array, ServoRecord, noise_level, training_samples
 from whsklearn.gap.search import HALF, MOST_FITTED, WORTH_FITTING
 from whsklearn.gap.tangent import Look, with_p_values
 from whsklearn.logs.check import lattice
@@ -73,7 +72,7 @@ class SimulatorPlant(Plant):
     def __init__(self, model: Any, record: ServoRecord, *, tolerance: float):
         self.given_model, self.record, self.tolerance = model, record, tolerance
         self.units, self.own_units, self.logged = record.units, record.shown, record.logged
-        self.block, self.train = held_out_blocks(len(record))
+        self.train = training_samples(len(record))
         seconds = len(record) * record.dt if len(record) > 1 else 0.0
         self.horizons, self.headline = (seconds,), seconds
         self.scale = _scale(record)
@@ -318,11 +317,6 @@ class SimulatorPlant(Plant):
     def system(self, model: SimulatorModel) -> Any:
         """The repaired simulator."""
         return self.fits.built(model).simulator
-
-
-def simulator_plant(model: Any, log: Any, *, tolerance: float, columns: dict[str, Any]) -> SimulatorPlant:
-    """The plant of a log under a user's own simulator."""
-    return SimulatorPlant(model, servo_record(log, columns), tolerance=tolerance)
 
 
 def _scale(record: ServoRecord) -> float:

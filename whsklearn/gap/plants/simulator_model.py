@@ -11,7 +11,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from whsklearn.effects import Effect, Scales
 from whsklearn.gap.least_squares import least_squares
-from whsklearn.gap.plant import FittedTerm, with_vectors
+from whsklearn.gap.plant import FittedTerm, WithTerms, with_vectors
 from whsklearn.gap.plants.simulator_look import gone, sized_by_drive, smallest
 from whsklearn.gap.plants.variant import EffectVariant
 from whsklearn.gap.record import Array
@@ -81,7 +81,7 @@ STILL = ("elements", "load_share", "damping_ratio")
 
 
 @dataclass(frozen=True)
-class SimulatorModel:
+class SimulatorModel(WithTerms):
     """The simulator with effects, refitted, and its error on the record."""
 
     simulator: Any  # None until it is built
@@ -90,12 +90,8 @@ class SimulatorModel:
     error: Array = dataclasses.field(default_factory=lambda: np.zeros(0), compare=False, repr=False)
     n_base: int = 0  # always zero, because the simulator itself is the base model
 
-    def without(self, index: int) -> SimulatorModel:
-        """The model without one term, not built yet; see `SimulatorFit.built`."""
-        return self.with_terms((*self.terms[:index], *self.terms[index + 1 :]))
-
-    def with_terms(self, terms: tuple[EffectTerm, ...]) -> SimulatorModel:
-        """The model with other terms, not built yet, because an effect cannot be removed from a simulator."""
+    def with_terms(self, terms: Iterable[EffectTerm]) -> SimulatorModel:
+        """The model with other terms, not built yet (`SimulatorFit.built`): a simulator keeps the effects it has."""
         return SimulatorModel(None, tuple(terms))
 
     def moved(self, x: Array, numbers: Array) -> SimulatorModel:
