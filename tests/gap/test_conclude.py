@@ -10,7 +10,7 @@ import pytest
 
 from whsklearn.gap import conclude
 from whsklearn.gap.conclude import stays_open, verdict_of
-from whsklearn.gap.plant import Figures
+from whsklearn.gap.plant import Figures, WithTerms
 from whsklearn.gap.search import Named
 from whsklearn.gap.tangent import Look
 
@@ -279,7 +279,7 @@ class Letter(str):
         return 1.0 / ord(self)  # a explains most
 
 
-class Terms(str):
+class Terms(WithTerms, str):
     """A model: a letter a term."""
 
     __slots__ = ()
@@ -291,9 +291,6 @@ class Terms(str):
 
     def with_terms(self, terms):
         return Terms("".join(terms))
-
-    def without(self, index):
-        return Terms(self[:index] + self[index + 1 :])
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from whsklearn.effects import effect_names, get_effect
-from whsklearn.gap.plant import Plant
+from whsklearn.gap.plant import Plant, WithTerms
 from whsklearn.gap.search import MOST_FITTED, Found, Named, Search
 from whsklearn.gap.tangent import Family, Look, Tangent, with_p_values
 
@@ -17,18 +17,12 @@ N = 800
 
 
 @dataclass(frozen=True)
-class Regression:
+class Regression(WithTerms):
     """A model: names of the columns in it."""
 
     terms: tuple = ()
     n_base: int = 0
     bent: bool = False  # whether it is at a minimum that is not its best
-
-    def without(self, index):
-        return self.with_terms(self.terms[:index] + self.terms[index + 1 :])
-
-    def with_terms(self, terms):
-        return replace(self, terms=terms)
 
 
 class Columns(Plant):

@@ -17,6 +17,9 @@ from whsklearn.gap.record import Array
 # Gumbel scale of 2: no spread over a scan is below that.
 LEAST_SCALE = 2.0
 N_NULL = 15  # records that a model simulates itself; they give the moments of a Gumbel law to within a quarter
+# Of its own records whose artefacts or errors are averaged: the mean is known to 0.45 of their spread, a floor to a
+# tenth.
+N_OWN = 5
 N_DRAWS = 60  # of noise or numbers alone: a spread to 9 %, the moments of a Gumbel law to an eighth
 GATE = 0.1  # p-value below which effects are fitted, which takes seconds; the level at which they are named is lower
 N_BLOCKS = 40  # per record: errors of neighbouring samples depend on each other, those of blocks hardly

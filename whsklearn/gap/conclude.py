@@ -229,7 +229,7 @@ def _standing_rivals(plant: Any, found: Found, i: int, alpha: float) -> list[str
     change of friction 21 %, and blocks did not agree (z = 1.9).
     """
     done = plant.silent(found.model)
-    index, terms, kept = found.model.n_base + i, found.model.terms, (plant.headline, plant.horizons)
+    index, kept = found.model.n_base + i, (plant.headline, plant.horizons)
     terms_of = {f.name: f.model.terms[-1] for s in found.steps for f in s.fitted if not f.reason}
     looks = {k.name: k for k in found.remainder} | {k.name: k for s in found.steps for k in s.looks}
     out = []
@@ -237,7 +237,7 @@ def _standing_rivals(plant: Any, found: Found, i: int, alpha: float) -> list[str
         if name not in terms_of and name in looks:  # the run, or what a look explains to first order, made it a rival
             terms_of[name] = plant.refine(found.model.without(index), looks[name]).terms[-1]
         if name in terms_of:
-            swapped = found.model.with_terms((*terms[:index], terms_of[name], *terms[index + 1 :]))
+            swapped = found.model.replaced(index, terms_of[name])
             rival = plant.to_simulate(swapped)
             plant.headline, plant.horizons = kept
             y, held = plant.measured(found.base, found.model, rival)
@@ -429,14 +429,15 @@ def _learned(
     learned = plant.learn(found.model)
     if learned is None:
         return rows
-    grown = prove(plant, found.base, learned.model, rng, plant.reading(found.base, found.model).given)
+    model, curves = learned
+    grown = prove(plant, found.base, model, rng, plant.reading(found.base, found.model).given)
     last = _headline(plant, grown)
     share = closure(_headline(plant, rows)["after"], last["after"], last["floor"])
     worse = any(new["after"] > old["after"] for new, old in zip(grown, rows, strict=True))
     if share < LEARNED_SHARE or worse:
         return rows
-    found.model = learned.model
-    diagnosis.learned = LearnedTorques(learned.curves, share)
+    found.model = model
+    diagnosis.learned = LearnedTorques(curves, share)
     if diagnosis.verdict == "coloured_noise":  # it follows a signal of the motion after all
         diagnosis.verdict = "unknown"
     return grown

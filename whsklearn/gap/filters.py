@@ -23,24 +23,18 @@ WHITENING = 12  # order of the autoregression that whitens the errors of an axis
 class ResidualFilter:
     """The filter, its rate and the samples to which it is applied.
 
-    >>> mean = ResidualFilter(np.full(4, 0.25), every=2, gains=(0.0, 0.0), cutoff=10.0, dt=0.01)
-    >>> mean.noise_gain, mean.pick(np.arange(5.0)).tolist()
-    (0.5, [0.0, 2.0, 4.0])
+    >>> ResidualFilter(np.full(4, 0.25), every=2, gains=(0.0, 0.0), cutoff=10.0).noise_gain
+    0.5
     """
 
     taps: Array  # impulse response from e to missing torque
     every: int  # decimation
     gains: tuple[float, float]  # corrections of position and velocity by one innovation
     cutoff: float  # Hz
-    dt: float
 
     def torque(self, innovation: Array) -> Array:
         """Missing torque, decimated; shape (n // every,)."""
         return filtered(innovation, self.taps, self.every)
-
-    def pick(self, signal: Array) -> Array:
-        """The samples that the decimation keeps."""
-        return signal[:: self.every][: -(-signal.shape[0] // self.every)]
 
     @property
     def noise_gain(self) -> float:
@@ -68,17 +62,14 @@ def residual_filter(
     ``tracking``: bandwidth of the observer, Hz.
     """
     gains = observer_gains(tracking, dt)
-    best = None
     highest = min(30.0, HIGHEST_CUTOFF / dt)
     for cutoff in np.geomspace(highest, min(3.0, 0.5 * highest), 16):
         g, first, second = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * cutoff), dt)
         taps = inertia * (second + gains[0] / dt * first + gains[1] / dt * g)
-        every = decimation(float(cutoff), dt)
-        best = ResidualFilter(taps, every, gains, float(cutoff), dt)
-        if best.noise_gain * noise <= goal * torque:
+        found = ResidualFilter(taps, decimation(float(cutoff), dt), gains, float(cutoff))
+        if found.noise_gain * noise <= goal * torque:
             break
-    assert best is not None
-    return best
+    return found
 
 
 def autoregression(x: Array, order: int, white: float) -> Array:

@@ -81,6 +81,10 @@ class FittedTerm:
         """Numbers that a fit moves, by their index in ``q``."""
         return tuple(self.kind.free)
 
+    def with_slot(self, i: int, value: float) -> Self:
+        """The same term with one number changed."""
+        return replace(self, q=(*self.q[:i], float(value), *self.q[i + 1 :]))
+
     def vector(self) -> list[float]:
         """The free numbers, as logarithms if they are varied by ratios."""
         return [float(np.log(max(self.q[i], 1e-300))) if self.kind.ratios(i) else self.q[i] for i in self.free]
@@ -107,6 +111,10 @@ class WithTerms:
     def with_terms(self, terms: Iterable[Any]) -> Self:
         """The model with other terms."""
         return replace(self, terms=tuple(terms))  # type: ignore[type-var]  # those that have it are dataclasses
+
+    def replaced(self, index: int, term: Any) -> Self:
+        """The model with another term in the place of the term ``index``."""
+        return self.with_terms((*self.terms[:index], term, *self.terms[index + 1 :]))
 
     def with_term(self, term: Any) -> Self:
         """The model with one more effect."""
@@ -139,17 +147,6 @@ class Linearised(NamedTuple):
     jacobian: Array  # (n, p)
     rebuild: Any  # x -> model
     covariance: Any = None  # (p, p): given if more is known about the errors than that the residual is white
-
-
-class Learned(NamedTuple):
-    """A model with its learned nameless torques, and their curves.
-
-    >>> Learned("the model itself", ()).curves
-    ()
-    """
-
-    model: Any
-    curves: tuple[Curve, ...]  # empty if the plant has no picture of them
 
 
 class Gap(NamedTuple):
@@ -451,8 +448,8 @@ class Plant(Protocol):
         """The model with the numbers that give the best free run: those that were fitted."""
         return model
 
-    def learn(self, model: Any) -> Learned | None:
-        """Learn what a model still lacks as nameless functions of the motion that it can simulate: here nothing."""
+    def learn(self, model: Any) -> tuple[Any, tuple[Curve, ...]] | None:
+        """(model with what it still lacks as nameless functions of the motion, their curves): by default none."""
         return None
 
     def reading(self, base: Any, model: Any) -> Reading:

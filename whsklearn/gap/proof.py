@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from whsklearn.effects.base import rms
+from whsklearn.gap.calibration import N_OWN
 from whsklearn.gap.diagnosis import rows_in
 from whsklearn.gap.plants import Base, make_plant
 from whsklearn.logs.overlap import shared_run
 
-OWN_RUNS = 5  # they determine the floor to a tenth
 # Share of the floor, or of the gap before, below which a difference is a rounding error and not a gap.
 NO_GAP = 1e-3
 
@@ -60,13 +60,13 @@ def prove(
 
     The floor of a horizon is the error of the repaired model against records that it simulated itself, restarted by
     the same rule: the error due to noise in the restarts and, for an axis, in the reading of the drive.  Where friction
-    sticks and slips, one record has half again the floor of another, so it is the rms over `OWN_RUNS` of them; exact
+    sticks and slips, one record has half again the floor of another, so it is the rms over `N_OWN` of them; exact
     records differ by their noise only.
     Both runs of the log use the same restarts, so an error below this floor is a chance result of the noise, and the
     floor is never printed above it.  ``given`` is the record as it was given and its base model, if the plant has
     repaired a reading (`whsklearn.gap.plant.Reading`); the error before is then computed from these.
     """
-    others = [plant.made(model, rng) for _ in range(1 if plant.exact else OWN_RUNS)]
+    others = [plant.made(model, rng) for _ in range(1 if plant.exact else N_OWN)]
     y, held = plant.measured(base, model)
     spread = float(np.std(y[held]))
     other_record, first = given or (plant, base)
@@ -112,13 +112,11 @@ def on_second_record(finder: Any, log: Any, **columns: str | None) -> list[dict[
     signals = [np.column_stack([p.record.drive, p.record.position]) for p in (fitted, plant)]
     if shared_run(*signals) is not None:
         raise ValueError("It contains samples of the record that was fitted, so it is no test; give another run.")
+    models = [found.base, found.model]
+    if hasattr(here, "scene"):  # with the sampling and the scale of this record
+        models = [dataclasses.replace(m, scene=here.scene) for m in models]
     rows = []
     for horizon in plant.horizons:
-        before, after = (free_run_error(plant, _moved(m, here), horizon)["rmse"] for m in (found.base, found.model))
+        before, after = (free_run_error(plant, m, horizon)["rmse"] for m in models)
         rows.append({"horizon": horizon, "before": before, "after": after})
     return rows_in(rows, plant.units[1], fitted.own_units, "before", "after")
-
-
-def _moved(model: Any, here: Any) -> Any:
-    """A model with the sampling and the scale of another record."""
-    return dataclasses.replace(model, scene=here.scene) if hasattr(here, "scene") else model

@@ -79,19 +79,8 @@ SOME = 200  # positions at which the mass matrix is checked for being positive d
 class ArmPlant(Plant):
     """Coupled joints with logged drives and positions.
 
-    Parameters
-    ----------
-    record : ArmRecord
-    lags : RigidBodyLags
-        Arm, law and filter.
-    given_model : object
-        The model to return if nothing can be diagnosed.
-    tolerance : float
-        Smallest effect worth naming: its rms as a share of its joint's rms drive.
-    known : Known, optional
-        What another record knows of the numbers.
-    given : tuple of JointTerm
-        Effects of the base model that have no columns.
+    ``lags``: arm, law and filter. ``given_model``: returned if nothing can be diagnosed. ``known``: what another record
+    knows of the numbers. ``given``: effects of the base model that have no columns.
 
     Examples
     --------
@@ -169,7 +158,7 @@ class ArmPlant(Plant):
                     # the ages as the shape leaves them: without a load they stand for it, at their limits
                     rest = replace(view.fit(model.without(i)), timing=model.timing)
                     term = polished(view, self._tangent(rest, np.zeros((0, view.keep.size))), t)
-                    model = view.fit(model.with_terms((*model.terms[:i], term, *model.terms[i + 1 :])))
+                    model = view.fit(model.replaced(i, term))
         return self._centred(view.fit(model))
 
     def _centred(self, model: ArmState) -> ArmState:
@@ -550,8 +539,7 @@ class ArmPlant(Plant):
             whole = whole + view.contribution(t)
             for slot in range(len(t.q)):
                 step = CHANGED * max(abs(t.q[slot]), 1e-6)
-                q = (*t.q[:slot], t.q[slot] + step, *t.q[slot + 1 :])
-                moved = (view.contribution(replace(t, q=q)) - view.contribution(t)) / step
+                moved = (view.contribution(t.with_slot(slot, t.q[slot] + step)) - view.contribution(t)) / step
                 one = (moved.ravel() * weight)[rows]
                 rest = one - plane @ (plane.T @ one)
                 new = rms(rest) > CHANGED * rms(one)

@@ -15,12 +15,13 @@ from whsklearn.effects import ContactStop
 from whsklearn.gap.nameless import nameless
 from whsklearn.gap.plants.arm_terms import AtJoint, JointTerm, Load
 from whsklearn.gap.plants.arm_view import LATEST, ArmState, ArmView
+from whsklearn.gap.plants.variant import WAVE_STEP
 from whsklearn.gap.record import Array
 from whsklearn.gap.tangent import AT_ONCE, Blocks, Family, Look, Tangent, lines
 from whsklearn.identification.drive_lead import OLDEST
 from whsklearn.identification.payload import place_of, point_load
 
-N_STEPS, N_LIMITS, N_AGES = 25, 24, 16
+N_LIMITS, N_AGES = 24, 16
 # Plays that are looked at: widths as shares of the reach, shares of the inertia and of the dry friction behind it, and
 # the contact (Hz, damping ratio), which the filter hides.
 GAPS, SHARES, BEHIND, CONTACT = (0.002, 0.005, 0.012, 0.03), (0.5, 0.75, 0.9), (0.0, 1.0), (30.0, 0.4)
@@ -80,9 +81,7 @@ def _blocks(view: ArmView, kind: AtJoint, tangent: Tangent) -> Blocks:
         yield from _tones(view, kind, tangent)
     else:
         scene = view.scene(kind)
-        low, high = c.ranged(scene)[0] if c.scanned == "step" else (0.0, 0.0)
-        shapes = [(float(t),) for t in np.linspace(low, high, N_STEPS)] if c.scanned == "step" else c.starts(scene)
-        for shape in shapes:
+        for shape in c.starts(scene) if c.scanned == "position" else c.grid(scene, np.inf):
             yield [shape], view.columns(kind, shape)[:, None, :], 1.0
 
 
@@ -181,7 +180,7 @@ def _orders(view: ArmView, kind: AtJoint) -> Blocks:
     low = c.ranged(scene)[0][0]
     speed = max(float(np.median(np.abs(v))), 1e-9)
     high = float(np.clip(2 * np.pi * 1.5 * view.lags.cutoff_ / speed, 4.0 * max(low, 1.0), HIGHEST))
-    step = max(0.2 * np.pi / scene.reach, high / 300)
+    step = max(WAVE_STEP / scene.reach, high / 300)
     values = np.union1d(np.arange(np.ceil(low), high + 1), np.arange(low, max(high, low + step), step))
     values = values[values > 0.0]
     size = view.blur(c.unit_columns((0.0,), view.signals(kind.direction))[:, :1])

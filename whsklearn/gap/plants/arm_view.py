@@ -21,11 +21,10 @@ from whsklearn.effects.base import rms
 from whsklearn.effects.transmission import contact_damping, contact_stiffness
 from whsklearn.filtering import Motion
 from whsklearn.filtering.records import encoder_noise
-from whsklearn.gap.calibration import N_NULL, coloured, n_effective, null_rows, smoothed_power
+from whsklearn.gap.calibration import N_NULL, N_OWN, coloured, n_effective, null_rows, smoothed_power
 from whsklearn.gap.plant import WithTerms
 from whsklearn.gap.plants.arm_terms import AtJoint, JointInertia, JointTerm, Load, Weight, completed
 from whsklearn.gap.plants.servo_candidates import ColumnSignals
-from whsklearn.gap.plants.servo_own import N_RECORDS
 from whsklearn.gap.plants.servo_two_mass import fine_steps, pushed
 from whsklearn.gap.record import MAD, Array, Segmented, white_noise
 from whsklearn.identification.drive_lead import OLDEST
@@ -107,13 +106,8 @@ def at_zero(arm: Arm) -> Array:
 class ArmView(ArmRows):
     """One record after the filters.
 
-    Parameters
-    ----------
-    lags : RigidBodyLags
-    record : ArmRecord
-        Filters, and effects with a memory, begin anew at each of its segments.
-    known : Known, optional
-        What another record knows of the numbers: they move only as far as it allows.
+    Filters, and effects with a memory, begin anew at each segment of the ``record``. ``known``: what another record
+    knows of the numbers, which move only as far as it allows.
     """
 
     def __init__(self, lags: RigidBodyLags, record: ArmRecord, known: Known | None = None):
@@ -500,10 +494,10 @@ class ArmView(ArmRows):
         second pass removes is not an artefact.
         """
         asked = self.blur(self.along(model, self.motion_of(self.moved.position)))
-        made = [self.along(model, self.motion_of(self.read(self.moved.position, rng))) for _ in range(N_RECORDS)]
+        made = [self.along(model, self.motion_of(self.read(self.moved.position, rng))) for _ in range(N_OWN)]
         rows = np.where(self.keep, asked - np.array([self.blur(x) for x in made]), 0.0)
         mean = rows.mean(axis=0)
-        apart = (rows - mean) * np.sqrt(N_RECORDS / (N_RECORDS - 1.0))
+        apart = (rows - mean) * np.sqrt(N_OWN / (N_OWN - 1.0))
         null, n = self.null(self.left(model) + np.where(self.keep, self.artefact, 0.0) - mean, apart, rng)
         floor = np.sqrt(np.mean([self.by_joint(a) ** 2 for a in apart], axis=0))
         return Own(mean, null, floor / np.maximum(self.drive_rms, 1e-300), n, apart)

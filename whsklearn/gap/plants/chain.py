@@ -66,21 +66,11 @@ LEVELS = 50  # distinct values of an output below which it is a signal with a fe
 class ChainPlant(Plant):
     """u -> L1 -> law -> L2 -> y with logged input and output.
 
-    Parameters
-    ----------
-    u, y : ndarray of shape (n,)
-    base : (str or FrictionLaw, tuple of int, int)
-        Law (the knots of a named one are placed by the record), orders (n_a, n_b, n_c, n_d) of the base model, and the
-        number of its two blocks that have a direct path.
-        The law lies between delays, so no record shows which of the two blocks it is.
-    tolerance : float
-        Smallest change of the output worth naming, as a share of its rms.
-    dt : float
-        Sampling time; one if the log has no time, so that frequencies are in cycles per sample.
-    at : ndarray of int, shape (n,), optional
-        Place of every sample on the grid of the sampling time, if the log has holes.
-    given_model : WienerHammersteinSystem, optional
-        The model to return if nothing can be diagnosed.
+    ``base``: law (the knots of a named one are placed by the record), orders (n_a, n_b, n_c, n_d) of the base model,
+    and the number of its two blocks that have a direct path. The law lies between delays, so no record shows which of
+    the two blocks it is. ``dt``: one if the log has no time, so that frequencies are in cycles per sample. ``at`` (n,):
+    place of every sample on the grid of ``dt``, if the log has holes. ``given_model``: returned if nothing can be
+    diagnosed.
     """
 
     units = logged = ("", "")

@@ -126,16 +126,15 @@ def fitted(s: Record, models: list[ChainHypothesis], term: ChainTerm) -> ChainHy
 
 def walked(s: Record, m: ChainHypothesis) -> ChainHypothesis:
     """The model with the instant of its last effect moved, in smaller and smaller steps, while the residual falls."""
-    kind, q = m.terms[-1].kind, list(m.terms[-1].q)
+    kind, last = m.terms[-1].kind, len(m.terms) - 1
     i = kind.fields.index(kind.cls.scanned())
     low, high = kind.range_of(i, cm.sizes(s, m))
     best, step = (cost(s, m), m), 0.02 * (high - low)
     while step >= 0.5 * s.dt:
         before = best[0]
         for shift in (-step, step):
-            q = list(best[1].terms[-1].q)
-            q[i] = float(np.clip(q[i] + shift, low, high))
-            other = m.with_terms((*m.terms[:-1], ChainTerm(kind, tuple(q))))
+            term = best[1].terms[-1]
+            other = m.replaced(last, term.with_slot(i, np.clip(term.q[i] + shift, low, high)))
             best = min(best, (cost(s, other), other), key=lambda b: b[0])
         step *= 0.5 if best[0] == before else 1.0
     return sharpened(s, best[1], cm.HARD[1:], 6)
@@ -152,10 +151,10 @@ def nudged(s: Record, m: ChainHypothesis) -> ChainHypothesis:
     best, z = (cost(s, m), m), cm.sizes(s, m)
     low, high = term.kind.range_of(0, z)
     for _ in range(KEPT):
-        q, before = best[1].terms[-1].q, best[0]
-        for first in (*(q[0] * f for f in NUDGES), *((q[0] - s.dt, q[0] + s.dt) if term.kind.delays else ())):
-            moved = ChainTerm(term.kind, (float(np.clip(first, low, high)), *q[1:]))
-            there = best[1].with_terms((*m.terms[:-1], moved))
+        here, before = best[1].terms[-1], best[0]
+        q = here.q[0]
+        for first in (*(q * f for f in NUDGES), *((q - s.dt, q + s.dt) if term.kind.delays else ())):
+            there = best[1].with_terms((*m.terms[:-1], here.with_slot(0, np.clip(first, low, high))))
             for other in (sharpened(s, there, cm.RUNGS[1:], 6), sharpened(s, there, robust=False, held=True)):
                 best = min(best, (cost(s, other), other), key=lambda b: b[0])
         if best[0] > 0.99 * before:

@@ -164,14 +164,7 @@ class ChainTerm(FittedTerm):
 
     def row(self) -> Array:
         """The numbers in the form that the compiled chain takes."""
-        out = np.zeros(codes.N_NUMBERS)
-        out[: len(self.q)] = self.q
-        return out
-
-
-def is_line(law: FrictionLaw) -> bool:
-    """Whether a law is a straight line in x, with or without an offset."""
-    return all(isinstance(t, Power) and t.degree <= 1 for t in law.terms)
+        return np.pad(self.q, (0, codes.N_NUMBERS - len(self.q)))
 
 
 def catalogue(law: FrictionLaw) -> list[ChainCandidate]:
@@ -181,13 +174,14 @@ def catalogue(law: FrictionLaw) -> list[ChainCandidate]:
     """
     held = {t.code for t in law.terms}
     dry = {t.name for t in law.terms}
+    line = all(isinstance(t, Power) and t.degree <= 1 for t in law.terms)
     out = []
     for name in effect_names():
         cls = CHAIN_FORMS.get(name, get_effect(name))
         if name in NO_TERM or cls.code in held:
             continue
         for options in cls.variants():
-            if cls.port == "input" and options.get("at") == "middle" and not is_line(law):
+            if cls.port == "input" and options.get("at") == "middle" and not line:
                 continue
             parent = cls.parent_of(**options)
             if parent and parent in ("coulomb", "viscous") and parent not in dry:

@@ -18,11 +18,11 @@ from whsklearn.effects.base import ArgumentError, rms
 from whsklearn.effects.surroundings import chatters
 from whsklearn.gap.calibration import gain
 from whsklearn.gap.data_check import DataProblem, check_servo
-from whsklearn.gap.diagnosis import NamedEffect
+from whsklearn.gap.diagnosis import Curve, NamedEffect
 from whsklearn.gap.filters import whiteness
 from whsklearn.gap.localisation import since_reversal, spectra
 from whsklearn.gap.pictures import DRAWN
-from whsklearn.gap.plant import PAYS, QUIET, Figures, Gap, Learned, Linearised, Plant, Reading, Told, quiet
+from whsklearn.gap.plant import PAYS, QUIET, Figures, Gap, Linearised, Plant, Reading, Told, quiet
 from whsklearn.gap.plants import (
     servo_families,
     servo_learned,
@@ -74,15 +74,7 @@ FASTER = (
 class ServoPlant(Plant):
     """A rigid axis with logged drive and position.
 
-    Parameters
-    ----------
-    record : ServoRecord
-    law : tuple of str
-        Friction terms of the base model.
-    given_model : object
-        The model to return if nothing can be diagnosed.
-    tolerance : float
-        Smallest effect worth naming: its rms as a share of the rms drive.
+    ``law``: friction terms of the base model. ``given_model``: returned if nothing can be diagnosed.
     """
 
     inverse: InverseView
@@ -241,7 +233,7 @@ class ServoPlant(Plant):
         headline = servo_run.predictable(made.observer, model, longest)
         return headline, servo_run.horizons_around(headline)
 
-    def learn(self, model: ServoHypothesis) -> Learned | None:
+    def learn(self, model: ServoHypothesis) -> tuple[ServoHypothesis, tuple[Curve, ...]] | None:
         """Learn curves in the inverse view; the age of the drive is the one with the best free run on fitted samples.
 
         Inverse dynamics counts half a sample of age for the hold, which a simulation includes anyway.
@@ -249,10 +241,9 @@ class ServoPlant(Plant):
         found = servo_learned.learn(self.inverse, model)
         if found is None:
             return None
-        ages = (model.timing, found.model.timing - HOLD, found.model.timing)
-        tried = [dataclasses.replace(found.model, timing=age) for age in ages]
-        best = min(tried, key=lambda m: servo_run.train_error(self.observer, m, self.headline))
-        return found._replace(model=best)
+        grown, curves = found
+        tried = [dataclasses.replace(grown, timing=age) for age in (model.timing, grown.timing - HOLD, grown.timing)]
+        return min(tried, key=lambda m: servo_run.train_error(self.observer, m, self.headline)), curves
 
     def reading(self, base: ServoHypothesis, model: ServoHypothesis) -> Reading:
         """A lost sign, with the record as given; or a coarse encoder grid, if the missing torque shows no effect."""
@@ -392,8 +383,7 @@ class ServoPlant(Plant):
         """
         for i, t in enumerate(model.terms):
             for name in t.effect.aliases if t.kind.delays else ():
-                other = dataclasses.replace(t, kind=candidate(name))
-                swapped = model.with_terms((*model.terms[:i], other, *model.terms[i + 1 :]))
+                swapped = model.replaced(i, dataclasses.replace(t, kind=candidate(name)))
                 horizon, _ = self._horizons(model)
                 one, two = (self.observer.fit(m) for m in (model, swapped))
                 power = [servo_run.train_error(self.observer, m, horizon) ** 2 for m in (one, two)]

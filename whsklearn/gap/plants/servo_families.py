@@ -40,6 +40,7 @@ from whsklearn.gap.plants.servo_candidates import TWO_MASS, Candidate, usable
 from whsklearn.gap.plants.servo_inverse import later, reaching, weighted
 from whsklearn.gap.plants.servo_model import HOLD, ServoHypothesis, ServoTerm
 from whsklearn.gap.plants.servo_own import Own
+from whsklearn.gap.plants.variant import WAVE_STEP
 from whsklearn.gap.record import Array
 from whsklearn.gap.search import HALF, LEAST_SHARE
 from whsklearn.gap.tangent import (
@@ -304,7 +305,7 @@ def orders(scene: Scene, kind: Candidate) -> Blocks:
     # the highest order that the filter passes in the share of the samples that a name must explain
     speed = max(float(np.quantile(np.abs(scene.speed), LEAST_SHARE)), 1e-9)
     high = float(np.clip(2 * np.pi * 1.5 * view.cutoff / speed, 4.0 * max(low, 1.0), highest_order(view)))
-    step = max(0.2 * np.pi / view.scene.reach, high / MOST_WAVES)
+    step = max(WAVE_STEP / view.scene.reach, high / MOST_WAVES)
     values = np.arange(low, max(high, low + step), step)
     if view.record.units[1] == "rad":
         values = np.union1d(np.arange(np.ceil(low), high + 1), values)
@@ -493,7 +494,7 @@ def downhill(view: Any, grown: ServoHypothesis, i: int) -> ServoHypothesis:
     def at(j: int, log: bool, x: float) -> tuple[float, ServoHypothesis]:
         moved = float(np.clip(x, *limits[j]))
         t = grown.terms[i].with_slot(j, float(np.exp(moved)) if log else moved)
-        other, left = view.fit_with_gap(grown.with_terms((*grown.terms[:i], t, *grown.terms[i + 1 :])))
+        other, left = view.fit_with_gap(grown.replaced(i, t))
         return view.rms(left), other
 
     for _ in range(POLISH * (3 if term.kind.code == k.SATURATION else 1)):
@@ -535,7 +536,7 @@ def jointly(view: Any, grown: ServoHypothesis, i: int) -> ServoHypothesis:
         term = grown.terms[i]
         for (_, j, log), value in zip(free, x, strict=True):
             term = term.with_slot(j, float(np.exp(value)) if log else float(value))
-        return view.fit_with_gap(grown.with_terms((*grown.terms[:i], term, *grown.terms[i + 1 :])))
+        return view.fit_with_gap(grown.replaced(i, term))
 
     fit = least_squares(lambda x: moved(x)[1], grown.vector()[at], 3.0 * steps[at], (low[at], high[at]), tolerance=1e-3)
     best, left = moved(fit.x)

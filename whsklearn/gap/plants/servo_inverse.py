@@ -78,18 +78,10 @@ def noise_behind(kernel: Array, record: ServoRecord, noise: float) -> float:
 
 
 class InverseView:
-    """One record filtered by one Gaussian.
+    """One record filtered by one Gaussian of the ``cutoff`` (Hz).
 
-    Parameters
-    ----------
-    record : ServoRecord
-    scene : Scales
-    cutoff : float
-        Cut-off of the Gaussian, Hz.
-    start : tuple of ndarray
-        Smoothed position and velocity from which a surrogate starts.
-    noise : float
-        Standard deviation of the position's noise.
+    ``start``: smoothed position and velocity from which a surrogate starts. ``noise``: standard deviation of the
+    position's.
     """
 
     def __init__(self, record: ServoRecord, scene: Scales, cutoff: float, start: tuple[Array, Array], noise: float):
@@ -447,11 +439,6 @@ class InverseView:
         left = (share * target - predicted)[self.at] - (0.0 if self.artefact is None else self.artefact)
         left -= self._plausible_age(model, float(rate @ left) / (float(rate @ rate) + 1e-300)) * rate
         return weighted(left, self.told(model))
-
-    def with_pushes(self, model: ServoHypothesis) -> Array:
-        """The same residual, with only the spring and damper part of a stop's push subtracted."""
-        _, x, target, sizes, _ = self.solved(model)
-        return (target - x @ sizes)[self.at]
 
     def linearised(self, model: ServoHypothesis) -> Linearised:
         """Residual and derivatives by all free numbers, scaled to the number of independent samples.

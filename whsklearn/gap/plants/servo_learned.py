@@ -11,7 +11,6 @@ free function of the velocity or of the drive is used only if those leave a larg
 from __future__ import annotations
 
 import dataclasses
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,7 +22,7 @@ from whsklearn.effects import LearnedTorque
 from whsklearn.effects.equations import hill
 from whsklearn.gap import least_squares as ols
 from whsklearn.gap.diagnosis import Curve
-from whsklearn.gap.plant import LEARNED_SHARE, PAYS, Learned
+from whsklearn.gap.plant import LEARNED_SHARE, PAYS
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, Candidate, ColumnSignals
 from whsklearn.gap.plants.servo_inverse import weighted
 from whsklearn.gap.plants.servo_model import ServoHypothesis, ServoTerm
@@ -108,8 +107,8 @@ def forms(view: Any, torque: Array | None) -> list[Form]:
     return out
 
 
-def learn(view: Any, model: ServoHypothesis) -> Learned | None:
-    """The model with learned curves for whatever it still lacks, or None if cross-validation supports none."""
+def learn(view: Any, model: ServoHypothesis) -> tuple[ServoHypothesis, tuple[Curve, ...]] | None:
+    """(model with learned curves for what it still lacks, the curves); or None if cross-validation supports none."""
     if any(t.kind.code in TWO_MASS for t in model.terms):
         return None
     torque = view.torque(model)
@@ -129,9 +128,11 @@ def learn(view: Any, model: ServoHypothesis) -> Learned | None:
         problem = CurveProblem(view, model, torque, tuple(found))
     if not found:
         return None
-    heights = heights_of(found)
+    # the model's own numbers and the heights of the hills of every curve, solved together with the last one
+    hills = np.cumsum([f.centres.size for f in found])
+    own, *heights = np.split(found[-1].numbers, found[-1].numbers.size - hills[-1] + np.r_[0, hills[:-1]])
     curves = tuple(curve_of(f, w) for f, w in zip(found, heights, strict=True))
-    return Learned(with_curves(view, model, found, heights), curves)
+    return with_curves(view, model, found, own, heights), curves
 
 
 class Normal(NamedTuple):
@@ -280,17 +281,11 @@ def second_differences(k: int, periodic: bool) -> Array:
     return d.T @ d
 
 
-def heights_of(fits: list[CurveFit]) -> list[Array]:
-    """The heights of the hills of every curve, solved together with the last one."""
-    numbers = fits[-1].numbers
-    ends = numbers.size - np.cumsum([0, *(f.centres.size for f in fits[::-1])])[::-1]
-    return [numbers[a:b] for a, b in pairwise(ends)]
-
-
-def with_curves(view: Any, model: ServoHypothesis, fits: list[CurveFit], heights: list[Array]) -> ServoHypothesis:
+def with_curves(
+    view: Any, model: ServoHypothesis, fits: list[CurveFit], own: Array, heights: list[Array]
+) -> ServoHypothesis:
     """The model with its own numbers as solved beside the curves, and with the hills of the curves as terms."""
     last = fits[-1]
-    own = last.numbers[: last.numbers.size - sum(h.size for h in heights)]
     model = view.with_sizes(model, np.array([last.inertia, *own, last.timing * view.scene.dt]))
     terms = list(model.terms)
     for f, weights in zip(fits, heights, strict=True):

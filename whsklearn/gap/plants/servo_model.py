@@ -42,10 +42,6 @@ INSIDE = 1e-3  # of a share: how far inside its range a fit along the run starts
 class ServoTerm(FittedTerm):
     """A candidate (`whsklearn.gap.plants.servo_candidates.Candidate`) with its numbers."""
 
-    def with_slot(self, i: int, value: float) -> ServoTerm:
-        """The same term with one number changed."""
-        return replace(self, q=(*self.q[:i], float(value), *self.q[i + 1 :]))
-
 
 @dataclass(frozen=True)
 class ServoHypothesis(WithTerms):

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.stats import norm
 
 from whsklearn.effects.base import rms
-from whsklearn.gap.calibration import N_DRAWS, independent, null_rows
+from whsklearn.gap.calibration import N_DRAWS, N_OWN, independent, null_rows
 from whsklearn.gap.diagnosis import ALPHA
 from whsklearn.gap.plants.servo_candidates import ColumnSignals as Motion
 from whsklearn.gap.plants.servo_model import HOLD, ServoHypothesis
@@ -32,7 +32,6 @@ LOOP = 5.0
 # Largest lag, in rad, of an old drive at the loop's natural frequency: the loop crosses over at 1.5 times that
 # frequency with a phase margin of 65 degrees.
 STEADY = 0.4
-N_RECORDS = 5  # own records; their mean is known to 0.45 of their spread
 
 
 class Own(NamedTuple):
@@ -177,12 +176,12 @@ def _own(
         delay = float(np.clip(age - late, -OLDEST, latest))
         feed = view.record.drive - bare.spread(left - seen)
     gaps, ideal = [], needed(view, corrected)
-    for _ in range(N_RECORDS):
+    for _ in range(N_OWN):
         made = bare.beside(own_record(view, corrected, rng, feed, delay, ideal, held=held))
         gaps.append(made.fit_with_gap(model)[1])
     rows = np.array(gaps)
     mean = rows.mean(axis=0)
-    apart = (rows - mean) * np.sqrt(N_RECORDS / (N_RECORDS - 1.0))
+    apart = (rows - mean) * np.sqrt(N_OWN / (N_OWN - 1.0))
     if contradicted(mean, left, view.n_effective):
         if not held:
             return None

@@ -270,7 +270,7 @@ def _softly(model: ServoHypothesis) -> ServoHypothesis:
     term = model.terms[i]
     slot = term.kind.fields.index("damping_ratio")
     usual = term.with_slot(slot, term.kind.starts(model.scene)[0][slot - term.kind.linear])
-    return model.with_terms((*model.terms[:i], usual, *model.terms[i + 1 :]))
+    return model.replaced(i, usual)
 
 
 def _variants(view: ObserverView, q: tuple[float, ...]) -> list[tuple[float, ...]]:

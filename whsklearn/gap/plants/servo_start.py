@@ -280,5 +280,5 @@ def observer_view(view: InverseView, scene: Scales, *, tolerance: float = DEFAUL
     usable &= ~record.near_a_hole(guard, settle)
     return ObserverView(
         record, chosen, scene, view.noise, view.start,
-        chosen.pick(train & ~edge), chosen.pick(usable), tolerance, view.quantum,
+        (train & ~edge)[:: chosen.every], usable[:: chosen.every], tolerance, view.quantum,
     )  # fmt: skip

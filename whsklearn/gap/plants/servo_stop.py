@@ -109,7 +109,8 @@ def settled(view: Any, model: ServoHypothesis, term: ServoTerm) -> ServoHypothes
 
     def tried(term: ServoTerm) -> tuple[float, ServoHypothesis]:
         grown = view.fit(model.with_term(term))
-        return view.rms(view.with_pushes(grown)), grown
+        _, x, target, sizes, _ = view.solved(grown)
+        return view.rms((target - x @ sizes)[view.at]), grown  # also in contact, without the fitted push
 
     least, best = min((tried(term.with_slot(2, r)) for r in RELAXATIONS), key=lambda t: t[0])
     steps = {1: EDGE_STEP * beyond, 2: 0.5 * best.terms[-1].q[2] + RELAXATIONS[1]}

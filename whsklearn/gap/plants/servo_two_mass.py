@@ -20,11 +20,11 @@ from numba import njit
 
 from whsklearn.effects import codes as k
 from whsklearn.filtering.records import CUTOFF_SIGMA, filtered, gaussian_derivatives
+from whsklearn.gap.plants.servo_candidates import TWO_MASS
 from whsklearn.gap.plants.servo_model import INSIDE, ServoHypothesis, ServoTerm
 from whsklearn.gap.record import Array
 
 STEPS = 8  # per period of the load on its spring; twice the damping ratio times as many, or the damper makes it diverge
-BOTH = (k.BACKLASH, k.FLEXIBLE_COUPLING)
 TURNS = (
     0.1  # of the rms drive, over which a transmitted torque changes sign: 0.06 to 0.15 in a prototype; not varied here
 )
@@ -113,7 +113,7 @@ def sizes(model: ServoHypothesis) -> Array:
     """Inertia of the motor, then the linear numbers of the terms; the load's inertia is in the place of its term."""
     out = [model.inertia]
     for t in model.terms:
-        if t.kind.code not in BOTH:
+        if t.kind.code not in TWO_MASS:
             out += list(t.q[: t.kind.linear])
         elif not t.kind.on_load:
             out[0] -= model.inertia * t.q[1]
@@ -138,10 +138,10 @@ def with_sizes(view: Any, model: ServoHypothesis, solved: Array) -> ServoHypothe
     terms, i = [], 1
     motor, load = max(float(solved[0]), 1e-3 * view.scene.inertia), 0.0
     for t in model.terms:
-        if t.kind.code in BOTH and t.kind.on_load:
+        if t.kind.code in TWO_MASS and t.kind.on_load:
             terms.append(seen_from_load(motor, t, max(float(solved[i]), 1e-9 * motor)))
             i += 1
-        elif t.kind.code in BOTH:
+        elif t.kind.code in TWO_MASS:
             load = max(float(solved[i]), 1e-3 * motor)
             i += 1
             gap, w, zeta, slowed = contact(model, t)
@@ -180,9 +180,7 @@ def splits_of_friction(model: ServoHypothesis) -> list[ServoHypothesis]:
     out = [model]
     dry = next((i for i, t in enumerate(model.terms) if t.name == "coulomb"), None)
     for i, t in enumerate(model.terms):
-        if dry is not None and t.kind.code in BOTH and not t.kind.on_load and t.q[-1] > 0.0:
-            terms = list(model.terms)
-            terms[i] = t.with_slot(len(t.q) - 1, 0.0)
-            terms[dry] = terms[dry].with_slot(0, terms[dry].q[0] + t.q[-1])
-            out.append(model.with_terms(tuple(terms)))
+        if dry is not None and t.kind.code in TWO_MASS and not t.kind.on_load and t.q[-1] > 0.0:
+            more = model.terms[dry].with_slot(0, model.terms[dry].q[0] + t.q[-1])
+            out.append(model.replaced(i, t.with_slot(len(t.q) - 1, 0.0)).replaced(dry, more))
     return out

@@ -54,16 +54,7 @@ FAR_ABOVE = 3.0  # multiple of the noise, whose level is known from sixth differ
 
 
 class SimulatorPlant(Plant):
-    """A record under a simulator with three methods.
-
-    Parameters
-    ----------
-    model : object
-        An object with simulate, refit and with_effect.
-    record : ServoRecord
-    tolerance : float
-        Smallest effect worth naming: the rms of the error that it explains over ``scale``.
-    """
+    """A record under a simulator with the methods simulate, refit and with_effect."""
 
     whole = "motion"
     gap_word = "error of the simulated position"

@@ -33,18 +33,10 @@ PARTS = 6  # of the record that are excluded in turn: one more than the usual nu
 
 @dataclass(frozen=True)
 class EffectTerm(FittedTerm):
-    """One effect in a model.
-
-    Attributes
-    ----------
-    kind : EffectVariant
-    q : tuple of float
-    still : tuple of str
-        Numbers of its shape that no fit moves.
-    """
+    """One effect in a model."""
 
     kind: EffectVariant
-    still: tuple[str, ...] = ()
+    still: tuple[str, ...] = ()  # numbers of its shape that no fit moves
 
     @classmethod
     def of(cls, effect: Effect, still: tuple[str, ...] = ()) -> EffectTerm:
