@@ -177,14 +177,11 @@ def spectra(before: Array, after: Array, step: float, angle: Array, orders: Arra
 
 def since_reversal(speed: Array, dt: float, quiet: float) -> Array:
     """Seconds since the velocity last changed its sign."""
-    out = np.empty(speed.size)
-    sign, age = 0.0, 0.0
-    for i, v in enumerate(speed):
-        now = np.sign(v) if abs(v) > quiet else sign
-        age = 0.0 if now != sign else age + dt
-        sign = now
-        out[i] = age
-    return out
+    n = np.arange(speed.size)
+    last = np.maximum.accumulate(np.where(np.abs(speed) > quiet, n, -1))  # sample at which a direction was seen
+    sign = np.where(last < 0, 0.0, np.sign(speed[last]))
+    reversal = np.maximum.accumulate(np.where(np.diff(sign, prepend=0.0) != 0.0, n, -1))
+    return np.concatenate([[0.0], np.cumsum(np.full(n.size, dt))])[n - reversal]
 
 
 def sentence(places: list[Place]) -> str:

@@ -224,8 +224,6 @@ class Plant(Protocol):
         The same, as in the log.
     own_units : dict of str to str
         Symbol of ``units`` -> the unit that a report uses for it.
-    effect_units : tuple of str
-        Of drive and motion, in which the numbers of effects are stated.
     gap_unit, gap_word, whole : str
         Unit of the gap, what it is called ("missing torque") and what it is a share of ("drive").
     subject : str
@@ -337,15 +335,10 @@ class Plant(Protocol):
         """The model as the library's own object."""
 
     # --- with a default ---------------------------------------------------------------------------
-    @property
-    def effect_units(self) -> tuple[str, str]:
-        """Those of the log."""
+    def units_at(self, joint: str) -> tuple[str, str]:
+        """Units of drive and motion in which the numbers of an effect at a joint are stated: those of the log."""
         drive, motion = self.units
         return self.own_units.get(drive, drive), self.own_units.get(motion, motion)
-
-    def units_at(self, joint: str) -> tuple[str, str]:
-        """Those of an effect at a joint: `effect_units`."""
-        return self.effect_units
 
     @property
     def gap_unit(self) -> str:

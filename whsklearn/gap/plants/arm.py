@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from whsklearn.effects import ContactStop, Coulomb, LoadFriction, Saturation, Surroundings, Viscous
 from whsklearn.effects.base import rms
-from whsklearn.gap.calibration import p_value, rival_leads
+from whsklearn.gap.calibration import rival_leads
 from whsklearn.gap.data_check import DataProblem
 from whsklearn.gap.filters import whiteness
 from whsklearn.gap.localisation import spectra
@@ -45,7 +45,7 @@ from whsklearn.gap.plants.servo_model import ServoTerm
 from whsklearn.gap.plants.servo_run import OWN_MOTION
 from whsklearn.gap.record import SPLIT, Array, training_samples
 from whsklearn.gap.search import HALF, LEAST_SHARE, STILL
-from whsklearn.gap.tangent import Family, Look, Tangent
+from whsklearn.gap.tangent import Family, Look, Tangent, chance
 from whsklearn.identification.arm_checks import (
     enough_rows,
     in_another_order,
@@ -209,7 +209,9 @@ class ArmPlant(Plant):
         pairs = [(f, self.tangent.look(f)) for f in (*families(view, rest), *nameless_at(view))]
         looks = [self._sized(look) for _, look in pairs if look is not None]
         looks += [self._sized(look) for k in limits if (look := look_at_limit(view, k, self.tangent)) is not None]
-        looks = sorted((self._significant(k, len(looks)) for k in outermost(looks, view.arm)), key=lambda k: -k.score)
+        n = len(looks)
+        looks = [replace(k, p_value=chance(k, k.null, n, 0.0)) for k in outermost(looks, view.arm)]
+        looks.sort(key=lambda k: -k.score)
         usual = self._usual(model)  # beside what has changed at one joint, what was there before at another is no gap
         asked = [i for i, k in enumerate(looks) if not k.place or not k.place <= usual]
         looks = [k if i in asked else replace(k, p_value=1.0) for i, k in enumerate(looks)]
@@ -235,17 +237,13 @@ class ArmPlant(Plant):
         null, _ = view.null(rest, self.own.apart, rng)
         beside = self._tangent(model, null.reshape(len(null), -1)).look(family)
         assert beside is not None
-        return replace(look, p_value=self._significant(replace(look, null=beside.null), families).p_value)
+        return replace(look, p_value=chance(look, beside.null, families, 0.0))
 
     def _usual(self, model: ArmState) -> set[str]:
         """The joints at which a model with effects leaves no more than the arm's own record may leave."""
         if not model.added or self.known is None or not self.known.unexplained:
             return set()
         return set(np.array(self.view.arm.joints)[self._shares(self.errors(model)) <= QUIET * self.floor].tolist())
-
-    def _significant(self, look: Look, families: int) -> Look:
-        """The look with its p-value."""
-        return replace(look, p_value=p_value(look.gain, look.null, families, look.degrees))
 
     def _sized(self, look: Look) -> Look:
         """The look with its size as a share of the drive of the joint where it is largest."""
@@ -277,20 +275,16 @@ class ArmPlant(Plant):
             return 0.0
         return float(np.sqrt(max(power, 0.0) * max(shares.max(), 0.0) / gone.sum()))
 
-    def explained(self, model: ArmState, grown: ArmState, look: Look) -> tuple[float, float]:
+    def explained(self, model: ArmState, grown: ArmState, look: Look | AtJoint) -> tuple[float, float]:
         """As of any plant; numbers of another record that need move less with the effect count as explained by it.
 
         Without the effect they bend to it as far as their errors allow, and what is left then shows little of it.
         """
-        return self._explains(model, grown, look.place)
-
-    def _explains(self, model: ArmState, grown: ArmState, place: frozenset[str]) -> tuple[float, float]:
-        """(gain, size) of what the last effect explains at its place."""
         before, after = self.errors(model), self.errors(grown)
         first, last = self._moved(model), self._moved(grown)
         power = float(before @ before) + first - float(after @ after) - last
         more = self._likelihood(after) - self._likelihood(before) + (first - last) / self.view.repeats
-        return more, self._share(before, after, power, place)
+        return more, self._share(before, after, power, look.place)
 
     def _likelihood(self, errors: Array) -> float:
         """Twice the log likelihood of errors, each joint with a variance of its own (but for a constant).
@@ -483,7 +477,7 @@ class ArmPlant(Plant):
         if {view.arm.joints[i] for i in at} <= self._usual(model):
             return "before it, no more was left at its joint than the arm's own record may leave"
         there = float(self._shares(self.errors(model.with_terms(())))[at].max())
-        if model.added and self._explains(model, grown, t.kind.place)[1] < STILL * there:
+        if model.added and self.explained(model, grown, t.kind)[1] < STILL * there:
             return "it explains no more than may stay without a name beside the effects already found"
         before, after = (view.held_out(view.fit(m)) * view.weight * view.drive_rms for m in (model, grown))
         if np.nansum(after[at] ** 2) >= np.nansum(before[at] ** 2):

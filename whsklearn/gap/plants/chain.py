@@ -78,7 +78,6 @@ class ChainPlant(Plant):
     whole = "output"
     horizon_unit = "samples"
     exact = True
-    effect_units = ("", "")  # x and v have no units, whatever the units of the log are
 
     def __init__(
         self, u: Array, y: Array, base: tuple[str | FrictionLaw | None, tuple[int, ...], int], *, tolerance: float,
@@ -346,6 +345,10 @@ class ChainPlant(Plant):
         """Whitened errors with outliers capped; the numbers of a chain are not regression coefficients of its error."""
         signals = signals_of(self.record, model, self.units)
         return Gap(self.errors(model), self.dt, {k: (v[self.record.fit], unit) for k, (v, unit) in signals.items()}, {})
+
+    def units_at(self, joint: str) -> tuple[str, str]:
+        """None: x and v have no units, whatever the units of the log are."""
+        return "", ""
 
     def numbers(self, model: ChainHypothesis) -> dict[str, tuple[float, str]]:
         """Natural parameters by name; they have no units."""
