@@ -6,10 +6,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from whsklearn.effects import CableSpring, ContactStop, Saturation
+from whsklearn.effects import CableSpring, ContactStop, GravityImbalance, Saturation
 from whsklearn.gap import GapFinder
 from whsklearn.gap.plants import servo_stop as stop
 from whsklearn.gap.plants.servo import ServoPlant
+from whsklearn.gap.plants.servo_candidates import usable
+from whsklearn.gap.plants.servo_families import settled
+from whsklearn.gap.plants.servo_model import ServoTerm
 from whsklearn.gap.plants.servo_start import start_of
 from whsklearn.gap.record import ServoRecord
 from whsklearn.systems import ServoAxis
@@ -93,3 +96,27 @@ def test_a_hard_limit_of_the_drive_is_named():
     finder = found(log_of(Saturation(2.0), every=2, seconds=13.0))
     assert [e.name for e in finder.effects_] == ["saturation"]
     assert finder.effects_[0].effect.limit == pytest.approx(2.0, rel=0.02)
+
+
+def test_a_stop_beside_a_weight_that_the_model_lacks_is_found_and_both_are_named():
+    """The weight was a slow force that the base numbers took up, so that no event stood out."""
+    effects = [STOPS["both"], GravityImbalance(4.0, 0.4)]
+    frame = log_of(*effects, every=2, seconds=13.0)
+    view, model = start_of(ServoRecord(frame.time, frame.drive, frame.position), ("viscous", "coulomb"), 0.004)
+    assert {r.side for r in stop.regions(view, model)} == {1, -1}
+    finder = found(frame)
+    assert {e.name for e in finder.effects_} == {"end_stop", "gravity_imbalance"}
+
+
+def test_a_stop_is_settled_again_beside_what_is_found_after_it():
+    """Its end was that of a fit without the weight."""
+    weight, both = GravityImbalance(1.0, 0.4), STOPS["both"]
+    frame = log_of(both, weight, every=2, seconds=13.0)
+    view, base = start_of(ServoRecord(frame.time, frame.drive, frame.position), ("viscous", "coulomb"), 0.004)
+    (term,) = (t for kind in stop.KINDS if (t := stop.start(kind, stop.regions(view, base))))
+    (kind,) = (c for c in usable([]) if c.name == "gravity_imbalance")
+    model = view.fit(stop.settled(view, base, term).with_term(ServoTerm(kind, (0.0, 0.0))))
+    again = settled(view, model)
+    assert view.rms(view.with_pushes(again)) < view.rms(view.with_pushes(model))
+    off = [np.abs(np.subtract(m.terms[2].effect.ends, both.ends)).max() for m in (model, again)]
+    assert off[1] <= off[0]

@@ -459,11 +459,15 @@ def polished(view: Any, model: ServoHypothesis, term: ServoTerm) -> ServoHypothe
 def settled(view: Any, model: ServoHypothesis) -> ServoHypothesis:
     """The model with the shapes of its effects polished again beside the last one.
 
-    Without that one, the rest position of a spring compensates for whatever was missing.
+    Without that one, the rest position of a spring compensates for whatever was missing, and so does a stop's end.
     """
     for i in range(model.n_base, len(model.terms)):
         kind = model.terms[i].kind
-        if kind.scanned != "step" and kind.code not in TWO_MASS and kind not in stop.KINDS:
+        if kind in stop.KINDS:
+            *others, moved = stop.settled(view, model.without(i), model.terms[i]).terms
+            again = view.fit(model.with_terms((*others[:i], moved, *others[i:])))
+            model = again if view.rms(view.with_pushes(again)) < view.rms(view.with_pushes(model)) else model
+        elif kind.scanned != "step" and kind.code not in TWO_MASS:
             model = downhill(view, model, i)
     return model
 

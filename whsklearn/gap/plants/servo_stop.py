@@ -9,6 +9,7 @@ The samples in contact are therefore excluded from the fit and from the gap.  Th
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -29,10 +30,16 @@ RELAXATIONS = (0.0, 0.003, 0.01, 0.02, 0.04, 0.08, 0.15)  # s
 
 
 def regions(view: Any, model: ServoHypothesis) -> list[Region]:
-    """The ends of the travel that are struck, none, one or two, beside a model."""
+    """The ends of the travel that are struck, none, one or two, beside a model and any slow force over the position.
+
+    Without that force, a weight that the model lacks hides a stop, and a stop the weight.
+    """
     x, _ = view.columns(model, view.torque(model))
-    at = view.at
-    return struck(x[at][:, np.any(x[at] != 0.0, axis=0)], view.drive[at], view.motion.position[:: view.every][at])
+    q = view.motion.position[:: view.every]
+    x = np.column_stack([x, np.sin(q), np.cos(q), q - q.mean()])[view.at]
+    used = np.any(x != 0.0, axis=0)
+    dry = np.flatnonzero(_columns_of(model, lambda t: t.name == "coulomb", x.shape[1])[used])
+    return struck(x[:, used], view.drive[view.at], q[view.at], dry=int(dry[0]) if dry.size else None)
 
 
 def start(kind: Any, found: list[Region]) -> ServoTerm | None:
@@ -81,10 +88,15 @@ def away(view: Any, model: ServoHypothesis) -> Array | None:
 
 def pushes(model: ServoHypothesis, columns: Array) -> NDArray[np.bool_]:
     """Mask of the columns (that of inertia first) that belong to a stop."""
+    return _columns_of(model, lambda t: t.kind in KINDS, columns.shape[1])
+
+
+def _columns_of(model: ServoHypothesis, chosen: Callable[[ServoTerm], bool], n: int) -> NDArray[np.bool_]:
+    """Mask of the n columns (that of inertia first) that belong to the chosen terms."""
     out = [False]
     for t in model.terms:
-        out += [t.kind in KINDS] * (1 if t.kind.code in TWO_MASS else t.kind.linear)
-    return np.array(out + [False] * (columns.shape[1] - len(out)))
+        out += [chosen(t)] * (1 if t.kind.code in TWO_MASS else t.kind.linear)
+    return np.array(out + [False] * (n - len(out)))
 
 
 def without_pushes(model: ServoHypothesis, columns: Array) -> Array:
