@@ -29,7 +29,7 @@ from whsklearn.effects import (
 )
 from whsklearn.identification.axis_fit import (
     SHOOTING,
-    Found,
+    Minimum,
     _best_of,
     axis_of,
     best_known,
@@ -521,7 +521,7 @@ def test_a_variant_is_fitted_over_other_pieces_too_where_it_is_better_than_its_r
     record, short = servo(0, 1000.0), SHOOTING[0]
     start = inverse_starts(record, AxisForm())[0]
     fit = fit_pieces(start.theta, shooting_log(record, short, AxisForm()))
-    rivals = (Found(score, fit, short, nearest=short) for score in (0.0, np.inf))
+    rivals = (Minimum(score, fit, short, nearest=short) for score in (0.0, np.inf))
     worse, better = (_best_of(record, AxisForm(), [], rival) for rival in rivals)
     assert worse.seconds == short
     assert better.score <= worse.score
@@ -532,7 +532,7 @@ def test_a_variant_is_fitted_over_other_pieces_too_where_it_is_better_than_its_r
 def test_a_run_whose_errors_add_up_knows_its_numbers_no_better_than_its_pieces(grows):
     pieces = AxisFit(np.array([1.0, 2.0]), np.diag([4e-4, 1e-4]), np.zeros(9), 1.0)
     run = AxisFit(np.array([1.03, 2.0]), np.diag([1e-6, 1e-6]), np.zeros(9), 1.6)
-    score, best, *_ = best_known([Found(1.3, pieces, 2.0), Found(1.0, run, grows=grows)])  # by windows far better
+    score, best, *_ = best_known([Minimum(1.3, pieces, 2.0), Minimum(1.0, run, grows=grows)])  # by windows far better
     assert score == 1.0
     np.testing.assert_array_equal(best.theta, run.theta)
     expected = [4e-4 + 0.03**2, 1e-4] if grows else [1e-6, 1e-6]

@@ -345,7 +345,7 @@ def _fit(log: View, form: AxisForm, more: Sequence[Array] = ()) -> tuple[AxisMod
     return model_of(best.fit, log, form, best.seconds)
 
 
-class Found(NamedTuple):
+class Minimum(NamedTuple):
     """A fit over pieces of so many ``seconds``, and its error over windows, which is least for pieces of ``nearest``.
 
     ``grows``: whether it is of one piece whose sum of squares is much larger than that of the pieces before.
@@ -358,7 +358,7 @@ class Found(NamedTuple):
     nearest: float = np.inf
 
 
-def _best_of(log: View, form: AxisForm, more: Sequence[Array], rival: Found | None = None) -> Found:
+def _best_of(log: View, form: AxisForm, more: Sequence[Array], rival: Minimum | None = None) -> Minimum:
     """The best of the fits of a record with one hold, from the best of its own starts and of ``more`` numbers.
 
     The other behaviour of the drive of a ``rival`` is fitted over the pieces that suit the rival first, and over others
@@ -367,7 +367,7 @@ def _best_of(log: View, form: AxisForm, more: Sequence[Array], rival: Found | No
     starts = inverse_starts(log, form)
     starts += [starts[0]._replace(theta=theta) for theta in more]
     least, start = min(((axis_score(s.theta, form, log), s) for s in starts), key=lambda pair: pair[0])
-    found = Found(least, start_as_fit(start, axis_log(log, form)))
+    found = Minimum(least, start_as_fit(start, axis_log(log, form)))
     lengths = (*SHOOTING, np.inf) if log.logged == "position" else (np.inf,)
     if rival is None:
         return _best_minimum(log, form, start, found, lengths)
@@ -523,7 +523,7 @@ def standard_errors(theta: Array, covariance: Array, log: View, form: AxisForm) 
     return dict(zip(names, spread.tolist(), strict=True))
 
 
-def _best_minimum(log: View, form: AxisForm, start: Start, found: Found, lengths: Sequence[float]) -> Found:
+def _best_minimum(log: View, form: AxisForm, start: Start, found: Minimum, lengths: Sequence[float]) -> Minimum:
     """The best fit from ``found``: a position over pieces of these lengths (s), the shortest first, else as one run.
 
     If gravity is large compared with the inertia, the free run from a slightly wrong start diverges within a second,
@@ -531,7 +531,7 @@ def _best_minimum(log: View, form: AxisForm, start: Start, found: Found, lengths
     among all results the one that simulates windows best is used.
     """
     least, theta = found.score, found.fit.theta
-    better: list[Found] = []
+    better: list[Minimum] = []
     for seconds in lengths:
         pieces = in_pieces(log, form, seconds)
         ended = fit_pieces(theta, pieces)
@@ -542,11 +542,11 @@ def _best_minimum(log: View, form: AxisForm, start: Start, found: Found, lengths
                 reached < AS_LOW * least
             ):  # a start has no errors of its own, so it stays only where it is clearly better
                 least, theta = min(reached, least), ended.theta
-                better.append(Found(reached, ended, seconds, grows))
+                better.append(Minimum(reached, ended, seconds, grows))
     return best_known(better) if better else found
 
 
-def best_known(found: list[Found]) -> Found:
+def best_known(found: list[Minimum]) -> Minimum:
     """The fit over the longest pieces of those that predict windows as well and know their numbers as well.
 
     Noise of the drive and missing torques add up along a run, so that of a long run the first seconds decide, and its

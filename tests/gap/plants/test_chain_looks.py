@@ -29,7 +29,7 @@ def seen(*effects, seed=0):
 @pytest.mark.parametrize("name", ["cogging", "quadratic_drag", "output_drift", "torque_ripple"])
 def test_a_column_is_what_a_small_effect_does(base, name):
     e = looks.cm.left(PLAIN, base)[PLAIN.fit]
-    scene = looks.Scene.of(PLAIN, base, looks.SLOPED, e, np.zeros((0, e.size)))
+    scene = looks.Softened.of(PLAIN, base, looks.SLOPED, e, np.zeros((0, e.size)))
     k = kind(name)
     shape = k.shapes(scene.sizes)[0]
     columns = scene.columns(k, [shape])[:, 0, :]

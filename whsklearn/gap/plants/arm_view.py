@@ -88,7 +88,7 @@ class ArmRecord(Segmented):
         return np.searchsorted(self.starts, np.arange(self.time.size), side="right")
 
 
-class Own(NamedTuple):
+class OwnJoints(NamedTuple):
     """The residuals of a model on its own records."""
 
     mean: Array  # (m, n_joints): the artefacts
@@ -486,8 +486,8 @@ class ArmView(ArmRows):
         grid = np.where(self.grid > 0.0, self.grid, 1.0)
         return np.where(self.grid > 0.0, np.round(out / grid) * grid, out)
 
-    def own(self, model: ArmState, rng: np.random.Generator) -> Own:
-        """The residuals on the model's own records (see `Own`).
+    def own(self, model: ArmState, rng: np.random.Generator) -> OwnJoints:
+        """The residuals on the model's own records (see `OwnJoints`).
 
         The model must be fitted.  The look itself projects out what a refit would explain.  The path is the measured
         one after the finer filter.  It passes that filter again with and without noise, because the noise that the
@@ -500,7 +500,7 @@ class ArmView(ArmRows):
         apart = (rows - mean) * np.sqrt(N_OWN / (N_OWN - 1.0))
         null, n = self.null(self.left(model) + np.where(self.keep, self.artefact, 0.0) - mean, apart, rng)
         floor = np.sqrt(np.mean([self.by_joint(a) ** 2 for a in apart], axis=0))
-        return Own(mean, null, floor / np.maximum(self.drive_rms, 1e-300), n, apart)
+        return OwnJoints(mean, null, floor / np.maximum(self.drive_rms, 1e-300), n, apart)
 
     def unexplained(self, model: ArmState, rng: np.random.Generator) -> Array:
         """Drives by chance with the colour of what a fitted model leaves of each, shape (n, n_joints)."""

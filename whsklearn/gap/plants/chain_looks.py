@@ -28,7 +28,7 @@ SLOPED, VERY_SOFT = cm.RUNGS[2], cm.RUNGS[1]  # kappa times rms dx at which a si
 
 
 @dataclass
-class Scene:
+class Softened:
     """A record under a fitted model at one sharpness of the signs, with everything that all families share."""
 
     record: Record
@@ -41,7 +41,7 @@ class Scene:
     @classmethod
     def of(
         cls, s: Record, m: ChainHypothesis, sharpness: float, left: Array, null: Array, softer: tuple[float, ...] = ()
-    ) -> Scene:
+    ) -> Softened:
         """The scene of these errors of the record and of own records, at a sharpness.
 
         Signs that are these factors softer or sharper add a column to those of the model: the effect of the sharpness.
@@ -142,7 +142,7 @@ def look(s: Record, m: ChainHypothesis, rng: np.random.Generator) -> Seen:
     """
     e, null = cm.left(s, m)[s.fit], own_errors(s, m, rng)
     rows = np.array([cm.clipped(r) for r in null])
-    views = [Scene.of(s, m, sharpness, cm.clipped(e), rows) for sharpness in (SLOPED, np.inf)]
+    views = [Softened.of(s, m, sharpness, cm.clipped(e), rows) for sharpness in (SLOPED, np.inf)]
     nameless = [k for at in views for k in at.nameless()]
     beyond = max((k.score for k in nameless), default=0.0)
     named = [either([at.look(kind) for at in views]) for kind in kinds(s, m)]
@@ -165,7 +165,7 @@ def softly(s: Record, m: ChainHypothesis) -> list[Look]:
     """
     m = climb(s, m, VERY_SOFT, 6, robust=False)
     e = cm.left(s, m, VERY_SOFT / cm.rms_dx(s, m))[s.fit]
-    scene = Scene.of(s, m, VERY_SOFT, e, np.zeros((0, e.size)), (0.6, 0.8, 1.3, 2.0))
+    scene = Softened.of(s, m, VERY_SOFT, e, np.zeros((0, e.size)), (0.6, 0.8, 1.3, 2.0))
     return sorted((k for kind in kinds(s, m) if (k := scene.look(kind)) is not None), key=lambda k: -k.gain)
 
 
