@@ -117,6 +117,6 @@ def test_a_stop_is_settled_again_beside_what_is_found_after_it():
     (kind,) = (c for c in usable([]) if c.name == "gravity_imbalance")
     model = view.fit(stop.settled(view, base, term).with_term(ServoTerm(kind, (0.0, 0.0))))
     again = settled(view, model)
-    assert view.rms(view.with_pushes(again)) < view.rms(view.with_pushes(model))
+    assert stop.unexplained(view, again) < stop.unexplained(view, model)
     off = [np.abs(np.subtract(m.terms[2].effect.ends, both.ends)).max() for m in (model, again)]
     assert off[1] <= off[0]

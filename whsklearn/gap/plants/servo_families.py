@@ -466,7 +466,7 @@ def settled(view: Any, model: ServoHypothesis) -> ServoHypothesis:
         if kind in stop.KINDS:
             *others, moved = stop.settled(view, model.without(i), model.terms[i]).terms
             again = view.fit(model.with_terms((*others[:i], moved, *others[i:])))
-            model = again if view.rms(view.with_pushes(again)) < view.rms(view.with_pushes(model)) else model
+            model = again if stop.unexplained(view, again) < stop.unexplained(view, model) else model
         elif kind.scanned != "step" and kind.code not in TWO_MASS:
             model = downhill(view, model, i)
     return model

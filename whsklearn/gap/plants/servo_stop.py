@@ -113,6 +113,12 @@ def stiffness(model: ServoHypothesis, columns: Array, left: Array) -> Array:
     return sizes
 
 
+def unexplained(view: Any, model: ServoHypothesis) -> float:
+    """Rms of what a model leaves, in contact too, where only the fitted push of a stop is taken off."""
+    _, x, target, sizes, _ = view.solved(model)
+    return float(view.rms((target - x @ sizes)[view.at]))
+
+
 def settled(view: Any, model: ServoHypothesis, term: ServoTerm) -> ServoHypothesis:
     """The model with the stop; edge and relaxation are moved downhill on the part of the push not yet explained."""
     q = view.motion.position[:: view.every][view.at]
@@ -121,8 +127,7 @@ def settled(view: Any, model: ServoHypothesis, term: ServoTerm) -> ServoHypothes
 
     def tried(term: ServoTerm) -> tuple[float, ServoHypothesis]:
         grown = view.fit(model.with_term(term))
-        _, x, target, sizes, _ = view.solved(grown)
-        return view.rms((target - x @ sizes)[view.at]), grown  # also in contact, without the fitted push
+        return unexplained(view, grown), grown
 
     least, best = min((tried(term.with_slot(2, r)) for r in RELAXATIONS), key=lambda t: t[0])
     steps = {1: EDGE_STEP * beyond, 2: 0.5 * best.terms[-1].q[2] + RELAXATIONS[1]}
