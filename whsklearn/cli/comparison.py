@@ -39,6 +39,10 @@ class ComparedRecord:
     """An input (n, 1) and an output (n,), with a name, and the segment of each sample if there are holes.
 
     ``column`` is the name of the input in its log, empty where there is none.
+
+    >>> record = ComparedRecord("sine", X=np.zeros((100, 1)), y=np.zeros(100))
+    >>> record.name, record.X.shape, record.y.shape
+    ('sine', (100, 1), (100,))
     """
 
     name: str
@@ -59,7 +63,12 @@ class ComparedRecord:
 
 @dataclass(frozen=True)
 class ComparedModel:
-    """An estimator to be compared."""
+    """An estimator to be compared.
+
+    >>> from whsklearn import PEMRegressor
+    >>> ComparedModel("PEM", PEMRegressor(), stream=False).reading
+    '-'
+    """
 
     name: str  # of the estimator in tables
     model: Any  # not fitted
@@ -97,7 +106,13 @@ def candidates(
 
 @dataclass
 class Outcome:
-    """The result of one candidate."""
+    """The result of one candidate.
+
+    >>> from whsklearn import PEMRegressor
+    >>> outcome = Outcome(ComparedModel("PEM", PEMRegressor()), failure="The record is too short.")
+    >>> outcome.failure or f"NMSE {outcome.indices['nmse']:.3f}"
+    'The record is too short.'
+    """
 
     candidate: ComparedModel
     seconds: float = 0.0  # of its fit

@@ -26,23 +26,40 @@ USAGE, UNUSABLE, ENDED, INTERRUPTED = 2, 3, 143, 130  # besides 0 for a result a
 
 
 class WrongOption(click.ClickException):
-    """An option that does not fit the log, such as a column that does not exist."""
+    """An option that does not fit the log, such as a column that does not exist.
+
+    >>> error = WrongOption("The log has no column 'u'.")
+    >>> error.exit_code, error.format_message()
+    (2, "The log has no column 'u'.")
+    """
 
     exit_code = USAGE
 
 
 class UnusableLog(click.ClickException):
-    """A log from which nothing can be learned."""
+    """A log from which nothing can be learned.
+
+    >>> UnusableLog("Row 17 has 3 cells, the header 4.").exit_code
+    3
+    """
 
     exit_code = UNUSABLE
 
 
 class RecordLost(click.ClickException):
-    """The tracking server was lost during the run; the files that the job writes are on the disk."""
+    """The tracking server was lost during the run; the files that the job writes are on the disk.
+
+    >>> RecordLost("The record cannot be written.").exit_code
+    1
+    """
 
 
 class Ended(KeyboardInterrupt):
-    """SIGTERM, treated like Ctrl-C, so that runs are closed and temporary files are removed."""
+    """SIGTERM, treated like Ctrl-C, so that runs are closed and temporary files are removed.
+
+    >>> issubclass(Ended, KeyboardInterrupt), ENDED
+    (True, 143)
+    """
 
 
 def command(function: Callable[..., None]) -> click.Command:

@@ -60,14 +60,26 @@ class If(NamedTuple):
 
 @dataclass(frozen=True)
 class StateArray:
-    """An array of the generated code's state: element (i, j) is called ``name(i, j)``, empty if it is never read."""
+    """An array of the generated code's state: element (i, j) is called ``name(i, j)``, empty if it is never read.
+
+    Examples
+    --------
+    >>> StateArray(lambda i, j=0: f"s->x[{i}]").name(2)
+    's->x[2]'
+    """
 
     name: Callable[..., str]
 
 
 @dataclass(frozen=True)
 class OneOf:
-    """User-defined effects, called with the index of the function first, as in compiled kernels."""
+    """User-defined effects, called with the index of the function first, as in compiled kernels.
+
+    Examples
+    --------
+    >>> OneOf((abs, float)).functions[1](2)
+    2.0
+    """
 
     functions: tuple[Callable[..., float], ...]
 
@@ -127,7 +139,13 @@ _OPERATORS = {"Add": "+", "Sub": "-", "Mult": "*", "Div": "/", "Lt": "<", "LtE":
 
 
 class Language:
-    """What `whsklearn.export.specialise.Specialiser` needs from a language."""
+    """What `whsklearn.export.specialise.Specialiser` needs from a language.
+
+    Examples
+    --------
+    >>> [language.truth(True) for language in (C(), StructuredText())]
+    ['1', 'TRUE']
+    """
 
     operators: ClassVar[dict[str, str]]  # by the name of the syntax node: ``Add``, ``LtE``, ``And``, ...
     twice: ClassVar[frozenset[str]]  # functions whose arguments are written more than once and therefore need a name
