@@ -7,6 +7,7 @@ import itertools
 import numpy as np
 import pytest
 
+from benchmarks.end_stops import record
 from whsklearn import ServoAxis
 from whsklearn.effects import CableSpring, ContactStop, GravityImbalance, InputOffset, as_law
 from whsklearn.identification import identify
@@ -35,8 +36,8 @@ def driven(*effects):
 @pytest.mark.parametrize("stop", [UPPER, BOTH], ids=["upper", "both"])
 @pytest.mark.parametrize("weight", [[], [GravityImbalance(0.6, -1.2)]], ids=["level", "hanging"])
 def test_the_axis_between_stops_is_known_as_well_as_its_intervals_say_and_the_stop_is_there(stop, weight):
-    record = view(*driven(stop, *weight), 0.002, "position")
-    model = fit_stopped_axis(record, hangs=bool(weight))
+    log = view(*driven(stop, *weight), 0.002, "position")
+    model = fit_stopped_axis(log, hangs=bool(weight))
     truth = TRUTH | dict.fromkeys(["gravity_imbalance"] * len(weight), 0.6)
     for name, value in truth.items():
         assert abs(model.parameters[name] - value) < 4.0 * model.standard_errors[name], name
@@ -50,16 +51,24 @@ def test_the_axis_between_stops_is_known_as_well_as_its_intervals_say_and_the_st
 
 
 def test_a_stop_bends_the_numbers_of_an_axis_that_does_not_know_it():
-    record = view(*driven(BOTH), 0.002, "position")
-    assert abs(fit_rigid_axis(record).parameters["inertia"] / 0.05 - 1.0) > 0.1
+    log = view(*driven(BOTH), 0.002, "position")
+    assert abs(fit_rigid_axis(log).parameters["inertia"] / 0.05 - 1.0) > 0.1
 
 
 @pytest.mark.parametrize("effects", [[], [CableSpring(2.0)], [GravityImbalance(0.6, -1.2)]], ids=str)
 def test_no_stop_is_found_where_there_is_none(effects):
-    record = view(*driven(*effects), 0.002, "position")
+    log = view(*driven(*effects), 0.002, "position")
     for hangs in (False, True):
         with pytest.raises(ValueError, match="does not strike an end"):
-            fit_stopped_axis(record, hangs=hangs)
+            fit_stopped_axis(log, hangs=hangs)
+
+
+def test_a_weight_that_is_little_once_the_offset_is_dropped_is_none():
+    """With the offset it was 1 % of the drive and more; it was kept at 0.5 %."""
+    u, y, dt, truth, *_ = record(112)
+    assert "gravity_imbalance" not in truth
+    with pytest.raises(ValueError, match="% of the drive, so the axis without it is equivalent"):
+        fit_stopped_axis(view(u, y, dt, "position"), hangs=True)
 
 
 @pytest.mark.parametrize("stop", [UPPER, BOTH], ids=["upper", "both"])
