@@ -20,7 +20,21 @@ def test_parquet_with_lists_and_numbers(tmp_path):
     same(load_log(path, time="time_s", drive="torque_nm", position="state.0"))
 
 
+def test_parquet_states_units_in_the_metadata_of_its_columns_and_may_hold_text(tmp_path):
+    arrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    units = {"time": (b"unit", "ms", 1e3), "torque": (b"Units", "mNm", 1e3), "position": (b"unit", "mrad", 1e3)}
+    names = dict(zip(units, TABLE, strict=True))
+    fields = [arrow.field(n, arrow.string(), metadata={key: unit}) for n, (key, unit, _) in units.items()]
+    cells = [arrow.array([repr(float(by * v)) for v in TABLE[names[n]]]) for n, (_, _, by) in units.items()]
+    parquet.write_table(arrow.table(cells, schema=arrow.schema(fields)), tmp_path / "a.parquet")
+    log = load_log(tmp_path / "a.parquet")
+    assert log.units == {"time": "s", "drive": "mNm", "position": "mrad"}
+    assert log.sample_rate == pytest.approx(RATE, rel=1e-6)
+    assert np.allclose(log.y, 1e3 * TABLE["position_rad"], rtol=1e-12)
+
+
 def test_feather(tmp_path):
+
     pd.DataFrame({"t": [0.0, 1.0, 2.0], "q": [1, 2, 3]}).to_feather(tmp_path / "a.feather")
     source = open_source(tmp_path / "a.feather")
     assert source.names == ["t", "q"]

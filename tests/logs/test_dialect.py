@@ -104,3 +104,16 @@ def test_every_form_of_a_labview_measurement_file_gives_the_same_numbers(tmp_pat
     assert np.allclose(log.y, TABLE["position_rad"], rtol=0, atol=1e-8)
     assert log.sample_rate == pytest.approx(200.0)
     assert log.units == {"time": "s", "drive": "Nm", "position": "rad"}
+
+
+def test_units_of_a_labview_file_need_no_cell_for_the_comment():
+    head = ["Y_Unit_Label\tmNm\tdeg", "X_Dimension\tTime\tTime", "***End_of_Header***\t\t"]
+    found = dialect_of([*head, "X_Value\tTorque\tAngle\tComment", *(f"{k}.0\t{k}.5\t0.{k}" for k in range(9))])
+    assert found.names == ["X_Value", "Torque", "Angle", "Comment"]
+    assert found.units == ["", "mNm", "deg", ""]
+
+
+def test_row_numbers_without_a_name_are_a_column_of_their_own():
+    found = dialect_of(["time_s torque_nm position_rad", *(f'"{k + 1}" 0.{k} 1.{k} 2.{k}' for k in range(9))])
+    assert found.names == ["index", "time_s", "torque_nm", "position_rad"]
+    assert dialect_of(["time_s torque_nm position_rad", *(f"0.{k} 0.{k} 1.{k} 2.{k}" for k in range(9))]).names is None

@@ -12,6 +12,7 @@ def test_names_units_and_types_may_stand_in_any_rows_above_the_data():
         [["t", "q"], ["s", "deg"]],
         [["title", ""], ["t", "q"], ["s", "deg"]],
         [["t", "q"], ["double", "double"], ["s", "deg"]],
+        [["s", "deg"], ["t", "q"]],
     ):
         head = headings(rows, 2)
         assert head is not None
@@ -36,8 +37,9 @@ def test_blank_and_double_names_are_made_distinct():
 
 def test_names_in_a_comment_are_those_that_are_as_many_as_the_columns():
     lines = ["# rig 7, second run", "# t, q, i", "% nothing"]
-    assert commented(lines, 3) == ["t", "q", "i"]
-    assert commented(lines, 5) is None
+    assert commented(lines, 3).names == ["t", "q", "i"]
+    assert commented(lines, 5).names is None
+    assert commented([*lines, "# s deg A"], 3)[:2] == (["t", "q", "i"], ["s", "deg", "A"])  # the units had been names
 
 
 @pytest.mark.parametrize(

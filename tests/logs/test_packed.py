@@ -92,3 +92,13 @@ def test_a_file_of_a_known_kind_that_is_no_log_is_called_by_its_name(tmp_path, d
     (tmp_path / "log").write_bytes(data(tmp_path))
     with pytest.raises(LogError, match=what):
         open_source(tmp_path / "log")
+
+
+def test_an_archive_with_a_password_is_told(tmp_path):
+    path = archive(tmp_path / "a.zip", "axis.csv")
+    data = bytearray(path.read_bytes())
+    for mark, flags in ((b"PK\x03\x04", 6), (b"PK\x01\x02", 8)):
+        data[data.index(mark) + flags] |= 1
+    path.write_bytes(data)
+    with pytest.raises(LogError, match="locked with a password; unpack it first"):
+        open_source(path)

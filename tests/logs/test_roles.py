@@ -35,7 +35,7 @@ def test_of_two_of_a_kind_the_one_that_never_changes_is_not_meant():
     values = {"effort/data": [0.1, np.nan, -0.2], "effort/offset": [0.0, np.nan, 0.0], "joint/effort": [0.0, 0.0, 0.0]}
     table = Source("a.csv", list(values), lambda wanted: {w: Column(np.array(values[w])) for w in wanted})
     assert guess(table, "drive") == "effort/data"
-    still = Source("a.csv", list(values)[:2], lambda wanted: {w: Column(np.zeros(3)) for w in wanted})
+    still = Source("a.csv", list(values)[::2], lambda wanted: {w: Column(np.zeros(3)) for w in wanted})
     with pytest.raises(ColumnError, match="several columns for drive"):
         guess(still, "drive")
 
@@ -94,7 +94,37 @@ def test_a_log_of_a_speed_loop_has_a_velocity():
     assert guess(source("time", "x_counts_per_s", "current_A"), "velocity") == "x_counts_per_s"
 
 
+@pytest.mark.parametrize(
+    ("names", "drive", "position"),
+    [
+        (["t", "Motorstrom [A]", "DC bus voltage [V]", "q_rad"], "Motorstrom [A]", "q_rad"),
+        (["t", "friction torque [Nm]", "Antriebsmoment [Nm]", "q_rad"], "Antriebsmoment [Nm]", "q_rad"),
+        (["t", "torque_ff [Nm]", "Istmoment [Nm]", "q_rad"], "Istmoment [Nm]", "q_rad"),
+        (["t", "gravity_torque_nm", "disturbance_torque_nm", "motor_nm", "q_rad"], "motor_nm", "q_rad"),
+        (["t", "digital input", "CPU load [%]", "M_nm", "q_rad"], "M_nm", "q_rad"),
+        (["t", "position sensor voltage [V]", "M_nm", "phi_rad"], "M_nm", "phi_rad"),
+        (["t", "torque enable", "iq_A", "q_rad"], "iq_A", "q_rad"),
+        (["t", "M_nm", "encoder temperature [C]", "Istlage [rad]"], "M_nm", "Istlage [rad]"),
+        (["t", "M_nm", "position valid", "Lage_ist_rad"], "M_nm", "Lage_ist_rad"),
+        (["t", "M_nm", "analog output", "Istwinkel [rad]"], "M_nm", "Istwinkel [rad]"),
+        (["t", "Drehmomentsollwert", "Drehmomentistwert", "Lagesollwert", "Lageistwert"], *"24"),
+        (["t", "couple_nm", "consigne de position [rad]", "phi [rad]"], "couple_nm", "phi [rad]"),
+        (["t", "M_nm", "Schleppabstand [rad]", "Lageistwert [rad]"], "M_nm", "Lageistwert [rad]"),
+        (["t", "M_nm", "Lagesollwert [rad]"], "M_nm", None),
+        (["t", "disturbance torque [Nm]", "i", "q_rad"], None, "q_rad"),
+        (["t", "torque_constant_Nm_per_A", "torque_rate_nm_per_s", "tau_nm", "q_rad"], "tau_nm", "q_rad"),
+        (["t", "torque_max", "torque_min", "M_nm", "position deviation [rad]", "phi_rad"], "M_nm", "phi_rad"),
+        (["t", "M_nm", "position_offset_rad", "phi_rad"], "M_nm", "phi_rad"),
+        (["t", "M_nm", "Drehwinkel", "Winkelbeschleunigung", "Winkelgeschwindigkeit"], "M_nm", "Drehwinkel"),
+    ],
+)
+def test_what_is_called_like_a_role_and_is_another_thing_is_not_taken(names, drive, position):
+    wanted = [names[int(w)] if w and w.isdigit() else w for w in (drive, position)]
+    assert [guess(source(*names), role) for role in ("drive", "position")] == wanted
+
+
 def test_columns_by_number_want_two_to_four():
+
     assert by_number("0,1,2,3")["reference"] == "3"
     with pytest.raises(ValueError, match="expected two"):
         by_number("1")

@@ -225,9 +225,26 @@ def test_a_zone_behind_the_date_is_no_part_of_it(load):
     assert load(table).sample_rate == pytest.approx(RATE, rel=1e-6)
 
 
+@pytest.mark.parametrize("day", ["2026-01-02", "2026-01-12", "2026-01-31", "2026-06-11"])
+@pytest.mark.parametrize("form", ["%m/%d/%Y %H:%M:%S.%f", "%d/%m/%Y %H:%M:%S.%f", "%d.%m.%Y %H:%M:%S,%f"])
+def test_dates_go_on_over_midnight_whichever_of_day_and_month_comes_first(form, day):
+    stamps = pd.Timestamp(f"{day} 23:59:59.5") + pd.to_timedelta(np.arange(100) * 0.01, unit="s")
+    seconds, _ = to_seconds(stamps.strftime(form).to_numpy(dtype=object), "s", "Time")
+    np.testing.assert_allclose(seconds, np.arange(100) * 0.01, atol=1e-9)
+
+
+@pytest.mark.parametrize("form", ["%I:%M:%S.%f %p", "%b %d %Y %H:%M:%S.%f"])
+def test_times_may_be_of_a_half_day_and_months_may_be_words(form):
+    stamps = pd.Timestamp("2026-03-28 11:59:59.5") + pd.to_timedelta(np.arange(100) * 0.01, unit="s")
+    seconds, _ = to_seconds(stamps.strftime(form).to_numpy(dtype=object), "s", "Time")
+    np.testing.assert_allclose(seconds, np.arange(100) * 0.01, atol=1e-9)
+
+
+@pytest.mark.parametrize("sign", ":;")  # RSTrendX writes a semicolon
 @pytest.mark.parametrize("digits", [3, 4, 6, 7])
-def test_a_fraction_behind_a_third_colon_is_a_fraction_of_the_second(digits):
-    stamps = np.array([f"14:02:07:{k * 10 ** (digits - 2):0{digits}d}" for k in (0, 1, 25)])
+def test_a_fraction_behind_a_third_colon_is_a_fraction_of_the_second(digits, sign):
+    stamps = np.array([f"14:02:07{sign}{k * 10 ** (digits - 2):0{digits}d}" for k in (0, 1, 25)])
+
     seconds, _ = to_seconds(stamps, "s", "Time")
     np.testing.assert_allclose(seconds, [0.0, 0.01, 0.25], atol=1e-9)
 

@@ -20,6 +20,7 @@ from whsklearn.logs.units import (
     symbol_of,
     turn_of,
     unit_for,
+    unit_in,
     unit_of,
 )
 
@@ -62,6 +63,27 @@ def test_factors_lead_to_si(unit, si, factor):
         ("Torque actual value [‰ of rated torque]", "permille", 0.1),
         ("torque_pct", "%", 1.0),
         ("Torque [0.1% rated]", "0.1 %", 0.1),  # AX5000
+        ("Couple [daN.m]", "daNm", 10.0),  # metres before, and a position
+        ("Torque [gf·m]", "gf m", 9.80665e-3),
+        ("Moment [kp·m]", "kgf m", 9.80665),
+        ("torque [kN·cm]", "daNm", 10.0),
+        ("torque [cNm]", "Ncm", 1e-2),
+        ("torque_dNm", "dNm", 1e-1),
+        ("Torque [MNm]", "MNm", 1e6),  # a thousand millionth of it before
+        ("Force [MN]", "MN", 1e6),
+        ("FORCE [mN]", "mN", 1e-3),
+        ("motorTorqueMNm", "mNm", 1e-3),
+        ("Position [1/1000 deg]", "0.001 deg", math.pi / 180e3),  # a thousandth of the rated torque before
+        ("Current [0,1 A]", "0.1 A", 0.1),
+        ("Position [″]", "arcsec", math.pi / 648000),
+        ("Strom [µA]", "uA", 1e-6),
+        ("pos [in]", "inch", 0.0254),
+        ("Angle [gon]", "gon", math.pi / 200),
+        ("Speed (r/min)", "rpm", math.pi / 30),
+        ("vitesse [tr/min]", "rpm", math.pi / 30),
+        ("Vorschub [mm/min]", "mm/min", 1e-3 / 60),
+        ("time [d]", "d", 86400.0),
+        ("Torque in N.m", "Nm", 1.0),
         ("time [min]", "min", 60.0),
         ("time_h", "h", 3600.0),
         ("torque_min", "as logged", 1.0),
@@ -96,6 +118,10 @@ def test_units_as_rigs_write_them(column, unit, in_si):
         ("temp_deg_C", "as logged"),
         ("samples_per_s", "as logged"),
         ("torque_nm [Nm/rad]", "as logged"),
+        ("Torque [foo·m]", "as logged"),
+        ("position_deg_min", "as logged"),
+        ("motor_kp", "as logged"),
+        ("wrist_ft", "as logged"),
     ],
 )
 def test_a_unit_is_what_the_whole_name_measures(column, unit):
@@ -108,16 +134,33 @@ def test_a_ratio_of_units_is_never_read_as_one_of_them(pattern):
         ratio = symbol_of(f"{top}/{bottom}")
         if pattern == "gain_{}_{}" and (len(top) == 1 or symbol_of(top + bottom)):
             continue  # the letter of an axis; or a product, such as N_m
+        if pattern == "gain_{}_{}" and bottom == "min" and ratio != "rpm":
+            ratio = None  # a minimum
         assert unit_of(pattern.format(top, bottom)) == (ratio or "as logged"), (top, bottom)
 
 
 def test_every_rate_is_its_motion_per_second():
-    for symbol in _KNOWN:
-        if symbol.endswith("/s"):
-            (by, si), (of, motion) = factor_of(symbol), factor_of(integral_of(symbol)[1])
-            assert (by, si) == (of, f"{motion}/s")
-    by, unit = integral_of("rpm")
-    assert by * factor_of(unit)[0] == pytest.approx(factor_of("rpm")[0])
+    rates = [symbol for symbol in _KNOWN if factor_of(symbol)[1].endswith("/s")]
+    assert {"rpm", "deg/s", "mm/min", "counts/min"} <= set(rates)
+    for symbol in rates:
+        (of, si), (by, unit) = factor_of(symbol), integral_of(symbol)
+        assert by * factor_of(unit)[0] == pytest.approx(of, rel=1e-12)
+        assert si == f"{factor_of(unit)[1]}/s"
+        assert factor_of(readable(symbol))[1] == si.removesuffix("/s")
+
+
+@pytest.mark.parametrize("unit", ["N", "Nm", "A", "V", "m", "rad", "deg"])
+def test_a_prefix_is_the_same_power_of_ten_on_every_unit(unit):
+    powers = {"k": 3, "da": 1, "d": -1, "c": -2, "m": -3, "u": -6}
+    known = {p: _KNOWN[p + unit] for p in powers if p + unit in _KNOWN and (p, unit) != ("d", "a")}
+    assert len(known) >= 2
+    for prefix, (by, si, _) in known.items():
+        assert (by, si) == (pytest.approx(10.0 ** powers[prefix] * factor_of(unit)[0], rel=1e-12), factor_of(unit)[1])
+
+
+@pytest.mark.parametrize("stated", ["foo·m", "dyn.cm", "¡", "Â°"])
+def test_a_unit_that_is_not_known_is_quoted_and_no_other(stated):
+    assert unit_in("", f"Winkel [{stated}]", "position") == stated
 
 
 def test_a_position_in_nm_is_in_nanometres():
@@ -126,7 +169,12 @@ def test_a_position_in_nm_is_in_nanometres():
     assert stated({"position": "nm", "drive": "nm"}) == {"position": "nm", "drive": "Nm"}
 
 
-@pytest.mark.parametrize("unit", ["counts/0", "counts/1e", "counts/x"])
+@pytest.mark.parametrize("unit", ["inc/4096", "cts/4096", "4096 counts/rev", "4096 inc/turn", "4096 CPR"])
+def test_the_counts_of_a_turn_have_many_spellings(unit):
+    assert unit_of(f"Position [{unit}]") == "counts/4096"
+
+
+@pytest.mark.parametrize("unit", ["counts/0", "counts/1e", "counts/x", "rad/4096", "0 CPR"])
 def test_counts_of_no_turn_are_no_unit(unit):
     assert symbol_of(unit) is None
 

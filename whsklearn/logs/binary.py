@@ -13,6 +13,8 @@ import numpy as np
 from whsklearn.logs.errors import LogError, damaged
 from whsklearn.logs.source import Column, Source
 
+_UNIT_KEYS = {b"unit", b"units"}  # in the metadata of a column of Parquet
+
 
 def open_parquet(path: Path) -> Source:
     """A Parquet file; a column of lists becomes one column per element, ``state.0``."""
@@ -39,7 +41,9 @@ def open_parquet(path: Path) -> Source:
                 out[name] = Column(file.read([name]).column(name).to_pandas().to_numpy())
         return out
 
-    return Source(path.name, names, fetch)
+    kept = {n: schema.field(n).metadata or {} for n in names if n not in width and n in schema.names}
+    units = {n: next((v.decode() for k, v in of.items() if k.lower() in _UNIT_KEYS), "") for n, of in kept.items()}
+    return Source(path.name, names, fetch, units={n: u for n, u in units.items() if u})
 
 
 def open_feather(path: Path) -> Source:

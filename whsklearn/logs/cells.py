@@ -22,8 +22,10 @@ _THOUSANDS = {
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 _HEX = re.compile(r"0[xX][0-9a-fA-F]+")
 _BRACKETS = re.compile(r"\(\s*([^()+-]+)\)")  # accounting notation of negative numbers
-_WITH_UNIT = re.compile(r"([+-]?[\d.,]+(?:[eE][+-]?\d+)?)\s?([A-Za-zµ°%][\w°%·*/^ ]*)")
-_MISSING = set("- -- --- \u2013 \u2014 ? * missing #div/0! #value! #ref! none null n/a na".split())
+_WITH_UNIT = re.compile(r"^([+-]?[\d.,]+(?:[eE][+-]?\d+)?)\s?([A-Za-zµ°%][\w°%·*/^ ]*)$")
+_POINTED = re.compile(r"[+-]?\d{1,3}(?:\.\d{3})+,\d*|[+-]?\d{1,3}(?:\.\d{3}){2,}")  # points that part thousands
+# What stands for no value: signs alone, words, and the names that C libraries have for what is no number
+_MISSING = re.compile(r"[^\w\s]+|missing|#(div/0|value|wert|ref)!|none|null|n/a|na|[+-]?nan(\(\w*\))?", re.IGNORECASE)
 _FLAGS = {"true": 1.0, "false": 0.0}
 
 
@@ -42,7 +44,8 @@ def is_word(cell: str) -> bool:
     >>> is_word("Port"), is_word("N/A"), is_word("1,5")
     (True, False, False)
     """
-    return bool(re.match(r"[^\W\d_]", plain(cell))) and plain(cell).lower() not in {*_MISSING, *_FLAGS, "nan", "inf"}
+    text = plain(cell)
+    return bool(re.match(r"[^\W\d_]", text)) and not _MISSING.fullmatch(text) and text.lower() not in {*_FLAGS, "inf"}
 
 
 def is_number(cell: str, decimal: str = ".") -> bool:
@@ -86,7 +89,9 @@ def as_numbers(values: pd.Series, decimal: str) -> tuple[pd.Series, str, list[st
 
     text = values.str.strip().str.rstrip(";").str.strip("\"' ").str.replace("\u2212", "-", regex=False)
     out, unit, notes = number(text), "", []
-    text = text.mask(text.str.lower().isin(_MISSING))
+    text = text.mask(text.str.fullmatch(_MISSING).fillna(False).to_numpy(dtype=bool))
+    if decimal == "," and text.str.fullmatch(_POINTED).any():  # then 1.234 is a number of thousands, too
+        out = out.mask(text.str.fullmatch(_THOUSANDS[","]).fillna(False).to_numpy(dtype=bool))
     for word, value in _FLAGS.items():
         out = out.mask((text.str.lower() == word).fillna(False).to_numpy(dtype=bool), value)
 
@@ -118,11 +123,11 @@ def as_numbers(values: pd.Series, decimal: str) -> tuple[pd.Series, str, list[st
         out.loc[rest.index] = -number(rest.str.extract(_BRACKETS)[0])
         notes.append("Numbers in parentheses were read as negative.")
     elif rest.size:
-        out.loc[rest.index] = number(rest.str.replace(r"(?<=\d)[dD](?=[+-]?\d)", "e", regex=True))
+        out.loc[rest.index] = number(rest.str.replace(r"(?<=[\d.])[dD](?=[+-]?\d)", "e", regex=True))
     return out, unit, notes
 
 
 def no_numbers(values: Any, numbers: pd.Series) -> Any:
     """Cells that are not empty and not numbers."""
     text = values.str.strip()
-    return numbers.isna() & text.notna() & (text != "") & ~text.str.lower().isin({*_MISSING, "nan"})
+    return numbers.isna() & text.notna() & (text != "") & ~text.str.fullmatch(_MISSING).fillna(False).astype(bool)

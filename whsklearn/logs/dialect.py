@@ -103,12 +103,15 @@ def _read_as(lines: list[str], live: list[int], separator: str, decimal: str) ->
         above = [[*c, ""] if len(c) == width - 1 else c for c in above]
     elif above and len(above[-1]) == width + 1 and above[-1][-1].lower() == "comment":
         width += 1  # LabVIEW names a column that a row has only if someone wrote a comment beside it
+        above = [[*c, ""] if len(c) == width - 1 else c for c in above]
+    elif above and len(above[-1]) == width - 1 and all(map(is_word, above[-1])) and _numbered(body):
+        above = [*above[:-1], ["index", *above[-1]]]  # R numbers the rows in a column without a name
     else:  # or only the header does, as in the Silverbox files
         above = [c[:-1] if len(c) == width + 1 and not c[-1] else c for c in above]
     if start == 0 and width > 1 and _counts_up(cells) and len(rows) > 1:  # pandas names unnamed columns 0, 1, 2
         head, first, cells = Head([n or "index" for n in cells], None), live[1], rows[1]
     else:
-        head = headings(above, width, apart=all(not c[0] for c in body)) or Head(commented(lines[:first], width), None)
+        head = headings(above, width, apart=all(not c[0] for c in body)) or commented(lines[:first], width)
     header = above[-1] if above and head.names is None and not head.units else None
     comment = next((t.lstrip()[0] for t in lines if t.lstrip().startswith(("#", "%"))), "#")
     # A comma as separator is preferred to a decimal comma only if every cell is then a number (see `fits`); a decimal
@@ -169,6 +172,12 @@ def _below_names(rows: list[list[str]], k: int, decimal: str) -> bool:
     cells = rows[k]
     named = any(len(c) == len(cells) and all(map(is_word, c)) for c in rows[:k])
     return named and len(cells) > 1 and all(is_number(c, decimal) and c != "" for c in cells[1:])
+
+
+def _numbered(rows: list[list[str]]) -> bool:
+    """Whether the first cells of three rows and more count them."""
+    said = [c[0] for c in rows]
+    return len(said) > 2 and said[0].isdigit() and said == [str(int(said[0]) + i) for i in range(len(said))]
 
 
 def _counts_up(cells: list[str]) -> bool:

@@ -80,7 +80,8 @@ def headings(above: list[list[str]], width: int, apart: bool = False) -> Head | 
     if not rows:
         return _extended(above, width)
     last = max((i for i, c in enumerate(rows) if _all_units(c)), default=0)
-    if _label(rows[last]) in _UNITS and last < len(rows) - 1:  # a header of labelled rows, with the names below it
+    first = last == 0 and len(rows) > 1 and _all_units(rows[0]) and _is_distinct(rows[1])
+    if (_label(rows[last]) in _UNITS and last < len(rows) - 1) or first:  # units above the names, labelled or not
         names, units = rows[-1], rows[last]
     elif last:
         # Types may stand between names and units, as in MATLAB exports; a row with repeated entries does not hold
@@ -126,16 +127,20 @@ def increment_in(above: list[list[str]]) -> float | None:
     return None
 
 
-def commented(lines: list[str], width: int) -> list[str] | None:
-    """The names in a comment, as written by ``numpy.savetxt`` and MATLAB scripts."""
-    for line in reversed(lines):
+def commented(lines: list[str], width: int) -> Head:
+    """The names in a comment, as written by ``numpy.savetxt`` and MATLAB scripts, and the units in one below it."""
+    found: list[list[str]] = []
+    for line in lines:
         if line.lstrip().startswith(COMMENTS):
             text = line.strip().lstrip("#%/! ").rstrip(";, ")
             for separator in (r"\s*[,;\t|]\s*", r"\s{2,}", r"\s+"):
                 cells = re.split(separator, text)
                 if len(cells) == width > 1 and not any(is_number(c) for c in cells):
-                    return unique(cells)
-    return None
+                    found.append(cells)
+                    break
+    if len(found) > 1 and _all_units(found[-1]) and not _all_units(found[-2]):
+        return Head(unique(found[-2]), [_unit(c) for c in found[-1]])
+    return Head(unique(found[-1]) if found else None, None)
 
 
 def period_in(lines: list[str]) -> float | None:

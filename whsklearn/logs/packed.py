@@ -58,9 +58,15 @@ def foreign(head: bytes) -> str:
 
 
 def members(path: Path) -> list[str]:
-    """The files in a ZIP archive, without the metadata of file managers. Raises LogError if the archive is damaged."""
+    """The files in a ZIP archive, without the metadata of file managers.
+
+    Raises LogError if the archive is damaged or locked.
+    """
     with damaged(path, "ZIP archive", *DAMAGE), zipfile.ZipFile(path) as archive:
-        names = [i.filename for i in archive.infolist() if not i.is_dir()]
+        inside = [i for i in archive.infolist() if not i.is_dir()]
+    if any(i.flag_bits & 1 for i in inside):
+        raise LogError(f"{path.name} is locked with a password; unpack it first.")
+    names = [i.filename for i in inside]
     return [n for n in names if not n.startswith("__MACOSX/") and not Path(n).name.startswith(".")]
 
 

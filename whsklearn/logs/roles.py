@@ -32,26 +32,34 @@ WORDS: dict[str, tuple[str, ...]] = {
         "qdot", "thetadot", "dtheta", "dot",
     ),
 }  # fmt: skip
-# Stems of languages that are written without blanks or inflect their nouns, and the word above that each stands for.
+# Stems of languages that write words together or inflect them, and the word above that each stands for.
 _STEMS = {
     "time": ("时间", "時間", "时刻", "時刻", "시간", "время"),
-    "torque": ("转矩", "轉矩", "扭矩", "力矩", "トルク", "토크", "момент"),
-    "current": ("电流", "電流", "전류"),
+    "torque": ("转矩", "轉矩", "扭矩", "力矩", "トルク", "토크", "момент", "drehmoment", "antriebsmoment", "istmoment"),
+    "current": ("电流", "電流", "전류", "motorstrom", "iststrom", "stromist"),
     "voltage": ("电压", "電圧", "전압", "напряжени"),
     "force": ("推力", "усили"),
-    "position": ("位置", "位移", "変位", "위치", "положени"),
-    "angle": ("角度", "转角", "각도", "угол"),
-    "velocity": ("速度", "转速", "轉速", "속도", "скорост"),
-    "reference": ("目标", "目標", "指令", "设定", "给定", "목표", "지령", "задан"),
+    "position": ("位置", "位移", "変位", "위치", "положени", "istlage", "lageist", "istposition", "positionsist"),
+    "angle": ("角度", "转角", "각도", "угол", "winkel"),
+    "velocity": ("速度", "转速", "轉速", "속도", "скорост", "drehzahl", "geschwindigkeit"),
+    "reference": ("目标", "目標", "指令", "设定", "给定", "목표", "지령", "задан", "soll", "consigne", "consigna"),
+    "error": ("偏差", "schlepp", "abweichung"), "limit": ("grenz",), "acceleration": ("beschleunigung",),
 }  # fmt: skip
 _NOT_MEASURED = {
-    *WORDS["reference"], *WORDS["velocity"], "command", "commanded", "cmd", "error", "acceleration", "acc", "ddot",
-    "limit", "lim",
+    *WORDS["reference"], *WORDS["velocity"], "command", "commanded", "cmd", "error", "lag", "acceleration", "acc",
+    "ddot", "limit", "lim", "max", "min", "temperature", "temp", "temperatur", "valid", "status", "enable", "enabled",
+    "fault", "deviation", "offset", "rate", "constant",
+}  # fmt: skip
+# Of another torque than the motor's, or of what feeds the drive
+_NOT_DRIVING = {
+    "disturbance", "friction", "gravity", "ff", "feedforward", "compensation", "comp", "external", "ext", "brake",
+    "bus", "supply", "battery", "cpu", "digital",
 }  # fmt: skip
 _TICKS = {"ticks", "tick"}  # of a clock, or of an encoder
 _COMMANDED = {*WORDS["reference"], "command", "commanded", "cmd"}
-_NO_TORQUE = (_NOT_MEASURED - _COMMANDED) | {*WORDS["position"], "max", "min", "pwm", "duty"}
+_NO_TORQUE = (_NOT_MEASURED - _COMMANDED) | _NOT_DRIVING | {*WORDS["position"], "pwm", "duty"}
 _TORQUES = {w for w in WORDS["drive"] if len(w) > 1}
+_VAGUE = {"load", "input", "output"}  # anything may be called so
 # A share of the supply: it is only ever commanded, and taken where no torque, current or voltage is logged.
 _DUTY, _NO_DUTY = {"pwm", "duty"}, {"limit", "lim", "max", "min", "error"}
 
@@ -76,10 +84,12 @@ def guess(source: Source, role: str) -> str | None:
     """
     free = [n for n in source.names if not _other(role, n)]
     units = {n: _role_of_unit(source, n) for n in free}
-    by_word = (
-        [n for n in free if word in words_of(n) and (len(word) > 1 or units[n] in (role, None))] for word in WORDS[role]
-    )
-    found = next(filter(None, by_word), [n for n in free if units[n] == role])
+    named = {word: [n for n in free if word in words_of(n)] for word in WORDS[role]}
+    fit = {word: [n for n in of if units[n] in (role, None)] for word, of in named.items()}  # by their units, too
+    clear, long = [w for w in named if w not in _VAGUE], [w for w in named if len(w) > 1]
+    by_unit = [n for n in free if units[n] == role]
+    ranked = [*(fit[w] for w in clear), by_unit, *(fit[w] for w in named), *(named[w] for w in long)]
+    found = next(filter(None, ranked), [])
     if not found and role == "drive":  # a torque that is only commanded drives, too
         words = {n: set(words_of(n)) for n in source.names}
         found = [n for n, w in words.items() if _COMMANDED & w and not _NO_TORQUE & w]
@@ -105,7 +115,7 @@ def says(column: str, role: str) -> bool:
     unit = unit_of(column)
     if unit not in UNSTATED:
         return _ROLE_OF_UNIT.get(factor_of(unit)[1]) == role
-    told = {word for word in WORDS[role] if len(word) > 1} - {"input", "output", "load"}
+    told = {word for word in WORDS[role] if len(word) > 1} - _VAGUE
     return bool(told & set(words_of(column))) and not _other(role, column)
 
 
@@ -142,6 +152,8 @@ def _other(role: str, column: str) -> bool:
     words = set(words_of(column))
     if role == "time":
         return bool(words & _TICKS) and bool(words & {*WORDS["position"], *WORDS["velocity"]})
+    if role == "drive" and (_NOT_DRIVING & words or ("sensor" in words and words & {*WORDS["position"]})):
+        return True
     return role in ("position", "drive") and bool(_NOT_MEASURED & words)
 
 

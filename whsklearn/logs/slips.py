@@ -13,7 +13,7 @@ import numpy as np
 
 from whsklearn.logs.findings import Array
 from whsklearn.logs.timebase import SLOWEST
-from whsklearn.logs.units import seconds_of, unit_of
+from whsklearn.logs.units import factor_of, seconds_of, unit_of
 
 MOST_ROWS = 50_000  # a mistake is in every row; more rows only take time
 SLOW = 0.2  # s; no axis is logged at five times a second, but ms called s look like that
@@ -105,7 +105,7 @@ def time_slips(time: Array, unit: str, slow: float = SLOW) -> list[Slip]:
 
 def unit_slips(position: Array, unit: str) -> list[Slip]:
     """A velocity, by its unit; degrees in a column of radians, by a range of many turns."""
-    if unit.endswith("/s") or unit == "rpm":
+    if factor_of(unit)[1].endswith("/s"):
         return [Slip(f"The position has the unit {unit}: it is a velocity.", _VELOCITY)]
     span = float(np.ptp(position)) if position.size else 0.0
     middle = position - 0.5 * (position.max() + position.min())

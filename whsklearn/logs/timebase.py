@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 import re
+import warnings
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -48,13 +49,18 @@ def to_seconds(values: NDArray[Any], unit: str, column: str) -> tuple[Array, tup
     >>> to_seconds(np.array(["2024-05-01T12:00:00Z", "2024-05-01T12:00:00.25Z"]), "s", "t")[0]
     array([0.  , 0.25])
     """
+    import pandas as pd
+
     values = np.asarray(values)
     if values.dtype.kind == "M":
         return _from_first(values.astype("datetime64[ns]")), ()
     if values.dtype.kind == "m":
         return values.astype("timedelta64[ns]").astype(float) * 1e-9, ()
     if values.dtype.kind not in "fiub":
-        return _dates(values, column)
+        numbers = pd.to_numeric(pd.Series(values, dtype="string"), errors="coerce")
+        if numbers.isna().any() or not isinstance(values[0], str):
+            return _dates(values, column)
+        values = numbers.to_numpy()  # as text, which Parquet files may hold
     start = next((v for v in values[:1000] if np.isfinite(v)), 0.0)
     first = float(start)
     for since, low, high, factor in _EPOCHS:
@@ -145,7 +151,7 @@ def _dates(values: NDArray[Any], column: str) -> tuple[Array, tuple[Finding, ...
         return _from_first(pd.to_datetime(pd.Series(values), utc=True).dt.tz_localize(None).to_numpy()), ()
     text = pd.Series(values, dtype="string").str.strip().str.replace(",", ".", regex=False)
     text = text.str.replace(ZONE, "", regex=True)
-    text = text.str.replace(r"(:\d\d):(\d{3,7})$", r"\1.\2", regex=True)  # 10:00:00:005, as LabVIEW and PLCs write
+    text = text.str.replace(r"(:\d\d)[:;](\d{3,7})$", r"\1.\2", regex=True)  # 10:00:00:005, as LabVIEW and PLCs write
     sample = text.dropna().iloc[0] if text.notna().any() else ""
     if sample.count(":") >= 1 and "-" not in sample and "/" not in sample and sample.count(".") <= 1:
         minutes = sample.count(":") == 1 and "." in sample  # mm:ss.0, as spreadsheets show a time
@@ -154,11 +160,10 @@ def _dates(values: NDArray[Any], column: str) -> tuple[Array, tuple[Finding, ...
             since = pd.to_timedelta("00:" + text if minutes else text).dt.total_seconds().to_numpy(dtype=float)
             since = since + whole * np.r_[0.0, np.cumsum(np.diff(since) < -0.5 * whole)]  # over the hour, over midnight
             return since - since[np.isfinite(since)][0], (_begins(column, "dates"),)
-    else:
-        for how in ({"format": "ISO8601"}, {"format": "mixed", "dayfirst": True}):
-            with contextlib.suppress(ValueError, TypeError):
-                stamps = pd.to_datetime(text, utc=True, **how).dt.tz_localize(None)  # type: ignore[call-overload]
-                return _from_first(stamps.to_numpy()), (_begins(column, "dates"),)
+    for how in ({"format": "ISO8601"}, {"format": "mixed", "dayfirst": _day_first(text)}):
+        with contextlib.suppress(ValueError, TypeError):
+            stamps = pd.to_datetime(text, utc=True, **how).dt.tz_localize(None)  # type: ignore[call-overload]
+            return _from_first(stamps.to_numpy()), (_begins(column, "dates"),)
     numbers = pd.to_numeric(text, errors="coerce")
     bad = np.flatnonzero((numbers.isna() & text.notna()).to_numpy())
     row = int(bad[0]) if bad.size else 0
@@ -166,6 +171,21 @@ def _dates(values: NDArray[Any], column: str) -> tuple[Array, tuple[Finding, ...
         f"Column {column!r} holds neither numbers nor dates: row {row} holds {str(text.iloc[row])[:40]!r}; time is "
         "numbers in s, ms, us or ns, or dates such as 2024-05-01T12:00:00.005."
     )
+
+
+def _day_first(text: Any) -> bool:
+    """Whether the dates of stamps (n,) lie closer together if the day comes before the month, as it does if one date
+    tells nothing.
+    """
+    import pandas as pd
+
+    dates, span = text.str.extract(r"^(\S+)", expand=False).dropna().drop_duplicates(), {}
+    for first in (False, True):
+        with warnings.catch_warnings(), contextlib.suppress(ValueError, TypeError):
+            warnings.simplefilter("ignore", UserWarning)  # of a date that has only the other order
+            days = pd.to_datetime(dates, utc=True, format="mixed", dayfirst=first)
+            span[first] = days.max() - days.min()
+    return len(span) < 2 or span[True] <= span[False]
 
 
 def in_order(

@@ -18,57 +18,80 @@ ROLES = ("time", "drive", "position", "reference", "command", "velocity")  # of 
 OTHER_NAMES = {"input": "drive", "output": "position"}
 
 # Symbol -> factor to SI, SI symbol, other spellings. Radians count as SI. Separators and case do not matter:
-# N·m, N m and nm are one spelling. The pound's, ounce's and kilogram's forces are those of ISO 80000-4.
+# N·m, N m and nm are one spelling.
 _KNOWN: dict[str, tuple[float, str, tuple[str, ...]]] = {
     "s": (1.0, "s", ("sec", "secs", "second", "seconds", "秒", "с", "сек", "초")),
     "ms": (1e-3, "s", ("msec", "millis", "millisecond", "milliseconds", "毫秒", "ミリ秒", "мс")),
     "us": (1e-6, "s", ("usec", "micros", "microsecond", "microseconds", "微秒", "мкс")),
     "ns": (1e-9, "s", ("nsec", "nanos", "nanosecond", "nanoseconds")),
     "min": (60.0, "s", ("mins", "minute", "minutes")), "h": (3600.0, "s", ("hr", "hrs", "hour", "hours")),
-    "rad": (1.0, "rad", ("radian", "radians", "弧度", "ラジアン", "рад")), "mrad": (1e-3, "rad", ()),
-    "urad": (1e-6, "rad", ()),
+    "d": (86400.0, "s", ("day", "days", "tage")),
+    "rad": (1.0, "rad", ("radian", "radians", "弧度", "ラジアン", "рад")),
     "deg": (math.pi / 180, "rad", (
         "degree", "degrees", "°", "grad", "degré", "degrés", "grado", "grados", "gradi", "度", "град", "도",
     )),
-    "mdeg": (math.pi / 180e3, "rad", ()),
-    "arcmin": (math.pi / 10800, "rad", ()), "arcsec": (math.pi / 648000, "rad", ()),
-    "turns": (2 * math.pi, "rad", ("turn", "rev", "revs", "revolution", "revolutions")),
-    "m": (1.0, "m", ("米", "м")), "cm": (1e-2, "m", ()), "mm": (1e-3, "m", ("毫米", "мм")), "um": (1e-6, "m", ()),
-    "inch": (0.0254, "m", ("inches",)),
+    "arcmin": (math.pi / 10800, "rad", ("′",)), "arcsec": (math.pi / 648000, "rad", ("″", "′′")),
+    "gon": (math.pi / 200, "rad", ()),
+    "turns": (2 * math.pi, "rad", ("turn", "rev", "revs", "revolution", "revolutions", "umdr", "umdrehungen")),
+    "m": (1.0, "m", ("米", "м", "metre", "metres", "meter", "meters")), "mm": (1e-3, "m", ("毫米", "мм")),
+    "inch": (0.0254, "m", ("inches", "in")), "ft": (0.3048, "m", ("foot", "feet")),
     "counts": (1.0, "counts", (
         "count", "cnt", "cts", "tick", "ticks", "inc", "incs", "incr", "increment", "increments", "inkr", "inkrement",
         "inkremente", "pulse", "pulses", "qc",  # qc: quadrature counts of EPOS drives
     )),
-    "Nm": (1.0, "Nm", ("牛米", "нм")), "mNm": (1e-3, "Nm", ("nmm",)), "uNm": (1e-6, "Nm", ()), "kNm": (1e3, "Nm", ()),
-    "Ncm": (1e-2, "Nm", ()), "kgf cm": (0.0980665, "Nm", ("kgcm",)), "gf cm": (9.80665e-5, "Nm", ("gcm",)),
-    "lbf in": (0.1129848290276167, "Nm", ("lbin", "inlb", "inlbf")),
-    "lbf ft": (1.3558179483314004, "Nm", ("lbft", "ftlb", "ftlbf")),
-    "ozf in": (0.00706155181422604, "Nm", ("ozin", "inoz")),
-    "N": (1.0, "N", ("牛", "н")), "mN": (1e-3, "N", ()), "kN": (1e3, "N", ()),
-    "kgf": (9.80665, "N", ()), "lbf": (4.4482216152605, "N", ()),
-    "V": (1.0, "V", ("volt", "volts")), "mV": (1e-3, "V", ()),
-    "A": (1.0, "A", ("amp", "amps", "ampere", "amperes", "安", "а")), "mA": (1e-3, "A", ()),
+    "Nm": (1.0, "Nm", ("牛米", "нм", "newtonmetre", "newtonmetres", "newtonmeter", "newtonmeters")),
+    "mNm": (1e-3, "Nm", ("nmm",)), "Ncm": (1e-2, "Nm", ("cnm",)), "daNm": (10.0, "Nm", ("kncm",)),
+    "N": (1.0, "N", ("牛", "н", "newton", "newtons")),
+    "V": (1.0, "V", ("volt", "volts")),
+    "A": (1.0, "A", ("amp", "amps", "ampere", "amperes", "安", "а")),
     # Effective and peak values are units of their own: which of the two a torque constant is for, no log tells.
     "Arms": (1.0, "Arms", ("a_rms", "aeff", "a_eff")), "mArms": (1e-3, "Arms", ("ma_rms", "maeff")),
     "Apk": (1.0, "Apk", ("a_pk", "apeak", "a_peak")), "Vrms": (1.0, "Vrms", ("v_rms", "veff")),
-    "rpm": (math.pi / 30, "rad/s", ("turns/min", "1/min", "u/min", "min1", "转/分", "об/мин")),
+    "rpm": (math.pi / 30, "rad/s", (
+        "1/min", "min1", "r/min", "u/min", "tr/min", "ot/min", "obr/min", "giri/min", "转/分", "об/мин",
+    )),
     "%": (1.0, "%", ("percent", "pct", "prozent")), "permille": (0.1, "%", (
         "‰", "promille", "permil", "perthousand", "1/1000",
     )),
 }  # fmt: skip
-# Motion per second. A ratio of other units is another quantity: its unit is not known.
+_COMMON = tuple(_KNOWN)  # which messages list
+# SI prefixes, with the units that logs have them on
+_PREFIXED = {
+    "k": (1e3, "N Nm A V"), "da": (10.0, "N"), "d": (0.1, "N Nm m"), "c": (1e-2, "m deg"),
+    "m": (1e-3, "N A V rad deg turns"), "u": (1e-6, "N Nm A V rad deg m"),
+}  # fmt: skip
+for _prefix, (_by, _units) in _PREFIXED.items():
+    for _unit in _units.split():
+        _KNOWN[_prefix + _unit] = (_by * _KNOWN[_unit][0], _KNOWN[_unit][1], ("mrev",) * (_unit == "turns"))
+_KNOWN |= {"MN": (1e6, "N", ()), "MNm": (1e6, "Nm", ())}
+# Forces that are weights, by ISO 80000-4, with the units of length that make torques of them
+for _force, _by, _others, _arms in (
+    ("kgf", 9.80665, ("kg", "kp"), "m cm mm"), ("gf", 9.80665e-3, ("g",), "m cm"),
+    ("lbf", 4.4482216152605, ("lb",), "in ft"), ("ozf", 4.4482216152605 / 16, ("oz",), "in"),
+):  # fmt: skip
+    _KNOWN[_force] = (_by, "N", _others[1:])  # a kg, a g, an lb and an oz alone are masses
+    for _arm in _arms.split():
+        _spelled = tuple(t for f in (_force, *_others) for t in (f + _arm, _arm + f))
+        _length = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "ft": 0.3048}[_arm]
+        _KNOWN[f"{_force} {_arm}"] = (_by * _length, "Nm", tuple(t for t in _spelled if t not in ("gm", "mg", "mkg")))
+# Motion per time. A ratio of other units is another quantity: its unit is not known.
 _MOTIONS = ("rad", "m", "counts")
-_KNOWN |= {f"{u}/s": (by, f"{si}/s", ()) for u, (by, si, _) in list(_KNOWN.items()) if si in _MOTIONS}
-for _rate, _short in (("turns/s", "rps"), ("m/s", "mps"), ("deg/s", "dps")):
-    _KNOWN[_rate] = (*_KNOWN[_rate][:2], (_short,))
+for _unit, (_by, _si, _) in list(_KNOWN.items()):
+    if _si in _MOTIONS:
+        _KNOWN[f"{_unit}/s"] = (_by, f"{_si}/s", ())
+        _KNOWN[f"{_unit}/min"] = (_by / 60.0, f"{_si}/s", ())
+del _KNOWN["turns/min"]
+for _rate, _short in (("turns/s", "rps"), ("m/s", "mps"), ("deg/s", "dps"), ("inch/s", "ips"), ("rpm", "turns/min")):
+    _KNOWN[_rate] = (*_KNOWN[_rate][:2], (*_KNOWN[_rate][2], _short))
 _PER_TURN = re.compile(r"(?:counts|ticks)/(\d+\.?\d*(?:e\+?\d+)?)")
-_MULTIPLE = re.compile(r"(\d*\.?\d+(?:e[+-]?\d+)?)\s*[·*]?\s*([^\d\s./].*)", re.IGNORECASE)
+_COUNTS = re.compile(r"([a-z]+)/(\d+)|(\d+) ?(?:cpr|([a-z]+)/(?:rev|turn|revolution))")  # of a turn
+_MULTIPLE = re.compile(r"(\d*[.,]?\d+(?:e[+-]?\d+)?|1/10+)\s*[·*]?\s*([^\d\s.,/].*)", re.IGNORECASE)
 # A share of a torque or a current that the drive knows: `% rated`, `%MN`, `‰ of rated current`
 _SHARE = re.compile(r"(%|percent|prozent|‰|per ?mill?e?|promille|per ?thousand|1/1000)(?:$|\s*[a-z][^/]*|\s*\(.*)")
 _WIDE = str.maketrans("\uff08\uff09\uff3b\uff3d", "()[]")  # the brackets of Chinese and Japanese keyboards
-_TIMES = {"s", "ms", "us", "ns", "min", "h"}
-# At the end of a name, units only after one of _MARKS: torque_min is a minimum.
-_ONLY_MARKED = {"min", "h", "grad", "amp"}
+_TIMES = {"s", "ms", "us", "ns", "min", "h", "d"}
+# At the end of a name, units only after one of _MARKS: torque_min is a minimum, and kp a gain.
+_ONLY_MARKED = set("min h d day grad amp in ft foot meter kp ua ka kv uv un dn dan dm".split())
 _MARKS = {"in", "time", "t", "zeit"}
 
 # Words behind a unit that tell which signal it is, not in what unit: torque_nm_filtered.
@@ -89,6 +112,7 @@ def _plain(spelling: str) -> str:
 
 
 _SPELLED = {_plain(s): symbol for symbol, (_, _, others) in _KNOWN.items() for s in (symbol, *others)}
+_SPELLED |= {"mn": "mN", "mnm": "mNm"}  # in any other case than that of MN and MNm
 
 
 def unit_of(column: str, default: str = UNKNOWN) -> str:
@@ -111,6 +135,9 @@ def unit_of(column: str, default: str = UNKNOWN) -> str:
     written = written_unit(text)
     if (symbol := symbol_of(written) or multiple_of(written)) is not None:
         return symbol
+    product = re.search(r"[^\W\d][·⋅*×.]\s?\w+$", written)
+    if product is not None and symbol_of(re.split(r"\s+(?=\S*\w[·⋅*×.])", written)[-1]) is None:
+        return default  # the last unit of a product, such as m of foo·m, is not that of the column
     if written:
         text = text.translate(_WIDE)
         inside = _words(written)
@@ -139,8 +166,11 @@ def _at_end(words: list[str]) -> str | None:
         if not before or tail[0] in ("/", "per"):
             continue
         over = tail[::2] if n == 3 and tail[1] in ("/", "per") else tail
-        symbol = (_ratio(*over) if len(over) == 2 else None) or _SPELLED.get("".join(tail))
-        if symbol and not (n == 1 and tail[0] in _ONLY_MARKED and before[-1] not in _MARKS):
+        ratio = _ratio(*over) if len(over) == 2 else None
+        if over is tail and tail[-1] == "min" and ratio != "rpm":
+            ratio = None  # position_deg_min is a minimum
+        symbol = ratio or _SPELLED.get("".join(tail))
+        if symbol and not ("".join(tail) in _ONLY_MARKED and before[-1] not in _MARKS):
             return None if _measures_more(before) else symbol
     return None
 
@@ -149,7 +179,8 @@ def _measures_more(before: list[str]) -> bool:
     """Whether the words before a unit make it a part of another one; ``Winkel/rad`` is an angle in rad."""
     if before[-1] == "/":
         return not before[0] or (len(before) > 2 and before[-2] in _SPELLED)
-    return before[-1] == "per" or (len(before) > 1 and len(before[-1]) > 1 and before[-1] in _SPELLED)
+    unit = before[-1] in _SPELLED and before[-1] != "in"  # which is no inch: torque in Nm
+    return before[-1] == "per" or (len(before) > 1 and len(before[-1]) > 1 and unit)
 
 
 def _ratio(top: str, bottom: str) -> str | None:
@@ -181,9 +212,15 @@ def symbol_of(text: str) -> str | None:
     word = text.strip().lower()
     if _per_turn(word) is not None:
         return word
+    if (turn := _COUNTS.fullmatch(word)) is not None and _SPELLED.get(turn[1] or turn[4] or "counts") == "counts":
+        counts = f"counts/{turn[2] or turn[3]}"
+        return counts if _per_turn(counts) else None
+    if (mega := re.fullmatch(r"MN([\s·⋅*.-]*m)?", text.strip())) is not None:
+        return "MNm" if mega[1] else "MN"
+
     if symbol := _SPELLED.get(_plain(word)):
         return symbol
-    if (share := _SHARE.fullmatch(word)) is not None:
+    if (share := _SHARE.fullmatch(word)) is not None and multiple_of(word) is None:
         return "%" if share[1][:4] in ("%", "perc", "proz") else "permille"
     rate = re.fullmatch(r"(.+?)[\s·⋅*]*(?:(?:/| per )\s*(\w+)|\b(s|sec|min)\s*\^?\s*(?:-1|⁻¹))", word)
     return _ratio(rate[1], rate[2] or rate[3]) if rate is not None else None
@@ -199,12 +236,15 @@ def _per_turn(symbol: str) -> float | None:
 def multiple_of(text: str) -> str | None:
     """A multiple of a unit, as drives write raw numbers; None for anything else.
 
-    >>> multiple_of("0.01A"), multiple_of("1e-3 degrees"), multiple_of("10 furlong")
-    ('0.01 A', '1e-3 deg', None)
+    >>> multiple_of("0.01A"), multiple_of("1e-3 degrees"), multiple_of("1/1000 deg"), multiple_of("10 furlong")
+    ('0.01 A', '1e-3 deg', '0.001 deg', None)
     """
     found = _MULTIPLE.fullmatch(text.strip())
-    symbol = symbol_of(found[2]) if found is not None and float(found[1]) > 0 else None
-    return None if found is None or symbol is None else f"{found[1]} {symbol}"
+    if found is None or (symbol := symbol_of(found[2])) is None:
+        return None
+    by = found[1].replace(",", ".").removeprefix("1/")
+    by = f"{1 / float(by):.12g}" if "/" in found[1] else by
+    return f"{by} {symbol}" if float(by) > 0 else None
 
 
 def unit_in(stated: str, column: str, role: str = "drive") -> str:
@@ -229,8 +269,8 @@ def states_a_unit(text: str) -> bool:
     >>> states_a_unit("furlong"), states_a_unit("axis 2"), states_a_unit("-")
     (True, False, False)
     """
-    words = [w for w in re.findall(r"[^\W\d_]+", text.lower()) if w not in _WHICH]
-    return bool(words) and _NO_UNIT.isdisjoint(words)
+    words = [w for w in re.findall(r"[^\W\d_]+|[^\x00-\x7f\u2013\u2014]", text.lower()) if w not in _WHICH]
+    return bool(words) and _NO_UNIT.isdisjoint(words)  # a sign, such as a degree that was read wrongly, may be one
 
 
 def is_known(symbol: str) -> bool:
@@ -268,9 +308,10 @@ def factor_of(symbol: str) -> tuple[float, str]:
         return 1e-9, "m"
     if known := _KNOWN.get(symbol) or _KNOWN.get(_SPELLED.get(_plain(symbol), "")):
         return known[:2]
-    if (multiple := _MULTIPLE.fullmatch(symbol)) is not None:
-        by, si = factor_of(multiple[2])
-        return (float(multiple[1]) * by, si) if si != multiple[2] or si in _KNOWN else (1.0, symbol)
+    if (multiple := multiple_of(symbol)) is not None:
+        times, _, unit = multiple.partition(" ")
+        by, si = factor_of(unit)
+        return float(times) * by, si
     return 1.0, symbol
 
 
@@ -333,7 +374,7 @@ def readable(symbol: str, default: str = "") -> str:
         return default
     if _per_turn(symbol) is not None or symbol == "rpm":
         return "rad"
-    return _base(symbol).removesuffix("/s")
+    return re.sub("/(s|min)$", "", _base(symbol))
 
 
 def integral_of(symbol: str) -> tuple[float, str]:
@@ -342,7 +383,9 @@ def integral_of(symbol: str) -> tuple[float, str]:
     >>> integral_of("deg/s"), integral_of("rpm") == (1 / 60, "turns"), integral_of("as logged")
     ((1.0, 'deg'), True, (1.0, 'as logged'))
     """
-    return (1.0 / 60.0, "turns") if symbol == "rpm" else (1.0, symbol.removesuffix("/s"))
+    if symbol == "rpm" or symbol.endswith("/min"):
+        return 1.0 / 60.0, "turns" if symbol == "rpm" else symbol.removesuffix("/min")
+    return 1.0, symbol.removesuffix("/s")
 
 
 def own_units(si: tuple[str, str], logged: tuple[str, str]) -> dict[str, str]:
@@ -392,7 +435,7 @@ def time_unit_of(column: str, symbol: str) -> str:
     if symbol != UNKNOWN:
         return symbol
     words = (_SPELLED.get(w, "") for w in re.split(r"[^a-z]+", column.lower()) if len(w) > 1)
-    return next((s for s in words if s in _TIMES - {"min", "h"}), symbol)
+    return next((s for s in words if s in _TIMES - {"min", "h", "d"}), symbol)
 
 
 def seconds_of(symbol: str) -> float:
@@ -436,7 +479,9 @@ def of_an_axis(units: dict[str, str]) -> None:
         fits = kinds.get(role, (*_MOTIONS, *kinds["velocity"]))
         if is_known(unit) and (si in fits or role == "time"):
             continue
-        known = [u for u, (_, kind, _) in _KNOWN.items() if kind in fits and kind != "s"]
+        known = [
+            u for u in (*_COMMON, "mrad", "um", "mA", "deg/s", "mm/s") if _KNOWN[u][1] in fits and _KNOWN[u][1] != "s"
+        ]
         raise ColumnError(
             f"The unit of {role} is {unit!r}; expected one of {', '.join(known)}, or a multiple of one, such as "
             f"'0.01 {known[0]}'."
