@@ -124,3 +124,15 @@ def test_the_command_writes_them_beside_the_model(tmp_path):
     assert result.exit_code == 0, result.output
     assert "inertia" in json.loads((tmp_path / "axis.ranges.json").read_text(encoding="utf-8"))
     assert CliRunner().invoke(main, [*arguments, "--to", "urdf"]).exit_code == 2
+
+
+@pytest.mark.parametrize("content", ["time_s,torque_nm\n0,1\n", "[1, 2]", '{"verdict": "cannot_tell"}'])
+def test_what_is_no_comparison_is_told_before_anything_is_written(tmp_path, content):
+    save_model(as_model(ServoAxis(inertia=0.05, law="coulomb")), tmp_path / "model.json")
+    (tmp_path / "spread.json").write_text(content, encoding="utf-8")
+    spread_file, out = str(tmp_path / "spread.json"), tmp_path / "axis.xml"
+    arguments = [str(tmp_path / "model.json"), "--to", "mjcf", "--out", str(out), "--spread", spread_file]
+    result = CliRunner().invoke(main, arguments)
+    assert result.exit_code == 1
+    assert "compare.json" in result.output
+    assert not out.exists()

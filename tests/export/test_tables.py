@@ -124,7 +124,7 @@ def test_the_command_says_what_is_left(tmp_path):
     arguments = ["export", str(path), "--to", "table", "--out", str(tmp_path / "out"), "--rated-torque", "1.3"]
     done = CliRunner().invoke(main, arguments, catch_exceptions=False)
     assert done.exit_code == 0, done.output
-    assert "Rms torque (Nm or N) without" in done.output
+    assert "Rms drive (Nm) without" in done.output
     assert "predicted by replaying the table against the model" in done.output
     assert (tmp_path / "out" / "tf5200_frict_comp.lis").exists()
     chain = CliRunner().invoke(main, [*arguments[:3], "table", "--out", str(tmp_path / "o2"), "--speed", "-1"])
@@ -138,3 +138,15 @@ def test_a_model_in_counts_asks_for_its_highest_speed(tmp_path):
     _, files = written(model, tmp_path, Ratings(RATED, speed=5000.0))
     assert "tf5200_frict_comp.lis" not in files  # in mdeg/s, which counts do not tell
     assert pd.read_csv(files["friction.csv"])["velocity_counts_per_s"].max() == 5000.0
+
+
+@pytest.mark.parametrize(
+    ("unit", "constant", "lists"),
+    [("mNm", None, True), ("mA", 0.12, True), ("mA", None, False), ("V", 0.12, False), ("%", 0.12, False)],
+)
+def test_a_list_in_shares_of_a_torque_is_of_a_torque_or_not_written(tmp_path, unit, constant, lists):
+    model = AxisModel(0.05, LAW, dt=0.001, units={"input": unit, "output": "deg"}, logged="position")
+    done, files = written(model, tmp_path, Ratings(RATED, constant, TOP))
+    assert ("tf5200_frict_comp.lis" in files, "servo_one.csv" in files) == (lists, lists)
+    assert any("shares of a rated torque" in str(loss) for loss in done.losses) != lists
+    assert {row.unit for row in done.left} == {unit.removeprefix("m")}

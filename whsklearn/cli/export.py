@@ -31,11 +31,12 @@ def main(model: str, to: str, out: str, effects: str | None, spread: str | None,
     Example: whsklearn export model.json --to mjcf --out axis.xml
     """
     from whsklearn.export import FORMATS, Ratings, export_model
-    from whsklearn.export.model import write_ranges
+    from whsklearn.export.model import read_ranges, write_ranges
 
     if spread and to != "mjcf":
         raise click.UsageError(f"--spread writes ranges for MuJoCo, and --to is {to}; give --to mjcf.")
     load_effects(effects)
+    ranges = read_ranges(spread) if spread else None  # before anything is written
     try:
         ratings = Ratings(options["rated_torque"], options["torque_constant"], options["speed"])
         done = export_model(model, to=to, out=out, what=options["what"], real=options["real"], ratings=ratings)
@@ -51,7 +52,8 @@ def main(model: str, to: str, out: str, effects: str | None, spread: str | None,
     if done.left:
         left = [f"{100 * round(r.after / r.before, 6):.3g} %" for r in done.left]
         rows = [(r.name, r.before, round(r.after, 12), share) for r, share in zip(done.left, left, strict=True)]
-        title = "Rms torque (Nm or N) without and with a table, predicted by replaying the table against the model"
+        unit = done.left[0].unit
+        title = f"Rms drive ({unit}) without and with a table, predicted by replaying the table against the model"
         click.echo(table(["table", "without", "with", "left"], rows, title=title))
-    ranges = [write_ranges(spread, done.paths[0])] if spread else []
-    click.echo(f"Written: {', '.join(map(str, [*done.paths, *ranges]))}")
+    beside = [write_ranges(ranges, done.paths[0])] if ranges is not None else []
+    click.echo(f"Written: {', '.join(map(str, [*done.paths, *beside]))}")

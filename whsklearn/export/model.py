@@ -309,9 +309,19 @@ def ranges_of(comparison: dict[str, Any]) -> dict[str, dict[str, Any]]:
     return out
 
 
-def write_ranges(comparison: str | os.PathLike[str], model: Path) -> Path:
-    """Write the ranges of a ``compare.json`` beside a model's file; return their path."""
-    data = json.loads(Path(comparison).read_text(encoding="utf-8"))
+def read_ranges(comparison: str | os.PathLike[str]) -> dict[str, dict[str, Any]]:
+    """`ranges_of` a file. Raises ValueError if it is not the ``compare.json`` of several records."""
+    try:
+        data = json.loads(Path(comparison).read_text(encoding="utf-8"))
+    except ValueError:  # also of its encoding
+        data = None
+    if not isinstance(data, dict):
+        raise ValueError(f"{Path(comparison).name} is not JSON as `compare` writes it; give its compare.json.")
+    return ranges_of(data)
+
+
+def write_ranges(ranges: dict[str, dict[str, Any]], model: Path) -> Path:
+    """Write ranges beside a model's file; return their path."""
     path = model.with_suffix(".ranges.json")
-    atomic_write(path, (json.dumps(ranges_of(data), indent=2) + "\n").encode())
+    atomic_write(path, (json.dumps(ranges, indent=2) + "\n").encode())
     return path

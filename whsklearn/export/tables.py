@@ -70,7 +70,9 @@ class Left(NamedTuple):
     name : str
         Of the table.
     before, after : float
-        Rms of the torque without the table and with it, in its unit.
+        Rms of the torque (or of the current or voltage that makes it) without the table and with it.
+    unit : str
+        Of both, and of the tables.
 
     References
     ----------
@@ -87,6 +89,7 @@ class Left(NamedTuple):
     name: str
     before: float
     after: float
+    unit: str = "Nm"
 
 
 def write_tables(model: Exported, out: Path, ratings: Ratings) -> tuple[list[Path], list[Loss], list[Left]]:
@@ -112,6 +115,11 @@ def write_tables(model: Exported, out: Path, ratings: Ratings) -> tuple[list[Pat
     rated, ampere = ratings.torque, ratings.constant
     if unit in AMPERES:  # the tables are then in amperes, too
         rated, ampere = None if rated is None or ampere is None else rated / ampere, 1.0
+    elif unit not in ("Nm", "N"):
+        rated = ampere = None
+    if ratings.torque is not None and rated is None:
+        why = "are shares of a rated torque; give the torque constant of a drive in A, or a model of a torque"
+        losses.append(Loss("friction in the lists of TF5200 and ServoOne", f"drive in {unit}", f"they {why}"))
     parts = _Tabled(
         partial(torque_of, waves, velocity=np.zeros(1)) if waves and length == "rad" else None,
         partial(torque_of, asked, velocity=np.zeros(1)),
@@ -131,7 +139,7 @@ def write_tables(model: Exported, out: Path, ratings: Ratings) -> tuple[list[Pat
             atomic_write(out / name, ("\n".join(lines) + "\n").encode())
             paths.append(out / name)
         left += remaining
-    return paths, losses, left
+    return paths, losses, [one._replace(unit=unit) for one in left]
 
 
 class _Tabled(NamedTuple):
