@@ -58,12 +58,13 @@ def conclude(plant: Any, found: Found, rng: np.random.Generator, say: Callable[[
     diagnosis.floor, diagnosis.closure = headline["floor"], headline["closure"]
     diagnosis.interrupted = found.interrupted
     diagnosis.candidates = candidates(found, diagnosis, plant, alpha)
-    before, after, floor = (x / plant.scale for x in plant.figures(found.base, found.model)[:3])
+    shown = plant.shown_by(found.model)
+    before, after, floor = (shown * x / plant.scale for x in plant.figures(found.base, found.model)[:3])
     diagnosis.figures = (before, after, floor)
     say("locate")
     _located(plant, found, diagnosis, gap, rng)
     rounds = [
-        {"number": s.number, "gap": s.gap, "gap_share": s.gap / plant.scale, "tried": len(s.looks),
+        {"number": s.number, "gap": shown * s.gap, "gap_share": shown * s.gap / plant.scale, "tried": len(s.looks),
          "taken": s.taken.name if s.taken else "nothing",
          "delta_bic": s.taken.delta_bic if s.taken else max((f.delta_bic for f in s.fitted), default=0.0)}
         for s in found.steps

@@ -345,6 +345,10 @@ class Plant(Protocol):
         """That of the drive, or of the output."""
         return str(self.units[0] if self.whole == "drive" else self.units[1])
 
+    def shown_by(self, model: Any) -> float:
+        """Factor from the unit of `errors` to the one in which the report of this final model states them."""
+        return 1.0
+
     def retold(self, model: Any) -> Any:
         """The model with another effect in the place of one of which `errors` shows the first order only.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 
 import numpy as np
@@ -9,12 +10,15 @@ import pytest
 
 from benchmarks._twins import make_coupled_drives
 from benchmarks.blind_logs import wiener_hammerstein as blind
-from tests.gap.plants.example_chain import PLAIN, TRUE, record, term
+from tests.gap.plants.example_chain import PARTS, PLAIN, TRUE, record, term
+from whsklearn import WienerHammersteinSystem
 from whsklearn.effects import QuadraticDrag
 from whsklearn.gap import GapFinder
 from whsklearn.gap.data_check import FEWEST_SAMPLES
 from whsklearn.gap.plants import Base, make_plant
 from whsklearn.gap.plants import chain as readings
+from whsklearn.gap.plants import chain_model as cm
+from whsklearn.gap.plants.chain import ChainPlant
 from whsklearn.gap.plants.chain_fit import coloured
 from whsklearn.gap.plants.chain_model import SKIP, Record, chain_free_run, clipped, left, simulate
 
@@ -239,9 +243,20 @@ def test_gaps_and_their_spectra_are_those_of_the_two_models():
     plant.unit = 2.0
     told = plant.told(base, model)
     shown = told.pictures
-    np.testing.assert_array_equal(shown["gap_after"], 2.0 * clipped(left(s, model)))
+    np.testing.assert_array_equal(shown["gap_after"], cm.loudness(model.ar) * clipped(left(s, model)))
     assert shown["usable"].sum() == s.u.size - SKIP
     for spectrum, gap in zip(shown["spectrum"], (shown["gap_before"], shown["gap_after"]), strict=True):
         assert np.sum(0.5 * spectrum**2) / 1.5 == pytest.approx(np.var(gap[SKIP:]), rel=0.1)
     before, after = plant.told(TRUE, model).tests
     assert before["p_value"] < 1e-4 < after["p_value"]
+
+
+def test_the_floor_is_the_noise_of_the_output_whatever_colour_the_gap_had():
+    noise = 0.02 * np.random.default_rng(3).normal(size=PLAIN.u.size)
+    y = WienerHammersteinSystem(**PARTS).simulate(PLAIN.u) + noise
+    plant = ChainPlant(PLAIN.u, y, (None, (2, 2, 2, 2), 0), tolerance=0.004)
+    model = plant.base(np.random.default_rng(0))
+    coloured = dataclasses.replace(model, ar=np.array([-0.95, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    plant.unit = cm.loudness(coloured.ar)  # that of a base model with a slow gap
+    floor = plant.shown_by(model) * plant.figures(coloured, model).floor
+    assert floor == pytest.approx(np.std(noise), rel=0.1)

@@ -65,6 +65,39 @@ def test_a_pole_and_a_zero_that_the_record_needs_are_not_released():
     assert cf.released(PLAIN, cf.polished(PLAIN, cf.coloured(PLAIN, TRUE))) == []
 
 
+def slow_record(bend, unit=1.0, out=1.0, lag=12.0, n=1500, noise=0.03):
+    """(record, noise of y): three lags of ``lag`` samples, a bend of x in its own rms, and one lag, in any units."""
+    rng = np.random.default_rng(7)
+    u = np.repeat(rng.normal(size=n // 10), 10)
+    poles = np.poly([np.exp(-1.0 / (lag * k)) for k in (0.8, 1.0, 1.3)])
+    x = lfilter([0.0, 1.0, 2.7, 0.8], poles, u)  # about the zeros of three lags behind a hold
+    y = lfilter([0.0, 0.2], [1.0, -0.8], bend(x / x.std()))
+    e = noise * y.std() * rng.normal(size=n)
+    law = as_law("polynomial")
+    return Record.of(unit * u, out * (y + e), 1.0, np.array([3, 3, 1, 1, len(law)]), law), out * e
+
+
+def cubic(x):
+    return x + 0.15 * x**2 + 0.2 * x**3
+
+
+def test_slow_blocks_whose_cube_is_large_reach_the_noise():
+    # a_1 = 1, so x is 1e4 times u here; its cube and the poles of L1 are columns of sizes that are 1e12 apart
+    s, e = slow_record(cubic, unit=300.0)
+    found = cf.minima(s, cf.base_starts(s, np.random.default_rng(0)))[0]
+    assert np.sqrt(cf.cost(s, found) / s.fit.sum()) < 1.02 * np.std(e[s.fit])
+
+
+@pytest.mark.parametrize(("unit", "out"), [(1e6, 1.0), (1e-6, 1.0), (1.0, 1e9), (1.0, 1e-9)])
+def test_minima_are_the_same_in_any_units(unit, out):
+    costs = []
+    for by, far in ((1.0, 1.0), (unit, out)):
+        s, _ = slow_record(cubic, by, far, lag=4.0, n=800)
+        found = cf.minima(s, cf.base_starts(s, np.random.default_rng(0)))
+        costs.append(cf.cost(s, found[0]) / far**2)
+    assert costs[1] == pytest.approx(costs[0], rel=1e-3)
+
+
 def test_an_effect_is_fitted_together_with_the_blocks():
     s = record(QuadraticDrag(0.1))
     fitted = cf.sharpened(s, TRUE.with_term(term("quadratic_drag", 0.01)), (30.0, 300.0, 1000.0))

@@ -51,6 +51,38 @@ def test_sensitivities_are_central_differences(one):
         assert np.linalg.norm(rows[:, i] - slope) <= 5e-3 * np.linalg.norm(slope) + 1e-6
 
 
+@pytest.mark.parametrize("unit", [1e-8, 1e8])
+@pytest.mark.parametrize("name", ["dead_zone", "saturation", "stribeck", "actuator_lag", "presliding_hysteresis"])
+def test_ranges_follow_the_units_of_the_record(name, unit):
+    # the plausible ranges of an axis, such as a dead zone of 1e-4 to 100 Nm, say nothing about a chain
+    z = dataclasses.replace(SIZES, **{k: unit * getattr(SIZES, k) for k in ("u", "u_peak", "x", "x_peak", "dx", "v")})
+    slow = dataclasses.replace(z, dt=unit, seconds=unit * SIZES.seconds)
+    kind = term(name).kind
+    for i in range(kind.linear, len(kind.fields)):
+        if kind.cls.quantities[kind.fields[i]].unit in ("Nm", "rad", "rad/s", "s"):
+            np.testing.assert_allclose(kind.range_of(i, slow), unit * np.array(kind.range_of(i, SIZES)), rtol=1e-9)
+
+
+def test_sensitivities_follow_the_units_of_the_record():
+    one = dataclasses.replace(TRUE.with_term(term("sensor_rectification", 0.3)), ar=COLOUR)
+    grey = dataclasses.replace(TRUE.with_term(term("input_offset", 0.0)), ar=COLOUR)
+    linear = as_law("viscous,coulomb")
+    for m in (one, grey):
+        theta = np.delete(m.theta, 5)
+        rows = []
+        for unit in (1.0, 1e9):
+            s = cm.Record.of(unit * U, PLAIN.y, 1.0, np.array([2, 2, 2, 2, 2]), linear)
+            theta[3] = m.theta[3] / unit  # viscous friction is per unit of x
+            rows.append(cm.sensitivities(s, dataclasses.replace(m, theta=theta.copy()), 0.5 / unit))
+        there = rows[1].copy()
+        there[:, 3] /= 1e9
+        if m is grey:
+            there[:, -1] *= 1e9
+        assert np.linalg.norm(there - rows[0], axis=0) == pytest.approx(
+            np.zeros(rows[0].shape[1]), abs=1e-4 * np.linalg.norm(rows[0])
+        )
+
+
 def test_what_the_truth_leaves_is_the_noise_that_has_passed_l2():
     d = 0.02 * np.random.default_rng(0).normal(size=U.size)
     np.testing.assert_allclose(cm.left(PLAIN, TRUE), lfilter([1.0], [1.0, 0.15, 0.4], d), atol=1e-9)

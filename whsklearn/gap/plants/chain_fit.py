@@ -25,14 +25,23 @@ from whsklearn.gap.plants import chain_model as cm
 from whsklearn.gap.plants.chain_model import ChainHypothesis, ChainTerm, Record
 from whsklearn.gap.search import LEAST_SHARE
 from whsklearn.recursion.batch.best_linear import IOData, Ratio, best_linear
-from whsklearn.recursion.batch.simulation_search import Orders, divisions, padded
+from whsklearn.recursion.batch.simulation_search import (
+    Orders,
+    SearchedOrders,
+    divisions,
+    padded,
+    reflections,
+    search,
+)
 from whsklearn.recursion.memory.starts import exchanged, random_stable
 from whsklearn.systems.stability import is_stable
 
 N_RANDOM = 16  # starts besides the divisions, for blocks that are far from those of a linear model
 KEPT = 5  # starts of a kind that go on, after a cheaper fit has ranked them
+# Numerators of an integrator of order 2 to 5 behind a hold, by their number of zeros; other blocks without zeros of
+# their own have nearly the same (Astrom, Hagander and Sternby 1984, Zeros of sampled systems, Automatica 20(1)).
+SAMPLING = {1: (1.0, 1.0), 2: (1.0, 4.0, 1.0), 3: (1.0, 11.0, 11.0, 1.0), 4: (1.0, 26.0, 66.0, 26.0, 1.0)}
 LEAST_DROP = 1e-6  # of the sum of squares in one step of a fit
-UNSEEN = 1e-12  # share of the largest column below which a column is rounding error
 
 
 def cost(s: Record, m: ChainHypothesis) -> float:
@@ -55,13 +64,21 @@ def climb(
     if held:
         i = x.size - len(m.terms[-1].free)
         low[i] = high[i] = x[i]
-    sigma = np.sqrt(cm.variance_of(cm.left(s, cm.from_vector(m, x), kappa)[s.fit]))
+    first = cm.from_vector(m, x)
+    run = cm.simulate(s, first, kappa)
+    sigma = np.sqrt(cm.variance_of(cm.left_by(s, first, run[2])[s.fit]))
     begins_stable = _stable(s, m.theta)
+    unit = cm.units_of(s, first, cm.sensitivities(s, first, kappa, run), run)
+    unseen = unit == 0.0
+    unit[unseen] = 1.0
     last: list[Any] = [None]  # the vector simulated last, its model, free run and errors: slopes are asked for there
+
+    def model(x: Array) -> ChainHypothesis:
+        return cm.from_vector(m, np.clip(x * unit, low, high))
 
     def simulated(x: Array) -> Any:
         if last[0] is not x:
-            at = cm.from_vector(m, x)
+            at = model(x)
             run = cm.simulate(s, at, kappa)
             last[:] = x, at, run, cm.left_by(s, at, run[2])[s.fit] / sigma
         return last[1:]
@@ -75,19 +92,19 @@ def climb(
     def slopes(x: Array) -> Array:
         """Derivatives of `errors`; a capped error is the root of its cost, so its slope is e w(e) over that root."""
         at, run, e = simulated(x)
-        out = cm.sensitivities(s, at, kappa, run)[s.fit] / sigma
-        size = np.linalg.norm(out, axis=0)
-        out[:, size <= UNSEEN * size.max(initial=0.0)] = 0.0  # a kink far from every x is rounding only
+        out = cm.sensitivities(s, at, kappa, run)[s.fit] * unit / sigma
+        out[:, unseen] = 0.0
         if robust:
             out *= (cm.share(e**2) * np.abs(e) / np.maximum(np.sqrt(cm.capped(e**2)), 1e-150))[:, None]
         return out
 
+    x, ends = x / unit, (low / unit, high / unit)
     near = cm.SMALL * np.maximum(np.abs(x), 0.05)
     try:
-        found = least_squares(errors, x, near, (low, high), max_iterations=steps, tolerance=LEAST_DROP, slopes=slopes)
+        found = least_squares(errors, x, near, ends, max_iterations=steps, tolerance=LEAST_DROP, slopes=slopes)
     except (ValueError, np.linalg.LinAlgError):
         return m
-    return cm.from_vector(m, found.x)
+    return model(found.x)
 
 
 def coloured(s: Record, m: ChainHypothesis) -> ChainHypothesis:
@@ -190,9 +207,10 @@ def weighed(s: Record, first: Array, second: Array, terms: tuple[ChainTerm, ...]
         theta = m.theta.copy()
         theta[s.blocks[2].start + i] = 1.0
         rows[:, i] = cm.simulate(s, dataclasses.replace(m, theta=theta), kappa)[2] - plain
-    theta, rows = m.theta.copy(), rows[s.fit]
-    if np.abs(rows).max(initial=0.0) < 1e12:
-        size = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
+    theta, rows = m.theta.copy(), cm.finite(rows[s.fit])
+    size = np.linalg.norm(rows, axis=0)
+    if np.all(size < cm.LARGEST):
+        size = np.maximum(size, cm.LEAST)
         theta[s.blocks[2]] = np.linalg.lstsq(rows / size, (s.y - plain)[s.fit], rcond=1e-4)[0] / size
     return theta
 
@@ -228,25 +246,60 @@ def _stable(s: Record, theta: Array) -> bool:
 
 def minima(s: Record, starts: Iterable[ChainHypothesis]) -> list[ChainHypothesis]:
     """Distinct minima that the starts lead to, best first; the best is fitted until it converges."""
-    out = sharpest(s, ranked(s, starts, cm.RUNGS[0], 8)[:KEPT], neighbours=True)
-    return [polished(s, m) for m in out[:1]] + out[1:]
+    out = sharpest(s, ranked(s, starts, cm.RUNGS[0], 8)[:KEPT])
+    return [least(s, polished(s, m)) for m in out[:1]] + out[1:]
 
 
-def sharpest(s: Record, soft: list[ChainHypothesis], *, neighbours: bool = False) -> list[ChainHypothesis]:
-    """Sharpen models found under a soft sign, best first; with ``neighbours``, also those with exchanged roots."""
+def sharpest(s: Record, soft: list[ChainHypothesis]) -> list[ChainHypothesis]:
+    """Sharpen models found under a soft sign, best first."""
     softer = sorted((sharpened(s, m, cm.RUNGS[1:3]) for m in soft), key=lambda m: cost(s, m))
-    if neighbours:
-        dims = tuple(map(int, s.dims))
-        others = [dataclasses.replace(m, theta=t) for m in softer[:1] for t in exchanged(m.theta, dims)]
-        softer += [sharpened(s, m, cm.RUNGS[1:3]) for m in ranked(s, others, cm.RUNGS[1], 6)[:2]]
-        softer.sort(key=lambda m: cost(s, m))
     return sorted((sharpened(s, m) for m in softer[:2]), key=lambda m: cost(s, m))
 
 
+def least(s: Record, m: ChainHypothesis) -> ChainHypothesis:
+    """The least minimum that is reached from one by exchanging roots of the blocks or reflecting zeros, time and again.
+
+    An effect that puts a root where it belongs would be named for it.
+    """
+    while True:
+        found = [sharpened(s, w, cm.RUNGS[1:]) for w in ranked(s, neighbours(s, m), cm.RUNGS[1], 6)[:KEPT]]
+        other = min(found, key=lambda w: cost(s, w), default=m)
+        if gain(cost(s, m), cost(s, other), s.fit.sum()) <= 1.0:  # two minima differ by a factor of e in likelihood
+            return m
+        m = polished(s, other)
+
+
+def neighbours(s: Record, m: ChainHypothesis) -> list[ChainHypothesis]:
+    """The model with a root of one block exchanged for one of the other, with zeros reflected at the unit circle, and
+    with those zeros that sampling gives to lags behind a hold.
+    """
+    thetas = exchanged(m.theta, tuple(map(int, s.dims)))
+    for part in (s.blocks[0], s.blocks[3]):
+        images = reflections(np.concatenate([[1.0], m.theta[part]]))
+        for image in (*images, np.array(SAMPLING.get(part.stop - part.start, ()))):
+            if image.size and image[0] != 0.0:  # else a zero at infinity: a delay
+                theta = m.theta.copy()
+                theta[part] = image[1:] / image[0]
+                thetas.append(theta)
+    _, b, _, c, _ = s.blocks
+    return [dataclasses.replace(m, theta=weighed(s, t[: b.stop], t[c.start :], m.terms)) for t in thetas]
+
+
 def base_starts(s: Record, rng: np.random.Generator) -> list[ChainHypothesis]:
-    """Starting models: the divisions of the best linear model, and random blocks."""
-    thetas = [*divided(s, linear_model(s, s.u)), *random_thetas(s, rng, N_RANDOM)]
-    return [ChainHypothesis(t) for t in thetas]
+    """Starting models: the divisions of the best linear model, refined if the law allows it, and random blocks."""
+    found = searched(s) if all(isinstance(t, Power) for t in s.law.terms) else divided(s, linear_model(s, s.u))
+    return [ChainHypothesis(t) for t in (*found, *random_thetas(s, rng, N_RANDOM))]
+
+
+def searched(s: Record) -> list[Array]:
+    """theta of the least free-run error that is reached from the divisions of linear models of several orders."""
+    na, nb, nc, nd, _ = (int(i) for i in s.dims)
+    poles, zeros = nb + nd, na + nc - 2
+    linear = tuple((max(poles - k, 0), max(zeros - k, 0)) for k in range(max(poles, zeros) + 1))
+    structure = SearchedOrders(linear, Orders(na - 1, nb, nc - 1, nd), exact=True)
+    chain = search(_data(s, s.u)._replace(y=s.y), s.law, (structure,)).chain
+    first, second = ((b[1:] / b[0], a[1:]) for b, a in ((chain.b1[0], chain.a1), (chain.b2, chain.a2)))
+    return [weighed(s, np.concatenate(first), np.concatenate(second))]
 
 
 # --- the law, and whether orders and law suffice ---------------------------------------------------

@@ -49,12 +49,14 @@ class Softened:
         kappa = sharpness / cm.rms_dx(s, m)
         run = cm.simulate(s, m, kappa)
         other = [cm.simulate(s, m, f * kappa)[2] - run[2] for f in softer]
-        plane = np.column_stack([cm.sensitivities(s, m, kappa, run), *(cm.whiten(c, m.ar) for c in other)])[s.fit]
+        own = cm.sensitivities(s, m, kappa, run)
+        own *= cm.units_of(s, m, own, run)
+        plane = np.column_stack([own, *(cm.whiten(c, m.ar) for c in other)])[s.fit]
         return cls(s, m, cm.sizes(s, m), kappa, run, Tangent(left, null, plane, float(left.size)))
 
     def seen(self, change: Array) -> Array:
         """The change of the errors due to a change of y_hat, shape (n, ...), at the samples that count."""
-        return cm.whiten(cm.finite(change, 1e12), self.model.ar)[self.record.fit]
+        return cm.whiten(cm.finite(change), self.model.ar)[self.record.fit]
 
     def look(self, kind: ChainCandidate) -> Look | None:
         """Look at one candidate with all its shapes."""

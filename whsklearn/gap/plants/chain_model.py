@@ -70,7 +70,7 @@ class Sizes:
             reach = 3.0 * self.y
         return Scales(
             torque=torque, peak=peak, speed=2.0 * self.dx, reach=reach, centre=0.0, duration=self.seconds, dt=self.dt,
-            resonance=0.25 / self.dt,
+            resonance=0.25 / self.dt, plausible=False,
         )  # fmt: skip
 
 
@@ -202,6 +202,12 @@ SMALLEST = 0.01
 # kappa times rms dx on the rungs of a fit, soft ones first: the first has a slope everywhere, under the third a sign is
 # resolved, and on the last only one sample in a thousand differs from a sign.
 SMALL = 1e-6  # step of a difference, and of a linear effect as a share of its signal
+# Share of the output's rms within which a step in a linear number must move it: less is rounding, more is not a slope.
+RESOLVED = (1e-3 * SMALL, 1e3 * SMALL)
+# Limit of a free run that diverged.  Signals have any unit (x of four slow poles is 1e6 times u, and its cube 1e18), so
+# the limit is where the sums of squares end.
+LARGEST, LEAST = 1e100, 1e-100
+FAR, UNSEEN = 100.0, 1e-12  # a term whose values are as small a share of those that far away is rounding error
 RUNGS = (3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)
 SHARPEST, HARD = RUNGS[-1], RUNGS[3:]
 
@@ -366,19 +372,19 @@ def left(s: Record, m: ChainHypothesis, kappa: float = np.inf) -> Array:
 
 def left_by(s: Record, m: ChainHypothesis, y_hat: Array) -> Array:
     """The same of a given free run."""
-    return whiten(finite(s.y - y_hat, 1e9, 1e9) * s.seen, m.ar) * s.seen
+    return whiten(finite(s.y - y_hat, LARGEST) * s.seen, m.ar) * s.seen
 
 
-def finite(x: Array, limit: float, unknown: float = 0.0) -> Array:
-    """The numbers held within a limit, with ``unknown`` for NaN: a run may have diverged."""
-    held = np.clip(x, -limit, limit)
+def finite(x: Array, unknown: float = 0.0) -> Array:
+    """The numbers held within `LARGEST`, with ``unknown`` for NaN: a run may have diverged."""
+    held = np.clip(x, -LARGEST, LARGEST)
     held[np.isnan(held)] = unknown
     return held
 
 
 def rms_dx(s: Record, m: ChainHypothesis) -> float:
     """Root mean square of dx, never zero."""
-    return max(rms(np.diff(simulate(s, m)[0])), 1e-12)
+    return max(rms(np.diff(simulate(s, m)[0])), LEAST)
 
 
 def sizes(s: Record, m: ChainHypothesis) -> Sizes:
@@ -386,12 +392,12 @@ def sizes(s: Record, m: ChainHypothesis) -> Sizes:
     x, v, _ = simulate(s, m)
 
     def size(a: Array) -> float:
-        return max(rms(a), 1e-12)
+        return max(rms(a), LEAST)
 
-    peaks = (max(float(np.quantile(np.abs(a), 0.999)), 1e-12) for a in (s.u, x))
+    peaks = (max(float(np.quantile(np.abs(a), 0.999)), LEAST) for a in (s.u, x))
     u_peak, x_peak = peaks
     return Sizes(
-        size(s.u), u_peak, size(x), x_peak, size(np.diff(x)), size(v), max(float(np.std(s.y[s.seen])), 1e-12),
+        size(s.u), u_peak, size(x), x_peak, size(np.diff(x)), size(v), max(float(np.std(s.y[s.seen])), LEAST),
         s.u.size * s.dt, s.dt, s.step,
     )  # fmt: skip
 
@@ -513,10 +519,16 @@ def sensitivities(s: Record, m: ChainHypothesis, kappa: float, at: tuple[Array, 
     moved = np.arange(vector.size) if m.at_sensor else np.r_[: weights.start, p : vector.size]
     out = np.zeros((vector.size, s.u.size))
     fine = np.array([True] * p + [bool(t.kind.linear) for t in m.terms for _ in t.free])
-    steps = np.where(fine, 1e-6 * np.maximum(np.abs(vector), 0.05), 1e-4)[moved]
-    others = np.tile(vector, (moved.size, 1))
-    others[np.arange(moved.size), moved] += steps
-    out[moved] = (_at_vectors(s, m, others, kappa) - y) / steps[:, None]
+    steps = np.where(fine, SMALL * np.maximum(np.abs(vector), 0.05), 1e-4)[moved]
+    out[moved] = _differences(s, m, moved, steps, kappa, y)
+    # a weight or a size has the unit of its signals, so its step is set by what it does to the output
+    for _ in range(3):  # what rounding leaves of a step that is by far too small is not its size yet
+        does = np.sqrt(np.mean(out[moved] ** 2, axis=1)) * steps / max(rms(s.y), LEAST)
+        off = linear_numbers(s, m)[moved] & (does > 0.0) & ((does < RESOLVED[0]) | (does > RESOLVED[1]))
+        if not off.any():
+            break
+        steps[off] *= SMALL / does[off]
+        out[moved[off]] = _differences(s, m, moved[off], steps[off], kappa, y)
     if not m.at_sensor:
         c, d = (np.concatenate([first, m.theta[block]]) for first, block in (([0.0, 1.0], up), ([1.0], down)))
         out[weights] = filtered(c, d, law_values(s.law.codes, s.law.shapes, x, np.diff(x, prepend=0.0), kappa))
@@ -524,7 +536,39 @@ def sensitivities(s: Record, m: ChainHypothesis, kappa: float, at: tuple[Array, 
             late = filtered(np.ones(1), d, signal)
             for delay, i in enumerate(range(block.start, block.stop), start=first):
                 out[i, delay:] = late[:-delay]
-    return -whiten(finite(out, 1e12).T, m.ar)
+    return -whiten(finite(out).T, m.ar)
+
+
+def _differences(s: Record, m: ChainHypothesis, moved: Integers, steps: Array, kappa: float, y: Array) -> Array:
+    """Forward differences of y_hat by some numbers of the vector, shape (k, n); ``y`` is that of the model itself."""
+    others = np.tile(to_vector(m), (moved.size, 1))
+    others[np.arange(moved.size), moved] += steps
+    return finite(_at_vectors(s, m, others, kappa) - y) / steps[:, None]
+
+
+def linear_numbers(s: Record, m: ChainHypothesis) -> Bools:
+    """Which numbers of the vector are weights of the law or sizes of effects, which have units; shape (p,)."""
+    weights = np.zeros(m.theta.size, dtype=bool)
+    weights[s.blocks[2]] = True
+    return np.concatenate([weights, *([i < t.kind.linear for i in t.free] for t in m.terms)]).astype(bool)
+
+
+def units_of(s: Record, m: ChainHypothesis, rows: Array, run: tuple[Array, Array, Array]) -> Array:
+    """The unit in which a fit counts each number of the vector, shape (p,), from its column of ``rows`` (n, p).
+
+    A weight or a size is counted by what moves the output by its own rms, every other number by one.  A term of the law
+    that is rounding error at all x of the record, such as a kink far away from them, gets zero.
+    """
+    x = run[0]
+    dx = np.diff(x, prepend=0.0)
+    size = np.sqrt(np.mean(rows**2, axis=0))
+    out = np.where(linear_numbers(s, m) & (size > 0.0), max(rms(s.y), LEAST) / np.where(size > 0.0, size, 1.0), 1.0)
+    corners = FAR * np.array([[1.0, 1.0, -1.0, -1.0], [1.0, -1.0, 1.0, -1.0]])
+    far, fast = corners[0] * np.abs(x).max(), corners[1] * np.abs(dx).max()
+    there = np.abs(law_values(s.law.codes, s.law.shapes, far, fast, np.inf))
+    here = np.abs(law_values(s.law.codes, s.law.shapes, x, dx, np.inf))
+    out[s.blocks[2]][here.max(axis=1) <= UNSEEN * there.max(axis=1)] = 0.0
+    return out
 
 
 def stable(s: Record, m: ChainHypothesis) -> ChainHypothesis:
