@@ -22,6 +22,7 @@ from whsklearn.cli.stream import head_of
 from whsklearn.cli.stream import main as stream_command
 from whsklearn.datasets import make_servo_log
 from whsklearn.effects import Coulomb
+from whsklearn.logs.units import respelled
 from whsklearn.streaming import Options, StreamMonitor
 from whsklearn.streaming.rows import CsvParser
 
@@ -157,6 +158,10 @@ def test_a_start_with_a_wrong_column_does_not_bind_the_next_one(tmp_path):
     log.write_text("torque_nm,speed\n" + "".join(f"{i % 7},{2 * (i % 7)}\n" for i in range(300)))
     run = [str(log), "--no-track", "--estimator", "rls", "--output", "speed"]
     assert CliRunner().invoke(stream_command, [*run, "--input", "torque"]).exit_code == 2
+    assert list(tmp_path.iterdir()) == [log]  # nor does it write anything
+    twice = CliRunner().invoke(stream_command, [str(log), "--no-track", "--input", "speed", "--output", "speed"])
+    assert twice.exit_code == 2
+    assert "expected a different one for each role" in twice.output
     done = CliRunner().invoke(stream_command, [*run, "--input", "torque_nm"])
     assert done.exit_code == 0, done.output
 
@@ -222,6 +227,26 @@ def test_an_axis_goes_on_from_its_checkpoint(tmp_path, changing_axis):
     assert state_difference(carried(f"{part}.whs"), carried(f"{whole}.whs")) == 0.0
 
 
+def test_an_estimate_states_the_units_of_its_numbers(tmp_path, changing_axis):
+    table, found = changing_axis.head(2500), []
+    for k, (drive, by, position, far) in enumerate(
+        [("torque_Nm", 1.0, "position_rad", 1.0), ("torque [mNm]", 1e-3, "position [deg]", np.radians(1.0))]
+    ):
+        columns = {"time": table["time"], drive: table["torque_Nm"] / by, position: table["position_rad"] / far}
+        pd.DataFrame(columns).to_csv(tmp_path / f"{k}.csv", index=False)
+        args = ["--no-track", "--time", "time", "--input", drive, "--output", position, "--every", "2500"]
+        assert stream(tmp_path / f"{k}.csv", *args, "--out", tmp_path / f"{k}.jsonl").exit_code == 0
+        found.append(records(tmp_path / f"{k}.jsonl", "estimate")[-1])
+    assert found[0]["units"]["inertia"] == "kg m²"
+    assert found[1]["units"]["inertia"] == "mNm s²/deg"
+    assert found[0]["units"].keys() == found[0]["parameters"].keys()
+    for name, unit in found[0]["units"].items():
+        factor, own = respelled(unit.replace("kg m²", "Nm s²/rad"), {"Nm": "mNm", "rad": "deg"})
+        assert found[1]["units"][name] == own
+        (value, error), other = (found[0][k][name] for k in ("parameters", "standard_errors")), found[1]["parameters"]
+        assert other[name] * factor == pytest.approx(value, abs=1e-4 * error)  # P(0) is one number in any unit
+
+
 def test_what_a_stream_cannot_take_for_an_axis_is_told(tmp_path, changing_axis):
     log = tmp_path / "axis.csv"
     changing_axis.head(600).to_csv(log, index=False)
@@ -233,6 +258,10 @@ def test_what_a_stream_cannot_take_for_an_axis_is_told(tmp_path, changing_axis):
     assert "without --time or --rate they are taken for a chain" in stream(log, *args, *columns).stderr
     assert "an axis" in stream(log, *args, *columns, "--rate", "250").stderr
     assert "an axis" not in stream(log, *args, *columns, "--time", "time", "--orders", "2,1,1,1").stderr
+    changing_axis.head(600).rename(columns={"position_rad": "speed_rpm"}).to_csv(log, index=False)
+    velocity = [*args, "--input", "torque_Nm", "--output", "speed_rpm", "--time", "time"]
+    assert "speed_rpm is a velocity, so the columns are taken for a chain" in stream(log, *velocity).stderr
+    assert "is a velocity" not in stream(log, *velocity, "--orders", "2,1,1,1").stderr
     changing_axis.head(1).to_csv(log, index=False)
     short = stream(log, *args, *columns, "--time", "time")
     assert short.exit_code == 2

@@ -60,3 +60,14 @@ def test_what_is_nested_without_end_is_no_log(tmp_path, depth):
     (tmp_path / "log.json").write_text('{"a":' * depth + "1" + "}" * depth)
     with pytest.raises(LogError, match=r"nested too deeply|no vectors"):
         load_log(tmp_path / "log.json", drive="a", position="b")
+
+
+@pytest.mark.parametrize("nested", [False, True])
+def test_units_beside_the_vectors_are_theirs(tmp_path, nested):
+    vectors = {"time": [0.0, 2.0, 4.0, 6.0], "torque": [1.0, 2.0, 1.0, 2.0], "position": [0.0, 1.0, 2.0, 4.0]}
+    units = {"time": "ms", "torque": "mNm", "position": "deg", "note": 3}
+    content = {"units": units, "data": vectors} if nested else {"units": units, **vectors}
+    (tmp_path / "a.json").write_text(json.dumps(content), encoding="utf-8")
+    log = load_log(tmp_path / "a.json")
+    assert log.units == {"time": "s", "drive": "mNm", "position": "deg"}
+    assert log.sample_rate == pytest.approx(500.0)

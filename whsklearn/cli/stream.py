@@ -22,6 +22,7 @@ from whsklearn.cli import options as opt
 from whsklearn.cli.job import job, root
 
 OF_A_CHAIN = ("inputs", "output", "estimator", "orders", "law", "p")  # options that do not apply to an arm
+ASKED_FOR = {"estimator", "orders", "p"}  # where one of these is given, a chain is meant
 AT_FIRST = 200  # rows from which the rate of a stream's file is estimated
 EFFECTS = "input_offset,input_delay"  # besides friction; a drive that is held over a sample acts half a sample later
 A_ROW = 1.0  # P(0) of a stream: the file's numbers weigh as much as one row, so the first rows do not discard them
@@ -93,6 +94,8 @@ def _prepared(options: dict[str, Any]) -> Callable[[], None]:
         if of_chain := [name for name in OF_A_CHAIN if name in chosen]:
             raise click.UsageError(f"--robot is an arm's model, to which {of_chain[0]} does not apply; leave it out.")
     learnt = arm_stream(options) if robot else axis or chain_stream(options)
+    if source != "-":
+        has_rows(source, learnt.columns, bool(timed))  # a wrong column is told before anything is written
     max_step = min(options["max_step"] or math.inf, learnt.rows.get("max_step", math.inf))
     asked = {k: options[k] for k in ("every", "predictions", "smallest_change", "most_held")}
     asked |= {"refuse": options["bad_rows"] == "refuse", "restart_after_hole": options["hole"] == "restart"}
@@ -171,7 +174,7 @@ def of_an_axis(options: Mapping[str, Any], chosen: set[str]) -> bool:
     from whsklearn.logs.roles import says
 
     (drive, *more), position = options["inputs"], options["output"]
-    if chosen & {"estimator", "orders", "p"} or more:
+    if chosen & ASKED_FOR or more:
         return False
     if says(position, "drive") and says(drive, "position"):
         raise ColumnError(
@@ -190,12 +193,18 @@ def axis_stream(options: Mapping[str, Any], chosen: set[str], say: Any) -> Learn
     from whsklearn.compare import at_an_alarm
     from whsklearn.logs.errors import ColumnError, LogError
     from whsklearn.logs.mend import turns_of
+    from whsklearn.logs.roles import says
     from whsklearn.logs.units import unit_of
     from whsklearn.streaming.monitor import alarm_of_averages
 
     source, time, rate = (options[k] for k in ("source", "time_column", "rate"))
     drive, position = options["inputs"][0], options["output"]
     if not of_an_axis(options, chosen):
+        if says(drive, "drive") and says(position, "velocity") and not chosen & ASKED_FOR:
+            say(
+                f"{position} is a velocity, so the columns are taken for a chain; inertia and friction of an axis are "
+                "estimated from its position."
+            )
         return None
     columns = [*([time] if time else []), position, drive]
     begun = source == "-" or has_rows(source, columns, bool(time))
@@ -220,8 +229,26 @@ def axis_stream(options: Mapping[str, Any], chosen: set[str], say: Any) -> Learn
     )
     compare = at_an_alarm(columns, None if time else dt)
     rows = without_holes(time, dt) | {"positions": (int(bool(time)),)}
-    rows |= {"turns": (tuple(turns_of(unit_of(position))),)}
+    rows |= {"turns": (tuple(turns_of(unit_of(position))),), "units": units_of_numbers(model.lags, drive, position)}
     return Learnt(model, columns, alarm, compare, rows)
+
+
+def units_of_numbers(lags: Any, drive: str, position: str) -> dict[str, str]:
+    """Units of an axis's numbers by name, as its rows are in the units of these columns; in SI if they state none.
+
+    >>> from whsklearn import InverseDynamicsLags
+    >>> units_of_numbers(InverseDynamicsLags(100, law="viscous"), "torque_mnm", "angle_deg")
+    {'inertia': 'mNm s²/deg', 'viscous': 'mNm s/deg', 'input_offset': 'mNm'}
+    """
+    from whsklearn.lags.axis_rows import column_names, effect_terms
+    from whsklearn.logs.units import assumed, inertia_unit, respelled, unit_of
+    from whsklearn.models.axis import unit_of_field
+
+    own = dict(zip(("Nm", "rad"), assumed(unit_of(drive), unit_of(position)), strict=True))
+    terms = effect_terms(lags.law, lags.effects)
+    sizes = [unit_of_field(term, term.size) for term in terms for _ in range(1 + term.phased)]
+    of_terms = zip(column_names(terms), sizes, strict=True)
+    return {"inertia": inertia_unit(*own.values())} | {name: respelled(unit, own)[1] for name, unit in of_terms}
 
 
 def axis_model(options: Mapping[str, Any], chosen: set[str], rate: float) -> Any:
@@ -237,11 +264,12 @@ def axis_model(options: Mapping[str, Any], chosen: set[str], rate: float) -> Any
 
 def has_rows(source: str, columns: list[str], timed: bool) -> bool:
     """Whether a file has more than a header; raises what a stream would raise of that, before its rate is asked for."""
+    from whsklearn.logs.packed import foreign
     from whsklearn.streaming.rows import CsvParser
 
     with open(source, "rb") as file:
         header, row = file.readline(), file.readline()
-    if header:
+    if header.endswith(b"\n") and not foreign(header):  # one that is still being written is waited for
         CsvParser(header.rstrip(b"\r\n"), columns, timed)
     return bool(row)
 
@@ -260,6 +288,8 @@ def chain_stream(options: Mapping[str, Any]) -> Learnt:
 
     time, rate = options["time_column"], options["rate"]
     columns = [*([time] if time else []), *options["inputs"], options["output"]]
+    if len(set(columns)) < len(columns):
+        raise click.UsageError(f"The columns are {', '.join(columns)}; expected a different one for each role.")
     compare = at_an_alarm(columns, 1.0 / rate if rate else None) if time or rate else None
     return Learnt(opt.build_model(options), columns, options["alarm_interval"], compare, {})
 

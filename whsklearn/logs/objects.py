@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -44,7 +44,14 @@ def open_json(path: Path) -> Source:
         raise LogError(
             f"{path.name} has no vectors of at least {FEWEST} numbers; save time, drive and position as vectors."
         )
-    return Source.of_arrays(path.name, columns, notes=notes)
+    return Source.of_arrays(path.name, columns, notes=notes, units=_units(data, columns))
+
+
+def _units(data: Any, columns: Iterable[str]) -> dict[str, str]:
+    """Units of columns from an object ``units`` beside the vectors, by the last part of their names."""
+    stated = data.get("units") if isinstance(data, dict) else None
+    found = {c: stated.get(c.rpartition(".")[2]) for c in columns} if isinstance(stated, dict) else {}
+    return {c: unit for c, unit in found.items() if isinstance(unit, str)}
 
 
 def _lines(text: str, name: str, notes: list[str]) -> list[Any]:

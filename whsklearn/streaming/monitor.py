@@ -12,7 +12,7 @@ from __future__ import annotations
 import copy
 import math
 import warnings
-from collections.abc import Callable, Iterable, Sequence, Sized
+from collections.abc import Callable, Iterable, Mapping, Sequence, Sized
 from dataclasses import asdict, dataclass, field
 from typing import Any, NoReturn
 
@@ -145,6 +145,8 @@ class Options:
         position of a moving axis are left out.
     turns : tuple of tuple of float, default=()
         Turns at which each of these positions may be wrapped, in its unit.
+    units : dict of str to str, default={}
+        Units of the parameters by name, as a record of them states them.
 
     References
     ----------
@@ -171,6 +173,7 @@ class Options:
     step: float = 0.0
     positions: tuple[int, ...] = ()
     turns: tuple[tuple[float, ...], ...] = ()
+    units: Mapping[str, str] = field(default_factory=dict)
 
 
 class Refused(LogError):
@@ -761,6 +764,7 @@ class StreamMonitor:
             self._record("estimate", c.rows)
             | {"innovation_rmse": self._by_output(rmse) if c.counted else None, "bad_rows": c.bad}
             | {"parameters": values, "standard_errors": errors}
+            | ({"units": dict(self.options.units)} if self.options.units else {})
         )
         self._count_anew()
         if not watching:
