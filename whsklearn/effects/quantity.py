@@ -34,8 +34,6 @@ class Scales:
         Of the axis (kg m2).
     resonance : float
         Highest frequency that the steps of the simulation resolve (Hz).
-    plausible : bool
-        Whether the record is in the units of an axis, so that a plausible range of one says anything about it.
 
     References
     ----------
@@ -56,7 +54,6 @@ class Scales:
     dt: float = 1e-3
     inertia: float = 1.0
     resonance: float = 60.0
-    plausible: bool = True
 
     @property
     def extent(self) -> float:
@@ -159,8 +156,7 @@ class Quantity:
     def bounds(self, scales: Scales) -> tuple[float, float]:
         """Search range in a record of these ``scales``: the plausible range, cut to what the record can show.
 
-        If the two do not overlap, as in a log in degrees or millimetres, the record's own range is used, and so it is
-        in a record of other units than those of an axis.
+        If the two do not overlap, as in a log in degrees or millimetres, the record's own range is used.
 
         Examples
         --------
@@ -179,7 +175,7 @@ class Quantity:
         span = self.span if self.span is not None else ((1e-3, 3.0) if self.log else (-3.0, 3.0))
         origin = 0.0 if self.log else origin
         seen = origin + span[0] * unit, origin + span[1] * unit
-        if self.span is not None or not scales.plausible:
+        if self.span is not None:
             return seen
         both = max(self.low, seen[0]), min(self.high, seen[1])
         wide = both[1] > 2.0 * both[0] if self.log else both[1] > both[0]

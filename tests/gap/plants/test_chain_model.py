@@ -51,18 +51,6 @@ def test_sensitivities_are_central_differences(one):
         assert np.linalg.norm(rows[:, i] - slope) <= 5e-3 * np.linalg.norm(slope) + 1e-6
 
 
-@pytest.mark.parametrize("unit", [1e-8, 1e8])
-@pytest.mark.parametrize("name", ["dead_zone", "saturation", "stribeck", "actuator_lag", "presliding_hysteresis"])
-def test_ranges_follow_the_units_of_the_record(name, unit):
-    # the plausible ranges of an axis, such as a dead zone of 1e-4 to 100 Nm, say nothing about a chain
-    z = dataclasses.replace(SIZES, **{k: unit * getattr(SIZES, k) for k in ("u", "u_peak", "x", "x_peak", "dx", "v")})
-    slow = dataclasses.replace(z, dt=unit, seconds=unit * SIZES.seconds)
-    kind = term(name).kind
-    for i in range(kind.linear, len(kind.fields)):
-        if kind.cls.quantities[kind.fields[i]].unit in ("Nm", "rad", "rad/s", "s"):
-            np.testing.assert_allclose(kind.range_of(i, slow), unit * np.array(kind.range_of(i, SIZES)), rtol=1e-9)
-
-
 def test_sensitivities_follow_the_units_of_the_record():
     one = dataclasses.replace(TRUE.with_term(term("sensor_rectification", 0.3)), ar=COLOUR)
     grey = dataclasses.replace(TRUE.with_term(term("input_offset", 0.0)), ar=COLOUR)

@@ -70,7 +70,7 @@ class Sizes:
             reach = 3.0 * self.y
         return Scales(
             torque=torque, peak=peak, speed=2.0 * self.dx, reach=reach, centre=0.0, duration=self.seconds, dt=self.dt,
-            resonance=0.25 / self.dt, plausible=False,
+            resonance=0.25 / self.dt,
         )  # fmt: skip
 
 
