@@ -113,6 +113,12 @@ def test_units_of_a_labview_file_need_no_cell_for_the_comment():
     assert found.units == ["", "mNm", "deg", ""]
 
 
+@pytest.mark.parametrize("comment", ["# units: s, mNm, deg", "% s mNm deg", "# s; mNm; deg"])
+def test_units_may_stand_in_a_comment_above_the_names(comment):
+    found = dialect_of(["# rig 7", comment, "t,u,q", *(f"0.{k},1.{k},2.{k}" for k in range(9))])
+    assert (found.names, found.units) == (["t", "u", "q"], ["s", "mNm", "deg"])
+
+
 def test_row_numbers_without_a_name_are_a_column_of_their_own():
     found = dialect_of(["time_s torque_nm position_rad", *(f'"{k + 1}" 0.{k} 1.{k} 2.{k}' for k in range(9))])
     assert found.names == ["index", "time_s", "torque_nm", "position_rad"]

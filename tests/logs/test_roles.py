@@ -115,6 +115,8 @@ def test_a_log_of_a_speed_loop_has_a_velocity():
         (["t", "torque_constant_Nm_per_A", "torque_rate_nm_per_s", "tau_nm", "q_rad"], "tau_nm", "q_rad"),
         (["t", "torque_max", "torque_min", "M_nm", "position deviation [rad]", "phi_rad"], "M_nm", "phi_rad"),
         (["t", "M_nm", "position_offset_rad", "phi_rad"], "M_nm", "phi_rad"),
+        (["t", "M_nm", "Angle [arc min]"], "M_nm", "Angle [arc min]"),
+        (["t", "M_nm", "angle (setpoint)", "phi_rad"], "M_nm", "phi_rad"),
         (["t", "M_nm", "Drehwinkel", "Winkelbeschleunigung", "Winkelgeschwindigkeit"], "M_nm", "Drehwinkel"),
     ],
 )

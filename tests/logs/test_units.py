@@ -75,6 +75,8 @@ def test_factors_lead_to_si(unit, si, factor):
         ("motorTorqueMNm", "mNm", 1e-3),
         ("Position [1/1000 deg]", "0.001 deg", math.pi / 180e3),  # a thousandth of the rated torque before
         ("Current [0,1 A]", "0.1 A", 0.1),
+        ("Position, 0.01 deg", "0.01 deg", math.pi / 18e3),  # deg before, a hundred times too much
+        ("Strom in 0.1 A", "0.1 A", 0.1),
         ("Position [″]", "arcsec", math.pi / 648000),
         ("Strom [µA]", "uA", 1e-6),
         ("pos [in]", "inch", 0.0254),

@@ -111,7 +111,10 @@ def _read_as(lines: list[str], live: list[int], separator: str, decimal: str) ->
     if start == 0 and width > 1 and _counts_up(cells) and len(rows) > 1:  # pandas names unnamed columns 0, 1, 2
         head, first, cells = Head([n or "index" for n in cells], None), live[1], rows[1]
     else:
-        head = headings(above, width, apart=all(not c[0] for c in body)) or commented(lines[:first], width)
+        said = commented(lines[:first], width)
+        head = headings(above, width, apart=all(not c[0] for c in body)) or said
+        if not head.units and head.clocks is None:
+            head = head._replace(units=said.units)
     header = above[-1] if above and head.names is None and not head.units else None
     comment = next((t.lstrip()[0] for t in lines if t.lstrip().startswith(("#", "%"))), "#")
     # A comma as separator is preferred to a decimal comma only if every cell is then a number (see `fits`); a decimal

@@ -128,19 +128,19 @@ def increment_in(above: list[list[str]]) -> float | None:
 
 
 def commented(lines: list[str], width: int) -> Head:
-    """The names in a comment, as written by ``numpy.savetxt`` and MATLAB scripts, and the units in one below it."""
+    """The names in a comment, as written by ``numpy.savetxt`` and MATLAB scripts, and the units in another."""
     found: list[list[str]] = []
     for line in lines:
         if line.lstrip().startswith(COMMENTS):
-            text = line.strip().lstrip("#%/! ").rstrip(";, ")
+            text = re.sub(r"^units?\s*[:=]\s*", "", line.strip().lstrip("#%/! ").rstrip(";, "), flags=re.IGNORECASE)
             for separator in (r"\s*[,;\t|]\s*", r"\s{2,}", r"\s+"):
                 cells = re.split(separator, text)
                 if len(cells) == width > 1 and not any(is_number(c) for c in cells):
                     found.append(cells)
                     break
-    if len(found) > 1 and _all_units(found[-1]) and not _all_units(found[-2]):
-        return Head(unique(found[-2]), [_unit(c) for c in found[-1]])
-    return Head(unique(found[-1]) if found else None, None)
+    units = next(filter(_all_units, reversed(found)), None)
+    names = next((c for c in reversed(found) if not _all_units(c)), units)
+    return Head(unique(names) if names else None, [_unit(c) for c in units] if units else None)
 
 
 def period_in(lines: list[str]) -> float | None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from whsklearn.logs.errors import ColumnError
 from whsklearn.logs.source import Source
-from whsklearn.logs.units import UNSTATED, factor_of, unit_in, unit_of
+from whsklearn.logs.units import UNSTATED, factor_of, symbol_of, unit_in, unit_of, written_unit
 
 # In order of preference; one word of the column's name must equal one of these.
 WORDS: dict[str, tuple[str, ...]] = {
@@ -149,7 +149,8 @@ def _role_of_unit(source: Source, column: str) -> str | None:
 
 def _other(role: str, column: str) -> bool:
     """Whether a word in the name excludes the role: a set position is not the measured one."""
-    words = set(words_of(column))
+    unit = written_unit(column)
+    words = set(words_of(column.replace(unit, " ") if symbol_of(unit) else column))  # arc min is no minimum
     if role == "time":
         return bool(words & _TICKS) and bool(words & {*WORDS["position"], *WORDS["velocity"]})
     if role == "drive" and (_NOT_DRIVING & words or ("sensor" in words and words & {*WORDS["position"]})):

@@ -135,6 +135,8 @@ def unit_of(column: str, default: str = UNKNOWN) -> str:
     written = written_unit(text)
     if (symbol := symbol_of(written) or multiple_of(written)) is not None:
         return symbol
+    if not written and (symbol := multiple_of(re.split(r",\s|\s/\s|\sin\s", text)[-1])) is not None:
+        return symbol  # Position, 0.01 deg
     product = re.search(r"[^\W\d][·⋅*×.]\s?\w+$", written)
     if product is not None and symbol_of(re.split(r"\s+(?=\S*\w[·⋅*×.])", written)[-1]) is None:
         return default  # the last unit of a product, such as m of foo·m, is not that of the column
