@@ -15,7 +15,7 @@ from whsklearn.effects import Cogging, Coulomb, Stribeck, Viscous
 from whsklearn.gap.plants import servo_own
 from whsklearn.gap.plants.from_log import servo_record
 from whsklearn.gap.plants.servo_candidates import candidate
-from whsklearn.gap.plants.servo_model import ServoTerm
+from whsklearn.gap.plants.servo_model import HOLD, ServoTerm
 from whsklearn.gap.plants.servo_start import start_of
 from whsklearn.gap.record import ServoRecord
 from whsklearn.logs.load import Log
@@ -41,6 +41,16 @@ def test_artefacts_of_the_filters_are_those_of_the_record(empty):
     view.own = None
     assert left < 0.25 * view.rms(raw)
     assert left < 2.5 * own.floor
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.004])
+def test_the_drive_that_a_path_asks_for_is_as_old_as_one_that_is_held_over_the_sample(empty, delay):
+    """With no age of its own it hid the hold, and `compare` told a delay of one sample that had gone."""
+    view, model = empty[:2]
+    ideal, dt = servo_own.needed(view, model), view.scene.dt
+    made = servo_own.own_record(view, model, np.random.default_rng(0), view.record.drive, delay, ideal, held=True)
+    seen = view.bare().beside(made)
+    assert seen.age(seen.fit_with_gap(model)[0]) == pytest.approx(HOLD * dt + delay, abs=0.05 * dt)
 
 
 def test_where_the_axis_turns_the_true_model_leaves_noise():

@@ -62,11 +62,14 @@ def own_record(
 ) -> Any:  # fmt: skip
     """The record that the model makes in the experiment of ``view``.
 
-    ``feed`` (n,): drive to which the loop adds. ``delay``: age of the drive in s when it acts; it is negative if the
-    drive was logged late. ``ideal`` (n,): `needed`. ``held``: whether the axis is held on the measured path by it.
+    ``feed`` (n,): drive to which the loop adds. ``delay``: age in s at which the drive begins to act; it is negative if
+    the drive was logged late. ``ideal`` (n,): `needed`. ``held``: whether the axis is held on the measured path by it.
     """
     record, dt = view.record, view.scene.dt
-    old = abs(delay) + sum(float(t.q[0]) for t in model.terms if t.kind.delays)
+    of_model = sum(float(t.q[0]) for t in model.terms if t.kind.delays)
+    old, early = abs(delay) + of_model, HOLD + (delay + of_model) / dt
+    # what the path asks for is logged before it acts: a drive is held over the sample, which is on average half of one
+    ideal = record.by_piece(lambda u: np.interp(np.arange(u.size) + early, np.arange(u.size), u), ideal)
     w = min(2 * np.pi * min(LOOP, 0.03 / dt), STEADY / max(old, dt))
     sigma = float(white_noise(view.noise, view.quantum))
     plant = model.plant()
