@@ -11,7 +11,7 @@ import pytest
 from whsklearn.gap import conclude
 from whsklearn.gap.conclude import stays_open, verdict_of
 from whsklearn.gap.plant import Figures, WithTerms
-from whsklearn.gap.search import Named
+from whsklearn.gap.search import Found, Named
 from whsklearn.gap.tangent import Look
 
 NAMELESS = SimpleNamespace(name="", p_value=1e-6, size=0.2, signal="")
@@ -451,3 +451,10 @@ def test_a_run_stays_open_where_its_gap_is_seen_and_next_to_nothing_of_it_is_clo
     assert not stays_open([closed])
     assert not stays_open([unseen])
     assert not stays_open([closed, still])  # one step ahead, noise of the record's colour counts for less
+
+
+def test_names_that_leave_too_much_together_say_so_in_the_table():
+    """A play that left a tenth of the missing force was said to explain too little."""
+    found = Found("base", "grown", taken=[SimpleNamespace(name="backlash")])
+    conclude._give_back(found, conclude.MOST_LEFT)
+    assert (found.model, found.taken, found.refused) == ("base", [], {"backlash": conclude.MOST_LEFT})

@@ -38,6 +38,8 @@ ABOVE_FLOOR = 1.1
 # Why the proof refuses a name that the search had taken.
 NO_CLOSER = "a simulation with it comes no closer to the record"
 NOT_SUPPORTED = "its numbers, with all others refitted, are not physical or cannot be told from zero"
+MOST_LEFT = "the model with it leaves most of the gap"
+ITSELF = "what the base model itself lacks explains more"
 # Rms of an effect, as a share of the drive, that a record must be able to show, or the effect is not testable.
 SHOWN = 0.02
 
@@ -111,7 +113,7 @@ def _proved(plant: Any, found: Found, rng: np.random.Generator, alpha: float) ->
     asked = found.model
     reading = plant.reading(found.base, asked)
     if reading.shortfall:
-        _give_back(found)
+        _give_back(found, ITSELF)
         rows = prove(plant, found.base, found.base, rng, reading.given)
         return Diagnosis("unknown", "", shortfall=reading.shortfall), rows
     rows = _closing(plant, found, rng, reading.given, alpha)
@@ -128,9 +130,9 @@ def _proved(plant: Any, found: Found, rng: np.random.Generator, alpha: float) ->
         verdict = "unknown"  # no name without closure in simulation
     diagnosis = Diagnosis(verdict, "")
     if verdict in ("named", "ambiguous", "partial"):
-        diagnosis.effects = _effects(plant, found) + reading.effects
+        diagnosis.effects = reading.effects + _effects(plant, found)
     elif found.taken:  # nothing can be named: the base model is returned, with its figures
-        _give_back(found)
+        _give_back(found, MOST_LEFT)
         rows = prove(plant, found.base, found.base, rng, reading.given)
     return diagnosis, rows
 
@@ -444,9 +446,10 @@ def _learned(
     return grown
 
 
-def _give_back(found: Found) -> None:
-    """Return to the base model without any effect."""
+def _give_back(found: Found, why: str) -> None:
+    """Return to the base model without any effect, for the reason ``why``."""
     found.model = found.base
+    found.refused |= {t.name: why for t in found.taken}
     found.taken.clear()
 
 

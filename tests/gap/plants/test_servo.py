@@ -89,6 +89,15 @@ def test_an_odd_record_ends_in_a_verdict_with_physical_numbers_or_a_sentence(log
     assert np.all(np.isfinite([d.closure, d.floor, *d.before.values(), *d.after.values(), *d.figures]))
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_lost_sign_is_named_beside_another_effect_on_whichever_side_the_record_begins(side):
+    """The path had been unfolded, and only the offset of the drive was named; one that began below zero was not."""
+    log = record(rate=100.0, seconds=20.0)
+    log = log.assign(torque_nm=side * log["torque_nm"] + 0.3 * COULOMB, position_rad=log["position_rad"].abs())
+    finder = GapFinder("servo", max_effects=1).fit(log)
+    assert [e.name for e in finder.effects_] == ["sensor_rectification", "input_offset"]
+
+
 @pytest.mark.parametrize("units", [1.0, 1e3, 1e-3])
 def test_the_unit_of_the_drive_scales_the_numbers_and_no_more(units):
     d = GapFinder("servo", max_effects=1).fit(record(gravity=5 * COULOMB, units=units)).diagnosis_

@@ -102,6 +102,8 @@ class ServoPlant(Plant):
         base = self._open(self.record)
         straight = unfold(self.record.position, self.record.dt)
         if straight is not None:
+            # |q| is also that of -q, with which the drive would gain the energy that friction takes
+            straight *= np.copysign(1.0, self.record.drive @ np.gradient(straight))
             given = self.record, self.inverse, self.observer, base
             unfolded = self._open(dataclasses.replace(self.record, position=straight))
             if servo_run.misfit(self.observer, unfolded) < UNFOLDED * servo_run.misfit(given[2], base):
@@ -254,7 +256,7 @@ class ServoPlant(Plant):
         other.observer = observer
         effect = get_effect("sensor_rectification")(fraction=1.0)  # type: ignore[call-arg]
         named = NamedEffect(effect, {}, float(len(self.record)), 1.0)
-        return Reading([] if model.added else [named], given=(other, folded))
+        return Reading([named], given=(other, folded))
 
     def aliases(self, name: str) -> tuple[str, ...]:
         """Names that no record of drive and position can distinguish from ``name``."""

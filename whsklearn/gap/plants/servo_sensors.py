@@ -21,10 +21,10 @@ USUAL_COUNTS = 4096
 COARSER_THAN_STATED = 1.5
 # Largest misfit of an unfolded reading as a share of that before: half of a folded record is on the wrong side.
 UNFOLDED = 0.1
-# Share of the span: how close to zero a folded reading turns.
+# Share of the span: how close to zero a folded reading turns, unless a sample is a longer way.
 FOLD_TURNS = 0.02
-# s on either side of a turn over which slopes are computed; and the smallest such slope, as a share of the rms speed,
-# because a real turn comes to rest.
+# s on either side of a turn, three times of which (three samples at least) a cubic is fitted to; and the smallest speed
+# there, as a share of the rms speed: where the axis comes to rest, nothing tells to which side it goes on.
 FOLD_WINDOW, FOLD_SPEED = 0.006, 0.1
 
 
@@ -50,24 +50,30 @@ def coarse_encoder(view: Any, base: Any) -> list[Any]:
 def unfold(position: NDArray[np.float64], dt: float) -> NDArray[np.float64] | None:
     """The position whose absolute value was logged, or None if nothing looks folded.
 
-    A folded reading stays on one side and turns back at zero at speed: the slopes before and after are opposite and
-    equal.  At a real turn the axis would have come to rest.
+    A folded reading stays on one side and turns back at zero at speed.  A cubic, q(t) about the turn, is fitted three
+    times: to the reading as it is, and with its sign changed from the sample nearest to zero or the next one on.
+    A real turn is smoothest as it is.
     """
     span = float(np.ptp(position))
-    if abs(position.min()) > FOLD_TURNS * span:
+    if position.min() < -FOLD_TURNS * span:
         return None
-    w = max(2, round(FOLD_WINDOW / dt))
-    typical = rms(np.diff(position)) / dt
-    out, sign, k, flips = position.copy(), 1.0, w, 0
-    last = -10 * w
-    while k < position.size - w:
-        near = position[k] < FOLD_TURNS * span and position[k] == position[k - w : k + w + 1].min()
-        if near and k - last > 2 * w:
-            before = (position[k] - position[k - w]) / (w * dt)
-            after = (position[k + w] - position[k]) / (w * dt)
-            if min(-before, after) > FOLD_SPEED * typical:
-                out[last if last > 0 else 0 : k] *= sign
-                sign, flips, last = -sign, flips + 1, k
-        k += 1
-    out[max(last, 0) :] *= sign
+    w = max(1, round(FOLD_WINDOW / dt))
+    reach = 3 * w
+    cubic = np.vander(np.arange(-reach, reach + 1) * dt, 4, increasing=True)
+    signs = np.ones((2 * reach + 1, 3))
+    signs[reach:, 1] = signs[reach + 1 :, 2] = -1.0
+    slowest = FOLD_SPEED * rms(np.diff(position)) / dt
+    here, beside = position[1:-1], np.stack((position[:-2], position[2:]))
+    near = here <= np.maximum(FOLD_TURNS * span, beside.max(axis=0) - here)
+    out, last, flips = position.copy(), -2 * w, 0
+    for k in (1 + np.flatnonzero(near & (here <= beside.min(axis=0)))).tolist():
+        if k - last <= 2 * w or position[k] > position[max(0, k - w) : k + w + 1].min():
+            continue
+        around = slice(max(0, k - reach), k + reach + 1)
+        ways = out[around, None] * signs[max(0, reach - k) :][: out[around].size]
+        numbers, left, *_ = np.linalg.lstsq(cubic[max(0, reach - k) :][: out[around].size], ways)
+        best = int(np.argmin(left)) if left.size else 0
+        if best and abs(numbers[1, best]) > slowest:
+            out[k + best - 1 :] *= -1.0
+            last, flips = k, flips + 1
     return out if flips else None
