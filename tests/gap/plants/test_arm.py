@@ -781,6 +781,20 @@ def test_a_limit_is_found_far_below_what_a_controller_asks_for(wound):
     assert plant._at_rest(model.terms[-1]) == ""
 
 
+def test_a_limit_below_all_that_is_asked_for_explains_no_wave():
+    """A weight or an offset keeps the drive at one sign; such a limit lets a constant through, which tells nothing."""
+    r = record({"pitch": [Cogging(0.1, order=7.0)]})
+    asked = r.drive + np.array([0.0, 2.0 * np.abs(r.drive[:, 1]).max()])
+    plant = arm_plant(ARM, dataclasses.replace(r, drive=asked), law=None, tolerance=0.004)
+    assert plant.check() == []
+    rng = np.random.default_rng(0)
+    base = plant.base(rng)
+    looks = {k.name: k for k in plant.looks(base, rng)}
+    assert looks["saturation at pitch"].gain < 0.5 * looks["cogging at pitch"].gain
+    with_limit = plant.refine(base, looks["saturation at pitch"])
+    assert plant.rms(plant.errors(with_limit)) > 0.7 * plant.rms(plant.errors(base))
+
+
 def test_what_a_controller_asks_for_against_a_stop_is_no_limit_of_the_drive():
     r = record(duration=4.0)
     end = np.quantile(r.position[:, 1], 0.8)

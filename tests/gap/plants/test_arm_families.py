@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+
 import numpy as np
 import pytest
 
@@ -51,6 +53,19 @@ def test_waves_of_every_order_are_scanned_and_the_hidden_one_fits_best(waved):
     term = polished(view, tangent, JointTerm(kind, (0.0, 0.0, order)))
     resolution = np.pi / view.scene(kind).reach  # of waves over half a turn
     assert term.shape[0] == pytest.approx(7.0, abs=0.1 * resolution)
+
+
+@pytest.mark.parametrize("begins", [0.0, 0.5])
+def test_tones_are_sought_wherever_the_rows_begin(waved, begins):
+    """``begins``: in steps; the filter's end may be as long as any number of half steps."""
+    view, model = copy.copy(waved[0]), waved[1]
+    view.time = view.time - view.time[view.kept[0]] + (5.0 + begins) * view.step
+    tangent = tangent_of(view, model)
+    tangent.rows = (
+        tangent.rows + 0.1 * np.sin(2 * np.pi * 3.0 * np.repeat(view.time[view.kept], view.n_joints))[:, None]
+    )
+    ((shapes, _, _),) = next(iter(families(view, [kind_of("disturbance_tone at pitch")]))).blocks(tangent)
+    assert min(abs(f - 3.0) for (f,) in shapes) < 0.02
 
 
 def test_the_damper_of_a_stop_is_found_from_zero():

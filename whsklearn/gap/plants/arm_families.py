@@ -14,7 +14,7 @@ from scipy.optimize import minimize, minimize_scalar
 from whsklearn.effects import ContactStop
 from whsklearn.gap.nameless import nameless
 from whsklearn.gap.plants.arm_terms import AtJoint, JointTerm, Load
-from whsklearn.gap.plants.arm_view import LATEST, ArmState, ArmView
+from whsklearn.gap.plants.arm_view import LATEST, ArmState, ArmView, fewer
 from whsklearn.gap.plants.variant import WAVE_STEP
 from whsklearn.gap.record import Array
 from whsklearn.gap.tangent import AT_ONCE, Blocks, Family, Look, Tangent, lines
@@ -126,40 +126,39 @@ def limited(view: ArmView, tangent: Tangent, model: ArmState, term: JointTerm) -
     large as the limit of a controller that winds up.
     """
     kind, at, weight = term.kind, term.kind.rows, view.flat_weight()
-    y = view.target[:, kind.index] * weight[at]
+    kept, y = view.keep[:, kind.index], view.target[:, kind.index]
 
     def fitted(x: float) -> ArmState:
         return view.fit(model.with_term(JointTerm(kind, (float(np.exp(x)),))))
 
-    def cost(x: float) -> float:
+    def cost(x: float, *, polish: bool = False) -> float:
         grown = fitted(x)
         lost = view.columns(kind, grown.terms[-1].shape)[:, 0]
-        if not _varies(tangent, view.target[:, kind.index], lost, weight[at]):
+        if not _varies(tangent, y, lost, weight[at]):
             return np.inf
-        left, gives = view.left(grown).ravel() * weight, y - lost * weight[at]
+        left = view.left(grown).ravel() * weight
         rest = float(left @ left - left[at] @ left[at])
-        return rest + float(left[at] @ left[at]) * float(y @ y) / max(float(gives @ gives), 1e-300)
+        return rest + float(left[at] @ left[at]) * float(fewer(y[kept], (y - lost)[kept], polish=polish))
 
     low, high = np.log(kind.catalogued.ranged(view.scene(kind))[0])
     grid = np.linspace(low, high, N_LIMITS)
-    costs = [cost(x) for x in grid]
-    best, step = grid[int(np.argmin(costs))], grid[1] - grid[0]
-    found = minimize_scalar(cost, bounds=(best - step, best + step), method="bounded", options={"xatol": FINE * step})
-    return fitted(found.x if found.fun < min(costs) else best)
+    best, step, polish = min(grid, key=cost), grid[1] - grid[0], partial(cost, polish=True)
+    found = minimize_scalar(polish, bounds=(best - step, best + step), method="bounded", options={"xatol": FINE * step})
+    return fitted(found.x if found.fun < polish(best) else best)
 
 
-def _gone(tangent: Tangent, rows: slice, drives: Array, lost: Array, weight: Array) -> Array:
+def _gone(tangent: Tangent, rows: slice, drives: Array, lost: Array, weight: Array, *, polish: bool = False) -> Array:
     """The power that goes where a joint's drives, shape (records, m), lose a part before they reach it, (records,).
 
     What is left at the joint counts as a share of the drive that reaches it: a limit removes the peaks of a drive, and
     with them what any model leaves there.
     """
-    y, z, plane, before = (drives * weight).T, (lost * weight).T, tangent.plane[rows], tangent.rows[rows]
+    z, plane, before, kept = (lost * weight).T, tangent.plane[rows], tangent.rows[rows], weight > 0.0
     through = plane.T @ z
     left = before - z + plane @ through
     gone = 2.0 * np.sum(z * before, axis=0) - np.sum(z**2, axis=0) + np.sum(through**2, axis=0)
-    fewer = np.sum(y**2, axis=0) / np.maximum(np.sum((y - z) ** 2, axis=0), 1e-300)
-    return np.asarray(gone - (fewer - 1.0) * np.sum(left**2, axis=0))
+    more = fewer(drives[:, kept], (drives - lost)[:, kept], polish=polish) - 1.0
+    return np.asarray(gone - more * np.sum(left**2, axis=0))
 
 
 def _varies(tangent: Tangent, drive: Array, lost: Array, weight: Array) -> bool:
@@ -194,11 +193,13 @@ def _orders(view: ArmView, kind: AtJoint) -> Blocks:
 def _tones(view: ArmView, kind: AtJoint, tangent: Tangent) -> Blocks:
     """The strongest line of the record at a joint and of every null row, from their spectra (holes are zeros)."""
     low = kind.catalogued.ranged(view.scene(kind))[0][0]
-    at = np.rint(view.time[view.kept] / view.step).astype(int)
+    time = view.time[view.kept]
+    # by whole steps from row to row: half steps since the start of the record would be rounded to the same places
+    at = np.cumsum(np.maximum(np.rint(np.diff(time, prepend=time[0] - view.step) / view.step), 1.0)).astype(int)
     kept = np.zeros(at[-1] + 1, dtype=bool)
     kept[at] = True
     high = min(1.5 * view.lags.cutoff_, 0.5 / view.step)
-    return lines(tangent.rows[kind.rows], kept, view.step, low, high, view.time[view.kept])
+    return lines(tangent.rows[kind.rows], kept, view.step, low, high, time)
 
 
 def nameless_at(view: ArmView) -> Iterator[Family]:
@@ -255,7 +256,7 @@ def polished(view: ArmView, tangent: Tangent, term: JointTerm) -> JointTerm:
             drive, lost = view.target[:, kind.index], columns[:, 0]
             if not _varies(record, drive, lost, weight):
                 return 0.0
-            return -float(_gone(record, kind.rows, drive[None], lost[None], weight)[0])
+            return -float(_gone(record, kind.rows, drive[None], lost[None], weight, polish=True)[0])
         if kind.splits:  # as it is, be it worse than nothing: on the way to a play lie many that are
             z = record._weighted(columns)[:, 0]
             rest = z - record.plane @ (record.plane.T @ z)

@@ -418,7 +418,7 @@ class ArmView(ArmRows):
         return np.where(self.keep, out - sum(self.contribution(t) for t in model.terms), 0.0)
 
     def taken_off(self, model: ArmState) -> Array:
-        """Rms of each logged drive over that of what limits and dead zones let through, (n_joints,).
+        """How many times as much each logged drive varies as what limits and dead zones let through, (n_joints,).
 
         A limit removes the peaks of a drive and with them what any model leaves there: one that took nine tenths of a
         drive had stood for the stop at which a controller wound up.
@@ -427,8 +427,8 @@ class ArmView(ArmRows):
         limits = [t for t in model.terms if t.kind.transforms and not t.kind.delays]
         for j in {t.kind.index for t in limits}:
             lost = sum(self.columns(t.kind, t.shape)[:, 0] for t in limits if t.kind.index == j)
-            y, z = (x[self.keep[:, j]] for x in (self.target[:, j], self.target[:, j] - lost))
-            out[j] = np.sqrt(float(y @ y) / max(float(z @ z), 1e-300)) if y.size else 1.0
+            y, reaches = (x[self.keep[:, j]] for x in (self.target[:, j], self.target[:, j] - lost))
+            out[j] = np.sqrt(fewer(y, reaches)) if y.size else 1.0
         return out
 
     def weigh(self, model: ArmState) -> None:
@@ -527,6 +527,19 @@ class ArmView(ArmRows):
             draws = rng.multivariate_normal(0.0 * self.expected, self.known.covariance, N_NULL, method="eigh")
             null += np.einsum("tjb,kb->ktj", self.phi, draws)
         return np.where(self.keep, null, 0.0), n
+
+
+def fewer(drive: Array, reaches: Array, *, polish: bool = False) -> Array:
+    """Variance of drives over that of what reaches the joint of each, along the last axis.
+
+    A constant is no part of it, because an offset explains any.  Of the drive of a joint with a weight, a limit below
+    all that is ever asked for let a constant through, which counted as half of it: that limit was named for a cogging.
+
+    ``polish``: power in place of variance, to correct a limit that is found: by it noise moves the best one less, by
+    0.3 instead of 0.6 % of a limit at a twentieth of what is asked for.
+    """
+    whole, rest = (np.mean(np.square(x), axis=-1) if polish else np.var(x, axis=-1) for x in (drive, reaches))
+    return np.asarray(whole / np.maximum(rest, 1e-300))
 
 
 def advance(code: int, torque: Array, age: float, dt: float) -> Array:
