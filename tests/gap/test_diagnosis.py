@@ -12,6 +12,7 @@ from whsklearn.effects import Backlash, Cogging, EncoderEccentricity, EndStop, S
 from whsklearn.gap import Diagnosis, NamedEffect, Place
 from whsklearn.gap.diagnosis import Curve, curve_in, in_units, place_in, rows_in
 from whsklearn.gap.pictures import pictures_in
+from whsklearn.gap.plants.arm_terms import JointInertia
 
 
 @pytest.mark.parametrize(
@@ -22,6 +23,8 @@ from whsklearn.gap.pictures import pictures_in
         ("coefficient_nm_s2_per_rad2", ("A", "m"), "coefficient_a_s2_per_m2"),
         ("phase_rad", ("N", "m"), "phase_rad"),  # a phase is an angle on any axis
         ("torque_nm", ("Nm", "rad"), "torque_nm"),
+        ("inertia_kg_m2", ("N", "m"), "inertia_kg"),
+        ("inertia_kg_m2", ("Nm", "rad"), "inertia_kg_m2"),
     ],
 )
 def test_labels_follow_the_units_of_the_log(label, units, expected):
@@ -87,6 +90,13 @@ def test_a_standard_error_and_a_map_go_with_the_number():
     assert named.errors == {"amplitude_mnm": pytest.approx(1.0)}
     assert max(named.map_over_turn()["value"]) == pytest.approx(40.0, rel=1e-6)
     assert named.amplitude_unit == "mNm"
+
+
+@pytest.mark.parametrize(("units", "unit"), [(("N", "m"), "kg"), (("Nm", "rad"), "kg m²")])
+def test_the_inertia_of_a_motor_is_a_mass_where_its_joint_slides(units, unit):
+    assert NamedEffect(JointInertia(0.8), {}, 50.0, 1.0, units=units, joint="slider").told == [
+        ("inertia", 0.8, None, unit)
+    ]
 
 
 @pytest.mark.parametrize(("unit", "factor", "told"), [("rad", DEG, "deg"), ("rad/s", DEG, "deg/s"), ("s", 1.0, "s")])

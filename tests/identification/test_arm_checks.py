@@ -16,6 +16,7 @@ from whsklearn.effects import CableSpring, Cogging, Coulomb, EndStop, Viscous
 from whsklearn.filtering import motion
 from whsklearn.identification import arm_checks
 from whsklearn.identification.arm_checks import in_another_order, in_another_scale, suspicions
+from whsklearn.identification.joint_least_squares import fitted
 from whsklearn.lags import RigidBodyLags
 from whsklearn.lags.arm_rows import records_of
 from whsklearn.systems.arm import Arm
@@ -168,6 +169,16 @@ def test_the_search_for_an_order_ends_after_so_many_numbers(monkeypatch):
     assert 5 < len(asked) < 20
 
 
+@pytest.mark.parametrize("order", [[0, 1], [1, 0]])
+def test_what_is_left_of_a_drive_is_a_share_of_the_same_power_in_any_order(order):
+    """Of joints that move one after the other, the drive of one is large while the other moves."""
+    rng, first = np.random.default_rng(0), np.arange(200) < 100
+    drive = rng.standard_normal((200, 2)) * np.where(first[:, None], [1.0, 3.0], [20.0, 2.0])
+    nothing, keep = np.zeros((200, 2, 1)), np.column_stack([first, ~first])
+    left = arm_checks._left(nothing, drive[:, order], keep) * drive[:, order].var(axis=0)
+    np.testing.assert_allclose(left, [np.mean(drive[first, order[0]] ** 2), np.mean(drive[~first, order[1]] ** 2)])
+
+
 @pytest.mark.parametrize("joint", ARM.joints)
 def test_a_large_effect_at_one_joint_is_no_other_order(joint):
     q, torque = make_arm_log(effects={joint: [CableSpring(1.0), Cogging(0.5, 3.0)]}, duration=12.0, return_arrays=True)
@@ -261,6 +272,21 @@ def test_masses_that_explain_a_drive_refute_another_gain_of_it(tmp_path):
     assert in_another_scale(records_of(RigidBodyLags(robot, RATE), q, u)) == []
     u[:, 1] *= 0.3  # and one that is wrong is told beside it
     assert "luff" in in_another_scale(records_of(RigidBodyLags(robot, RATE), q, u))[0]
+
+
+@pytest.mark.parametrize("joint", ARM.joints)
+def test_a_multiple_of_the_drive_that_another_record_asks_for_is_a_gain_and_grown_friction_is_none(joint):
+    def seen(arm=ARM, factor=1.0, **settings):
+        q, u = make_arm_log(arm, duration=12.0, return_arrays=True, **settings)
+        u[:, ARM.index(joint)] *= factor
+        return records_of(RigidBodyLags(ARM, 1 / DT, law="viscous,coulomb"), q, u)
+
+    before = seen()
+    known = fitted(before.phi, before.target, before.keep, before.weights)[0]
+    assert in_another_scale(seen(random_state=1), known=known) == []
+    assert in_another_scale(seen(ARM.with_effects({joint: Viscous(0.2)}), random_state=1), known=known) == []
+    (said,) = in_another_scale(seen(factor=1.2, random_state=1), known=known)
+    assert f"The drive of {joint} is 1.20 times what the model given requires" in said
 
 
 def test_friction_that_drives_tells_a_wrong_sign_where_nothing_else_does():

@@ -120,6 +120,18 @@ def test_numbers_that_no_body_has_become_the_nearest_that_one_has():
     assert all(is_body(row) for row in arm.consistent(base, measured).inertial)
 
 
+def test_numbers_that_a_log_knows_to_rounding_along_one_direction_become_bodies():
+    """As of joints that moved one after the other: no Cholesky factor exists of their covariance."""
+    arm = drawn_arm(4, 1)
+    base = RigidBodyLags(arm, 500.0).fit(np.random.default_rng(0).normal(size=(50, 4))).base_
+    numbers = base.mapping[:, : 10 * 4] @ arm.inertial.ravel()
+    p = numbers.size
+    along = np.ones(p) / p**0.5
+    spread = 1e-6 * (np.outer(along, along) - 1e-14 * np.eye(p))  # negative by rounding but along one
+    found = arm.consistent(base, numbers, spread)
+    np.testing.assert_allclose(base.mapping[:, : 10 * 4] @ found.inertial.ravel(), numbers, atol=1e-3)
+
+
 def test_values_of_another_number_are_refused():
     arm = drawn_arm(1, 0)
     with pytest.raises(ValueError, match="one per base parameter"):

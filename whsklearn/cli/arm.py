@@ -107,7 +107,7 @@ def identified(log: Bunch, arm: Arm, **settings: Any) -> ArmFit:
     if worse := [j for j, share in found.missing.items() if share > 1.0]:
         note(
             f"What one part of the log says of {', '.join(worse)} does not hold in another: the error there exceeds "
-            "the drive. Record larger motions of each joint that is named."
+            "the drive. Record larger motions of each joint that is named, and let joints move together."
         )
     return found
 

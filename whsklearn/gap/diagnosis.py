@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from whsklearn import __version__
 from whsklearn.logs.current import DRIVEN_BY
-from whsklearn.logs.units import factor_of, respelled
+from whsklearn.logs.units import factor_of, inertia_unit, respelled
 
 VERDICTS = ("no_gap", "named", "ambiguous", "partial", "unknown", "coloured_noise", "not_testable", "data_problem")
 CURVE_UNITS = {"velocity": "{1}/s", "speed": "{1}/s", "drive": "{0}"}  # of a signal by drive and motion; else a motion
@@ -122,6 +122,8 @@ class NamedEffect:
         for name, q in getattr(self.effect, "quantities", {}).items():
             label = in_units(q.labelled(name), self.units) if any(self.units) else name
             unit = q.unit if name.startswith("phase") else respelled(q.unit, self._spelled)[1]
+            if q.unit == "kg m2":
+                unit = inertia_unit(driven, si)
             if name == "torque":
                 name = DRIVEN_BY.get(driven, name)
             if name == "angle" and si == "m":  # the place of a stop along a line
@@ -222,10 +224,14 @@ def in_units(label: str, units: tuple[str, str]) -> str:
 
     >>> in_units("velocity_rad_per_s", ("N", "m")), in_units("coefficient_nm_s_per_rad", ("N", "m"))
     ('velocity_m_per_s', 'coefficient_n_s_per_m')
+    >>> in_units("inertia_kg_m2", ("N", "m"))
+    'inertia_kg'
     """
     if label.startswith("phase"):
         return label
     drive, position = (u.lower() for u in units)
+    if drive == "n":
+        label = re.sub("_kg_m2$", "_kg", label)
     return re.sub(r"_rad(?=[0-9]*(_|$))", f"_{position}", re.sub(r"_nm(?=_|$)", f"_{drive}", label))
 
 

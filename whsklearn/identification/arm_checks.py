@@ -16,13 +16,14 @@ from scipy.optimize import linear_sum_assignment, minimize_scalar
 from sklearn.base import clone
 from threadpoolctl import threadpool_limits
 
-from whsklearn.effects import Coulomb, Viscous
+from whsklearn.effects import Coulomb, InputOffset, Viscous
 from whsklearn.effects.base import Array
 from whsklearn.filtering.records import Motion, motion, zero_phase
-from whsklearn.identification.joint_least_squares import GROWS, PRIOR, ROUNDING, fitted, with_blocks
+from whsklearn.identification.joint_least_squares import GROWS, PRIOR, fitted, with_blocks
 from whsklearn.lags.arm_rows import ArmRows
 from whsklearn.lags.axis_rows import experiments
 from whsklearn.lags.rigid_body import RigidBodyLags
+from whsklearn.systems.base_parameters import ROUNDING
 
 # Smallest absolute correlation between the positions of all joints at which they are taken to move along one line:
 # 0.997 on the AIRBOT; random sines and the other records here are below 0.7.
@@ -249,15 +250,14 @@ class _Shared:
 
     def left(self, target: Array) -> Array:
         """The share of each drive's variance that is left, (n_joints,); ``target`` (m, n_joints) are the drives."""
-        drives = np.where(self.keep, target, 0.0)
-        power = self._power(drives)
+        drives, power = np.where(self.keep, target, 0.0), self._power(target)
         theta = self._solved(self.count / power, np.tensordot(drives * self.count / power, self.rows, 2))
         return np.asarray(np.sum((drives - self.rows @ theta) ** 2, axis=0) / power)
 
     def of_divided(self, target: Array) -> Callable[[Array], Array]:
         """`left` as a function of the factors by which the drives are divided, (n_joints,)."""
         drives = np.where(self.keep, target, 0.0)
-        power, whole = self._power(drives), np.sum(drives**2, axis=0)
+        power, whole = self._power(target), np.sum(drives**2, axis=0)
         cross = np.einsum("tj,tjp->jp", drives, self.rows)
 
         def left(factors: Array) -> Array:
@@ -268,8 +268,13 @@ class _Shared:
 
         return left
 
-    def _power(self, drives: Array) -> Array:
-        power = np.sum(np.where(self.keep, drives - drives.sum(axis=0) / self.count, 0.0) ** 2, axis=0)
+    def _power(self, target: Array) -> Array:
+        """Of each drive, times the rows of the joint to which it is given: that of all rows, in any order the same.
+
+        In rows of joints that move one after the other, the drive of another joint may be the larger one, and what is
+        left of it a smaller share: seven such joints were told to be in another order.
+        """
+        power = self.count * np.var(target, axis=0)
         return np.where(power > 0.0, power, 1.0)
 
     def _solved(self, weights: Array, cross: Array) -> Array:
@@ -295,14 +300,14 @@ def _ordered(phi: Array, target: Array, keep: NDArray[np.bool_], alone: Array) -
 
 def _left_of_drives(phi: Array, target: Array, keep: NDArray[np.bool_]) -> Array:
     """What the columns of each joint (row) leave of each drive (column), as a share of its power, (n, n)."""
-    left = np.ones((target.shape[1],) * 2)
+    left, power = np.ones((target.shape[1],) * 2), np.mean(target**2, axis=0)
     for j in range(len(left)):
         rows = phi[keep[:, j], j]
         rows = rows[:, np.any(rows != 0.0, axis=0)]
         if len(rows) > 2 * rows.shape[1]:
             scaled, drives = rows / np.linalg.norm(rows, axis=0), target[keep[:, j]]
             error = drives - scaled @ np.linalg.lstsq(scaled, drives, rcond=1e-9)[0]
-            left[j] = np.sum(error**2, axis=0) / np.sum(drives**2, axis=0)
+            left[j] = np.mean(error**2, axis=0) / power
     return left
 
 
@@ -334,23 +339,27 @@ class Scale(NamedTuple):
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")
-def in_another_scale(rows: ArmRows, *, masses: bool = True) -> list[str]:
+def in_another_scale(rows: ArmRows, *, known: Array | None = None) -> list[str]:
     """Sentences on drives with a wrong gain, unit or sign.
 
     Joints share numbers, so a factor at one shows as an error at its neighbours, whatever the masses.  A factor that is
     common to all, or at a joint that hardly acts on others, shows only beside the masses given; and friction that
     drives its joint shows a wrong sign without either.
 
-    ``masses``: whether those of the arm are judged; not if they are another record's, which may lack a load.
+    ``known`` (n_columns,): numbers of another record, by which drives are judged in place of the masses.
     """
     joints = rows.lags.arm_.joints
-    file = by_masses(rows) if masses else {}
+    file = by_masses(rows) if known is None else by_numbers(rows, known)
     coupled = by_coupling(rows, file)
     out = []
     for alike in coupled.values():
         ways = " or ".join(f"that of {joints[k]} is divided by {scale}" for k, scale in alike.items())
         out.append(f"The drives fit far better if {ways}; check gain, unit and sign there.")
-    if told := {j: scale for j, scale in file.items() if scale.sure and j not in coupled}:
+    told = {j: s for j, s in file.items() if j not in coupled and (s.sure or known is not None)}
+    if told and known is not None:
+        factors = ", that of ".join(f"{joints[j]} is {scale.factor:#.3g}" for j, scale in told.items())
+        out.append(f"The drive of {factors} times what the model given requires; check gain, unit and sign there.")
+    elif told:
         factors = ", that of ".join(f"{joints[j]} is {scale}" for j, scale in told.items())
         unit = "; for currents in mA, give --unit drive=mA and --gains" if max(told.values()).factor > MILLI else ""
         out.append(
@@ -384,15 +393,40 @@ def by_masses(rows: ArmRows) -> dict[int, Scale]:
         own = rows.phi[:, j, law & np.any(rows.phi[:, j] != 0.0, axis=0)]
         phi = np.column_stack([own, motors[:, j], asked[:, j]])[:, None]
         one = replace(plain, phi=phi, target=rows.target[:, [j]], keep=rows.keep[:, [j]])
-        left, kept = _left(phi, one.target, one.keep)[0], rows.keep[:, j]
+        left = _left(phi, one.target, one.keep)[0]
         if left <= free[j] / CLEARLY:
             theta, covariance = with_blocks(one, rows.weights[[j]])
             rest = one.target - phi[:, :, -1]  # with a factor of one
-            given = _left(phi[:, :, :-1], rest, one.keep)[0] * np.var(rest[kept])
-            power = _left(phi[:, :, :-1], asked[:, [j]], one.keep)[0] * np.var(asked[kept, j])
-            least = left * np.var(one.target[kept])
+            given = _left(phi[:, :, :-1], rest, one.keep)[0] * np.var(rest)
+            power = _left(phi[:, :, :-1], asked[:, [j]], one.keep)[0] * np.var(asked[:, j])
+            least = left * np.var(one.target)
             error = float(np.sqrt(covariance[-1, -1])) if least <= CLEARLY * given else np.inf
             out[int(j)] = Scale(float(theta[-1]), error, float(least), float(power))
+    return out
+
+
+def by_numbers(rows: ArmRows, numbers: Array) -> dict[int, Scale]:
+    """Joints whose drive is surely a multiple of the one that these numbers (n_columns,) require.
+
+    The factor, beside an offset, has to explain the drive about as well as free numbers do, and far better than one.
+    What else changes gives the drive another form: by three names, of which each had grown by half, a gain of 1.5 was
+    explained as well.
+    """
+    offsets = np.array([name.endswith(f".{InputOffset.name}") for name in rows.lags.base_.names])
+    asked, free = rows.phi @ np.where(offsets, 0.0, numbers), _left(rows.phi, rows.target, rows.keep)
+    plain = rows.with_columns()
+    out: dict[int, Scale] = {}
+    for j in np.flatnonzero(rows.keep.any(axis=0)):
+        own = rows.phi[:, j, offsets & np.any(rows.phi[:, j] != 0.0, axis=0)]
+        phi = np.column_stack([own, asked[:, j]])[:, None]
+        one = replace(plain, phi=phi, target=rows.target[:, [j]], keep=rows.keep[:, [j]])
+        left, rest = _left(phi, one.target, one.keep)[0], one.target - phi[:, :, -1]
+        given = _left(phi[:, :, :-1], rest, one.keep)[0] * np.var(rest) / max(np.var(one.target), 1e-300)
+        if left <= min(free[j] / CLEARLY, CLEARLY * given):
+            theta, covariance = with_blocks(one, rows.weights[[j]])
+            scale = Scale(float(theta[-1]), float(np.sqrt(covariance[-1, -1])))
+            if abs(scale.factor - 1.0) > GROWS * scale.error:
+                out[int(j)] = scale
     return out
 
 

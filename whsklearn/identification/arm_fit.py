@@ -17,12 +17,13 @@ from threadpoolctl import threadpool_limits
 from whsklearn.effects import Coulomb, Effect, InputOffset, LoadFriction, PreslidingHysteresis, QuadraticDrag, Viscous
 from whsklearn.effects.base import Array
 from whsklearn.identification.arm_checks import enough_rows, in_another_order, in_another_scale, in_degrees, suspicions
-from whsklearn.identification.joint_least_squares import BLOCKS, GROWS, ROUNDING, SAME, fitted, held_out, with_blocks
+from whsklearn.identification.joint_least_squares import BLOCKS, GROWS, SAME, fitted, held_out, with_blocks
 from whsklearn.lags.arm_rows import ArmRows, records_of
 from whsklearn.lags.axis_rows import DRY
 from whsklearn.lags.rigid_body import RigidBodyLags
 from whsklearn.models.arm import ArmModel
 from whsklearn.systems.arm import Arm, direction_of
+from whsklearn.systems.base_parameters import ROUNDING
 
 # Range of the logarithm of the speed over which dry friction reverses, in a joint's rms speed, and largest lead (s):
 # MuJoCo's leads by 10 ms, and the memory of lubricated contacts reaches as far.

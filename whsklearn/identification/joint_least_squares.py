@@ -15,6 +15,7 @@ from whsklearn.effects import InputOffset
 from whsklearn.effects.base import Array
 from whsklearn.lags.arm_rows import ArmRows
 from whsklearn.models.arm import ArmModel
+from whsklearn.systems.base_parameters import ROUNDING, whitening
 
 # Blocks of a record, each omitted once for the spread of the numbers. Between two records of 14 unchanged arms of six
 # joints, numbers differ by 0.9 standard errors (rms), or by 1.9 if errors are taken to be white, with one in 37 beyond
@@ -25,7 +26,6 @@ N_LEFT_OUT = 20
 GROWS = 5.0
 SAME = 1e-9  # of the largest singular value: below it, columns are combinations of each other
 DIGITS = 4  # of the numbers of a model without standard errors
-ROUNDING = 1e-12  # of the largest eigenvalue of a correlation matrix
 PRIOR = 1e6  # variance of a number that no row tells, in units of the residual's: as that of `RLSRegressor`
 BLOCKS = 10  # blocks of a record; every second one is held out, and then the others
 
@@ -156,10 +156,8 @@ class Known(NamedTuple):
             c = np.asarray(model.covariance, dtype=float)[np.ix_(at, at)]
         kept = np.array([not n.endswith(f".{InputOffset.name}") for n in names])
         c = c * np.outer(kept, kept)
-        size = np.sqrt(np.diag(c)[kept])
-        power, vectors = np.linalg.eigh(c[np.ix_(kept, kept)] / np.outer(size, size))
         root = np.zeros((int(kept.sum()), len(c)))
-        root[:, kept] = (vectors / np.sqrt(np.maximum(power, ROUNDING * power[-1]))).T / size
+        root[:, kept] = whitening(c[np.ix_(kept, kept)])
         return cls(values, c, root, model.unexplained, model.varied)
 
 

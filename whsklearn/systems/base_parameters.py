@@ -17,6 +17,7 @@ from whsklearn.systems.arm_files import body_numbers, numbers_of, pseudo_inertia
 # As a share of a column's length. The part that earlier columns leave unexplained is either rounding (1e-13 on random
 # motion) or above 1e-5 (random arms of 2 to 7 joints); the tolerance lies between.
 TOLERANCE = 1e-9
+ROUNDING = 1e-12  # of the largest eigenvalue of a correlation matrix
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,6 +162,21 @@ def log_cholesky(numbers: Array) -> Array:
     return np.array([np.log(scale), *np.log(np.diag(u)[:3] / scale), *(u[i, k] / scale for i, k in OFF_DIAGONAL)])
 
 
+def whitening(covariance: Array) -> Array:
+    """Rows (p, p) whose products with numbers of this covariance (p, p) are independent with unit variance.
+
+    Directions that are known to rounding only count as `ROUNDING`: numbers of joints that moved one after the other
+    have correlations of one, whose Cholesky factor does not exist.
+
+    >>> w = whitening(np.array([[4.0, 1.0], [1.0, 1.0]]))
+    >>> (w @ np.array([[4.0, 1.0], [1.0, 1.0]]) @ w.T).round(6).tolist()
+    [[1.0, 0.0], [0.0, 1.0]]
+    """
+    size = np.sqrt(np.diag(covariance))
+    power, vectors = np.linalg.eigh(covariance / np.outer(size, size))
+    return np.asarray((vectors / np.sqrt(np.maximum(power, ROUNDING * power[-1]))).T / size)
+
+
 def usual_body(kept: NDArray[np.int64], values: Array, n: int) -> tuple[float, float]:
     """Mass and radius of a ball with the median mass, moment and inertia of base numbers: m, m r and m r².
 
@@ -203,7 +219,7 @@ def consistent_numbers(
     concerned = base.kept < width
     mapping, theta = base.mapping[concerned, :width], theta[concerned]
     spread = np.eye(len(base.kept)) if covariance is None else np.asarray(covariance, dtype=float)
-    whitening = np.linalg.inv(np.linalg.cholesky(spread[np.ix_(concerned, concerned)]))
+    white = whitening(spread[np.ix_(concerned, concerned)])
     mass, radius = usual_body(base.kept[concerned], theta, n)
     if not inertial[:, 0].any():  # from bodies of a gram and a centimetre, the search ended up to a million sigma away
         inertial = np.tile(body_numbers(mass, np.zeros(3), 2.0 * mass * radius**2 * np.eye(3)), (n, 1))
@@ -212,7 +228,7 @@ def consistent_numbers(
 
     links = N_BODY * n
     scale = np.concatenate([np.tile([1.0] * 4 + [radius] * 6, n), np.ones(start.size - links)])
-    seen = whitening @ mapping
+    seen = white @ mapping
     of_links, nearness = seen[:, :links].reshape(-1, n, N_BODY), NEARNESS * np.eye(start.size)
 
     def full(x: Array) -> Array:
@@ -220,7 +236,7 @@ def consistent_numbers(
         return np.concatenate([from_log_cholesky(x[:links].reshape(n, N_BODY)).ravel(), turned])
 
     def errors(x: Array) -> Any:
-        return np.concatenate([seen @ full(x) - whitening @ theta, NEARNESS * (x - start)])
+        return np.concatenate([seen @ full(x) - white @ theta, NEARNESS * (x - start)])
 
     def jacobian(x: Array) -> Any:
         inner = np.einsum("bni,nij->bnj", of_links, slopes(x[:links].reshape(n, N_BODY)))
