@@ -12,7 +12,7 @@ from whsklearn.compare.arm import arm_rows, independent, poor_joints
 from whsklearn.compare.estimate import Estimate, Summand, estimate
 from whsklearn.compare.hypotheses import at_one_point, between
 from whsklearn.datasets import default_arm, make_arm_log
-from whsklearn.effects import Coulomb
+from whsklearn.effects import Cogging, Coulomb
 from whsklearn.identification.payload import INERTIAS
 
 ARM = default_arm()  # yaw and pitch: no drive shows what it weighs, only its moment
@@ -67,6 +67,15 @@ def test_equal_records_are_named_nothing(before):
     found = compare_arms([before, record(seed=1)], ARM)
     assert (found.verdict, found.changes) == ("nothing", [])
     assert found.smallest_seen["moment at pitch"] < 0.02
+    assert any(f" % of the drive of {joint} is in none of these numbers" in found.sentence for joint in ARM.joints)
+
+
+def test_what_no_number_explains_is_told_of_the_joint_that_lacks_something(before):
+    """The rows of that joint weigh little beside those of the others."""
+    waved = record(pitch=[Cogging(0.1, order=6.0)])
+    yaw, pitch = np.transpose([estimate(r).left for r in arm_rows([before, waved], ARM, "ab")])
+    assert yaw[1] == pytest.approx(yaw[0], rel=0.3)
+    assert pitch[1] > 3.0 * pitch[0]
 
 
 def test_a_joint_that_the_arm_does_not_explain_is_told_and_not_asked(before):
@@ -102,7 +111,7 @@ def test_the_inertia_of_a_load_is_that_of_one_point(before):
     parts = [estimate(r) for r in rows]
     d = between(rows, parts[:1], parts[1:])
     known = (Summand(1e-6 * np.eye(10), 10.0),)
-    first, second = Estimate("a", np.zeros(10), known, 0.0, {}), Estimate("b", numbers, known, 0.0, {})
+    first, second = Estimate("a", np.zeros(10), known, np.zeros(1), {}), Estimate("b", numbers, known, np.zeros(1), {})
     d = replace(d, names=tuple("0123456789"), first=first, second=second)
     step = np.array([mass, *(mass * place)])
     np.testing.assert_allclose(at_one_point(np.eye(10), d, np.zeros((10, 0))) @ step, numbers, rtol=1e-4, atol=1e-5)

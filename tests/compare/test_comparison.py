@@ -5,6 +5,8 @@ from __future__ import annotations
 import pytest
 
 from whsklearn.compare import Change, Comparison
+from whsklearn.compare.comparison import spoken
+from whsklearn.compare.report import render
 
 
 @pytest.mark.parametrize(
@@ -21,6 +23,16 @@ def test_rivals_and_a_turn_are_told():
     assert text.endswith("between a and b, or gain")
     assert "turned by 28.6 ± 0.57 deg" in text
     assert change.as_dict()["between"] == ["a", "b"]
+
+
+def test_a_joint_is_spelled_as_in_the_robots_file():
+    name = "input_offset at wrist_2_joint"
+    change = Change(name, 0.0, 0.2, 0.02, 10.0, "Nm", 1e-4, ["cable_spring at wrist_1_joint"], 0.1)
+    assert str(change).startswith("input offset at wrist_2_joint came")
+    assert str(change).endswith("or cable spring at wrist_1_joint")
+    assert spoken({"name": name}) == "input offset at wrist_2_joint"
+    page = render(Comparison("moved", "", ["a", "b"], [change], {name: 0.1}))
+    assert "wrist 2" not in page
 
 
 def test_what_is_said_of_the_size_is_the_interval_of_the_file():

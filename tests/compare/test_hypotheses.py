@@ -15,7 +15,7 @@ NAMES = ("inertia", "viscous", "gravity", "gravity", "delay")
 def difference(values, error=0.01, degrees=18.0):
     mean = np.array([1.0, 0.5, 0.6, 0.3, 0.0])
     values, half = np.array(values, dtype=float), (Summand(error**2 / 2 * np.eye(5), degrees / 2),)
-    first, second = (Estimate("", mean + by * values, half, 0.0, {}) for by in (-0.5, 0.5))
+    first, second = (Estimate("", mean + by * values, half, np.zeros(1), {}) for by in (-0.5, 0.5))
     return Difference(NAMES, {}, first, second, mean, np.full(5, error), np.ones(5))
 
 

@@ -53,6 +53,14 @@ def test_spread_between_is_that_of_the_draw():
     assert abs(np.median(found) - 0.1) < 0.02
 
 
+def test_two_records_spread_by_the_difference_beyond_their_errors_even_if_one_of_them_hardly_knows_the_number():
+    """For two records, DerSimonian and Laird's estimate is the squared difference less both variances, halved."""
+    for variances in (np.array([0.3, 0.1]), np.array([1e-12, 1e6])):
+        difference = 3.0 * np.sqrt(variances.sum())
+        between = spread(np.array([0.0, difference]), variances)[1] ** 2
+        assert between == pytest.approx((difference**2 - variances.sum()) / 2.0, rel=1e-6)
+
+
 def test_a_trend_is_told_from_a_step_and_from_scatter():
     rng = np.random.default_rng(1)
     n, error = 8, 0.02

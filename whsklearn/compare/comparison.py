@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from scipy.stats import t as student
 
+from whsklearn.gap.diagnosis import spoken as in_words
+
 SHOWN = 0.05  # of the scale of a number: an interval of 95 %
 
 
@@ -18,7 +20,7 @@ def spoken(row: Mapping[str, Any]) -> str:
     >>> spoken({"name": "input_offset"}), spoken({"name": "cogging", "part": "cos 12 q"})
     ('input offset', 'cogging (cos 12 q)')
     """
-    name = str(row["name"]).replace("_", " ")
+    name = in_words(str(row["name"]))
     return f"{name} ({row['part']})" if row.get("part") else name
 
 
@@ -92,7 +94,7 @@ class Change:
         return f"{low:.{digits}g} to {high:.{digits}g}"
 
     def __str__(self) -> str:
-        name, unit = self.name.replace("_", " "), "" if self.unit == "1" else f" {self.unit}"
+        name, unit = in_words(self.name), "" if self.unit == "1" else f" {self.unit}"
         if name.startswith(("mass at ", "moment at ")):  # of a link only the change is known
             text = f"{name} {self.change:+.3g}{unit} ({self._likely}{unit} with 95 %)"
             return self._with_rest(text)
@@ -117,7 +119,7 @@ class Change:
         if self.between is not None:
             text += f" between {self.between[0]} and {self.between[1]}"
         if self.rivals:
-            text += ", or " + " or ".join(r.replace("_", " ") for r in self.rivals)
+            text += ", or " + " or ".join(map(in_words, self.rivals))
         return text
 
     def as_dict(self) -> dict[str, Any]:

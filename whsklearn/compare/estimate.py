@@ -74,14 +74,14 @@ class Estimate:
     """Numbers of a record.
 
     >>> noise, drift = Summand(np.array([[9.0]]), 200.0), Summand(np.array([[16.0]]), 4.0)
-    >>> Estimate("monday.csv", np.array([1.0]), (noise, drift), left=0.1, drift={}).errors.tolist()
+    >>> Estimate("monday.csv", np.array([1.0]), (noise, drift), left=np.array([0.1]), drift={}).errors.tolist()
     [5.0]
     """
 
     label: str
     values: Array  # (p,)
     parts: tuple[Summand, ...]  # of the covariance
-    left: float  # rms of the residual, as a share of the rms drive
+    left: Array  # rms of the residual at each joint, as a share of its rms drive, (n_joints,)
     drift: dict[int, float]  # number -> rms by which it drifts within the record, beyond noise
     # number -> its half waves along the record, as fitted, from the longest on; none of an offset that walks, whose
     # course does not come again
@@ -136,7 +136,8 @@ def estimate(rows: Regression) -> Estimate:
             for i, w in power.items()
         ),
     )
-    share = float(np.sqrt(np.mean((rows.target - x @ (fit / size)) ** 2)) / np.linalg.norm(rows.scale))
+    rest = rows.target - x @ (fit / size)
+    share = np.array([np.linalg.norm(rest[those]) for those in rows.channels()]) / np.sqrt(rest.size) / rows.scale
     waves = fit[p:] / size[p:]
     courses = {i: waves[: len(rows.of)][[j == i for j in rows.of]] for i in power if i not in by_walk}
     return Estimate(rows.label, fit[:p] / size[:p], parts, share, drift, courses)
@@ -380,5 +381,5 @@ def pooled(parts: list[Estimate]) -> Estimate:
         ", ".join(e.label for e in parts),
         np.sum([s @ e.values for s, e in zip(shares, parts, strict=True)], axis=0),
         tuple(Summand(s @ p.covariance @ s.T, p.degrees) for s, e in zip(shares, parts, strict=True) for p in e.parts),
-        float(np.sqrt(np.mean([e.left**2 for e in parts]))), {},
+        np.sqrt(np.mean([e.left**2 for e in parts], axis=0)), {},
     )  # fmt: skip

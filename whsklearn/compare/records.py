@@ -21,6 +21,7 @@ from whsklearn.compare.estimate import Estimate, Summand, degrees_of, estimate, 
 from whsklearn.compare.hypotheses import LEAST, OF_ZERO, Difference, between, changes_between, hypotheses, smallest
 from whsklearn.compare.rows import Array, Regression
 from whsklearn.gap.data_check import FEWEST_SAMPLES, SHORTEST_RECORD, check_servo
+from whsklearn.gap.diagnosis import spoken as in_words
 from whsklearn.gap.record import KINDS, MOTIONS, ServoRecord
 from whsklearn.identification.arm_fit import identify_arm
 from whsklearn.identification.joint_least_squares import N_LEFT_OUT
@@ -38,7 +39,8 @@ def spread(values: Array, variances: Array) -> tuple[float, float, float]:
     w = 1.0 / variances
     mean = float(w @ values / w.sum())
     q = float(w @ (values - mean) ** 2)
-    tau2 = max(0.0, (q - (values.size - 1.0)) / float(w.sum() - w @ w / w.sum()))
+    others = (1.0 - np.eye(values.size)) @ w  # no difference of sums, which may round to zero
+    tau2 = max(0.0, (q - (values.size - 1.0)) / max(float(w @ others / w.sum()), 1e-300))
     if tau2 > 0.0:
         mean = float((1.0 / (variances + tau2)) @ values / (1.0 / (variances + tau2)).sum())
     return mean, float(np.sqrt(tau2)), float(chi2.sf(q, values.size - 1))
@@ -264,7 +266,7 @@ def compare_arms(
     else:
         poor = poor_joints(rows, arm.joints)
         rows = [dataclasses.replace(r, changes={n: b for n, b in r.changes.items() if not at(n, poor)}) for r in rows]
-        found = compare_rows(rows, alpha)
+        found = compare_rows(rows, alpha, arm.joints)
         if len(records) == 2:
             found = weighed(found, records, arm)
         found.notes += [
@@ -352,15 +354,15 @@ def cannot_tell(reason: str, labels: list[str]) -> Comparison:
     return Comparison("cannot_tell", f"It cannot be said what changed. {reason}", labels, reason=reason)
 
 
-def compare_rows(rows: list[Regression], alpha: float) -> Comparison:
-    """Compare records that are given as rows of one regression."""
+def compare_rows(rows: list[Regression], alpha: float, joints: Sequence[str] = ()) -> Comparison:
+    """Compare records that are given as rows of one regression; of an arm, of all its ``joints``."""
     labels = [r.label for r in rows]
     rows = walking(rows)
     parts = [estimate(r) for r in rows]
     for part in parts:
-        if part.left > MOST_LEFT:
+        if (least := part.left.min()) > MOST_LEFT:
             return cannot_tell(
-                f"{part.label}: the model leaves {100 * part.left:.0f} % of the drive unexplained, more than "
+                f"{part.label}: the model leaves {100 * least:.0f} % of the drive unexplained, more than "
                 f"{100 * MOST_LEFT:.0f} %. Run `whsklearn gap` on it first.", labels,
             )  # fmt: skip
         if reason := unphysical(rows[0], part):
@@ -376,7 +378,9 @@ def compare_rows(rows: list[Regression], alpha: float) -> Comparison:
     found.notes = drift_notes(rows, parts) + trend_notes(found.numbers)
     if not changes and (blind := unseen(d, found.smallest_seen)):
         found.verdict, found.reason = "cannot_tell", blind
-    found.sentence = sentence(found, d, parts)
+    worst = int(np.argmax(np.max([part.left for part in parts], axis=0)))
+    where = "" if rows[0].channel is None else f" of {joints[np.unique(rows[0].channel)[worst]]}"
+    found.sentence = sentence(found, d, [float(part.left[worst]) for part in parts], where)
     return found
 
 
@@ -430,7 +434,7 @@ def drift_notes(rows: list[Regression], parts: list[Estimate]) -> list[str]:
         for i, walk in e.drift.items():
             if walk * r.sizes[i] > 0.01 * r.drives[i]:
                 out.append(
-                    f"{r.names[i].replace('_', ' ')} walks by {walk:.2g} {r.units[i]} (rms) within {r.label}; that "
+                    f"{in_words(r.names[i])} walks by {walk:.2g} {r.units[i]} (rms) within {r.label}; that "
                     "widens its interval and is not counted as a change."
                 )
     return out
@@ -458,8 +462,11 @@ def unseen(d: Difference, smallest_seen: dict[str, float]) -> str:
     )
 
 
-def sentence(found: Comparison, d: Difference, parts: Sequence[Estimate]) -> str:
-    """The answer in words; where no number changed, what no number explains may have: a play is in there."""
+def sentence(found: Comparison, d: Difference, left: Sequence[float], where: str) -> str:
+    """The answer in words; where no number changed, what no number explains may have: a play is in there.
+
+    ``left``: what each record leaves of the drive, of an arm at the joint (``where``) at which it is most.
+    """
     if found.verdict == "moved":
         return changes_in_words(found.changes)
     if found.verdict == "cannot_tell":
@@ -477,10 +484,10 @@ def sentence(found: Comparison, d: Difference, parts: Sequence[Estimate]) -> str
     hidden = by_effect({n: np.nan for n, s in sizes.items() if found.smallest_seen[n] >= SEEN * s})
     text = f"These records show no change. A change of {', '.join(seen)} would have been detected."
     text += f" A change of {' or '.join(hidden)} by less than half would not." if hidden else ""
-    low, high = (f"{100 * f(part.left for part in parts):.2g}" for f in (min, max))
+    low, high = (f"{100 * f(left):.2g}" for f in (min, max))
     return text + (
-        f" {low if low == high else f'{low} to {high}'} % of the drive is in none of these numbers, and a change in "
-        "there, such as of a play, would not show."
+        f" {low if low == high else f'{low} to {high}'} % of the drive{where} is in none of these numbers, and a "
+        "change in there, such as of a play, would not show."
     )
 
 

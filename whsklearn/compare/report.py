@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from whsklearn.compare.comparison import Comparison, spoken
+from whsklearn.gap.diagnosis import spoken as in_words
 from whsklearn.gap.report import probability, significant
 from whsklearn.logs.files import atomic_write
 from whsklearn.plot.look import html_of
@@ -45,7 +46,7 @@ def render(found: Comparison, origins: Sequence[str] = ()) -> str:
     """The page as text, with the lines ``origins`` in place of the labels."""
     return html_of(
         Path(__file__).with_name("report.html.j2"),
-        {"sig": significant, "spoken": spoken, "p": probability, "known": with_error},
+        {"sig": significant, "spoken": spoken, "in_words": in_words, "p": probability, "known": with_error},
         c=found,
         origins=origins or [", ".join(found.labels)],
         colour=COLOURS[found.verdict],
