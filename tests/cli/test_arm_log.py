@@ -58,6 +58,14 @@ def test_a_unit_tells_the_column_of_a_joint_beside_others_that_a_word_tells():
             guessed_columns(["hip", "lift"], [*names, beside])
 
 
+@pytest.mark.parametrize("units", [("_rad", "_m", "_Nm", "_N"), (" [deg]", " [mm]", " [mNm]", " [N]")])
+def test_numbered_columns_have_the_units_of_joints_that_slide_and_turn(units):
+    turn, slide, torque, force = units
+    names = ["time_s", f"q1{turn}", f"q2{slide}", f"q3{turn}", f"tau1{torque}", f"tau2{force}", f"tau3{torque}"]
+    found = guessed_columns(["base", "reach", "wrist"], names)
+    assert list(found.values()) == list(zip(names[1:4], names[4:], strict=True))
+
+
 @pytest.mark.parametrize("text", ["hip:q1", "hip:", ":q1,i1", "hip:q1,i1;hip:q2,i2", "hip:q1,i1;knee:q1,i2"])
 def test_a_joint_is_named_once_with_two_columns_of_its_own(text):
     with pytest.raises(ValueError, match="--joints"):

@@ -93,8 +93,10 @@ def _one_kind(
         if owner:
             found.setdefault((measured, rank, True), {}).setdefault(owner, []).append(column)
             continue
-        for k in (k for k, word in enumerate(words) if word.isdigit()):
-            stem = (*words[:k], "#", *words[k + 1 :])
+        unit = words_and_numbers(unit_of(column))  # not that of the others where some joints slide and others turn
+        signal = words[: -len(unit)] if unit and words[-len(unit) :] == unit else words
+        for k in (k for k, word in enumerate(signal) if word.isdigit()):
+            stem = (*signal[:k], "#", *signal[k + 1 :])
             series.setdefault((measured, rank, stem), []).append((int(words[k]), column))
     for (measured, rank, _), numbered in series.items():
         numbers, columns = zip(*sorted(numbered), strict=True)
