@@ -262,14 +262,16 @@ def _unsound(plant: Any, found: Found, alpha: float) -> int | None:
     as light as its range allows stands for something that has no name here.  Or any fit ends where the effect's size
     cannot be told from zero at ``alpha`` with all numbers free: a coupling beside a dead zone of MuJoCo had 1.3
     standard errors, and a Stribeck curve that had stood, alone, for a wrong age of the drive 0.2; true effects have
-    eleven and more.  Where own records are exact, the search itself ended there.
+    eleven and more.  Or the numbers have made it too little for a name: a wave of one and a half periods over the
+    travel had become one of a third.  Where own records are exact, the search itself ended there.
     """
     model, n = found.model, found.model.n_base
     if plant.exact:
         return None
     fit, unsound = plant.linearised(model), []
     for i in reversed(range(len(found.taken))):
-        if not stands(plant, model, n + i) or p_of_zero(fit, n + i) > alpha:
+        last = model.with_terms((*model.terms[: n + i], *model.terms[n + i + 1 :], model.terms[n + i]))
+        if not stands(plant, model, n + i) or plant.too_little(last) or p_of_zero(fit, n + i) > alpha:
             unsound.append(i)
     # An effect too many moves the numbers of the others: a spring's rest position was driven out of its range by
     # presliding friction that was not there.

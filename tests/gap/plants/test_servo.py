@@ -407,6 +407,20 @@ def test_a_part_of_a_wave_is_a_name_only_if_nothing_else_is_missing(name, period
     assert plant.too_little(base_model(("viscous", "coulomb"), scene)) == ""
 
 
+@pytest.mark.parametrize(("beside", "too_little"), [
+    ("hardening_spring", True), ("cable_spring", True), ("quadratic_drag", False)
+])  # fmt: skip
+def test_a_part_of_a_wave_beside_another_force_over_the_position_is_no_name(beside, too_little, monkeypatch):
+    """With a third of a wave, a spring about a wrong centre did what it does about its own beside an offset."""
+    plant = object.__new__(ServoPlant)
+    monkeypatch.setattr(ServoPlant, "silent", lambda *_: True)
+    scene, kind = Scales(reach=0.2), candidate(beside)
+    other = ServoTerm(kind, (0.1,) * len(kind.fields))
+    wave = ServoTerm(candidate("cogging"), (0.1, 0.1, 0.4 * np.pi / scene.reach))
+    grown = base_model(("viscous", "coulomb"), scene).with_term(other).with_term(wave)
+    assert bool(plant.too_little(grown)) is too_little
+
+
 def test_a_fit_along_the_run_starts_with_the_friction_of_a_load_on_its_motor_too(monkeypatch):
     """Behind a filter that hides the resonance the two are nearly one, and the run has a minimum at either."""
     coupling = ServoTerm(candidate("flexible_coupling"), (8.7e-4, 0.335, 0.022, 0.145))

@@ -429,10 +429,16 @@ class ServoPlant(Plant):
     def too_little(self, model: ServoHypothesis) -> str:
         """A part of a wave may be any smooth function of the place, as long as something else is missing.
 
-        It was named for the gravity of three joints of an arm, which other joints pull at.
+        It was named for the gravity of three joints of an arm, which other joints pull at.  Beside another force over
+        the position it corrects what that one has wrong: with a third of a wave, a spring about a wrong centre did what
+        it does about its own beside an offset.
         """
         last = model.terms[-1]
-        if not last.kind.of_part(last.q, model.scene) or self.silent(model):
+        if not last.kind.of_part(last.q, model.scene):
+            return ""
+        if any(t.effect.place == last.effect.place == "position" for t in model.terms[model.n_base : -1]):
+            return "the travel shows less than a period of such a wave, and another force over it does the rest"
+        if self.silent(model):
             return ""
         return "the travel shows less than a period of such a wave, and something else is missing beside it"
 
