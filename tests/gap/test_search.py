@@ -235,6 +235,34 @@ def test_after_one_that_settles_at_more_the_next_best_is_taken():
     assert {f.name for f in found.steps[0].fitted if "all numbers fitted" in f.reason} == {"a"}
 
 
+def test_the_next_best_is_judged_in_the_view_that_fitted_it():
+    """Where the strongest is taken back, its model may have been judged at fewer samples, behind another filter."""
+
+    class Coarser(Columns):
+        def settled(self, model):
+            if "a" in {t.name for t in model.terms}:  # and no other model asks for the finer one again
+                self.every = 2
+            return model
+
+        def errors(self, model):
+            return super().errors(model)[:: self.every]
+
+        def too_little(self, model):
+            return "it is part of a wave" if "a" in {t.name for t in model.terms} else ""
+
+        def leads(self, taken, other, before, rng):
+            assert before.size == taken.errors.size == other.errors.size == N
+            return super().leads(taken, other, before, rng)
+
+    truth = {"a": 0.4, "b": 0.2, "c": 0.15}
+    plant = Coarser(truth, names="abc", forbidden=("twin",))
+    plant.every = 1
+    plant.columns["b"] = plant.columns["b"] + 0.7 * plant.columns["c"]
+    found = run(plant)
+    assert found.steps[0].taken.name in "bc"
+    assert "a" not in {t.name for t in found.taken}
+
+
 def test_what_nameless_functions_show_together_shows_the_names_that_explain_a_share_of_it():
     def look(name, p, size):
         return Look(name, 10.0, np.zeros(3), size=size, p_value=p)

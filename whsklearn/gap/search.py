@@ -203,7 +203,8 @@ class Search:
         step = Step(len(found.steps) + 1, left, self.plant.n_effective, looks, fitted, None)
         found.steps.append(step)
         while (taken := self._chosen(found.model, step.fitted, looks)) is not None:
-            more = [taken]
+            # the others of this round are compared in the view that fitted them, and not in one that this one allows
+            more, state = [taken], self.plant.snapshot()
             if taken.name in names:  # it beat all others twice: the rest of its family need not
                 for grown in self.plant.family(taken.model):
                     more.append(self._named(more[-1].model, taken.look, grown))
@@ -216,11 +217,9 @@ class Search:
                 renamed(found)
                 step.taken = found.taken[-1]
                 break
-            found.model = self.plant.settled(found.model)
+            self.plant.restore(state)
             failed = failed or "with all numbers fitted, the residual is no smaller than without it"
             step.fitted = [replace(f, reason=failed) if f.look is taken.look else f for f in step.fitted]
-        if taken is None and step.fitted is not fitted:
-            found.remainder = self.plant.looks(found.model, self.rng)
         if self.on_round is not None:
             self.on_round(step)
         return step.taken is not None

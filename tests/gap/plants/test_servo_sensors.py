@@ -27,3 +27,11 @@ def test_a_reading_folded_between_samples_is_unfolded_at_any_rate(rate):
     assert straight is not None
     off = np.abs(straight - np.sign(q[0]) * q)
     assert off[:-1].max() == 0.0, "one sample after a crossing is too few to show it; all others are on their side"
+
+
+def test_an_axis_that_is_lifted_from_rest_at_zero_is_not_folded():
+    jitter = 0.0015 * np.random.default_rng(0).integers(-3, 1, 40)  # counts of an encoder of 12 bits
+    t = np.arange(600) * 5e-3
+    q = np.concatenate([jitter, 0.7 * np.sin(t) ** 2, jitter, 0.5 * np.sin(t) ** 2])
+    assert unfold(q, 5e-3) is None
+    assert unfold(np.concatenate([np.abs(np.sin(t[:30]) - 0.01), 1.0 + t]), 5e-3) is None  # all but its start is beyond

@@ -52,9 +52,10 @@ def unfold(position: NDArray[np.float64], dt: float) -> NDArray[np.float64] | No
 
     A folded reading stays on one side and turns back at zero at speed.  A cubic, q(t) about the turn, is fitted three
     times: to the reading as it is, and with its sign changed from the sample nearest to zero or the next one on.
-    A real turn is smoothest as it is.
+    A real turn is smoothest as it is.  What is below zero is noise, and a turn rises above it: a pendulum that hung at
+    rest within three counts of zero, and was then lifted, had been unfolded there.
     """
-    span = float(np.ptp(position))
+    span, noise = float(np.ptp(position)), max(0.0, -float(position.min()))
     if position.min() < -FOLD_TURNS * span:
         return None
     w = max(1, round(FOLD_WINDOW / dt))
@@ -62,7 +63,7 @@ def unfold(position: NDArray[np.float64], dt: float) -> NDArray[np.float64] | No
     cubic = np.vander(np.arange(-reach, reach + 1) * dt, 4, increasing=True)
     signs = np.ones((2 * reach + 1, 3))
     signs[reach:, 1] = signs[reach + 1 :, 2] = -1.0
-    slowest = FOLD_SPEED * rms(np.diff(position)) / dt
+    slowest = max(FOLD_SPEED * rms(np.diff(position)), 2.0 * noise / reach) / dt
     here, beside = position[1:-1], np.stack((position[:-2], position[2:]))
     near = here <= np.maximum(FOLD_TURNS * span, beside.max(axis=0) - here)
     out, last, flips = position.copy(), -2 * w, 0
@@ -76,4 +77,5 @@ def unfold(position: NDArray[np.float64], dt: float) -> NDArray[np.float64] | No
         if best and abs(numbers[1, best]) > slowest:
             out[k + best - 1 :] *= -1.0
             last, flips = k, flips + 1
-    return out if flips else None
+    both_sides = min(out.max(), -out.min()) > FOLD_TURNS * span  # a sign that is the other one everywhere is no fold
+    return out if flips and both_sides else None
