@@ -263,6 +263,32 @@ def test_the_next_best_is_judged_in_the_view_that_fitted_it():
     assert "a" not in {t.name for t in found.taken}
 
 
+@pytest.mark.parametrize(("truth", "names"), [
+    ({"a": 0.4, "c": 0.2, "d": 0.1}, {"a", "d"}),  # without a, c leaves more than a does without c
+    ({"c": 0.4, "d": 0.1}, {"c", "d"}),  # a stood for c, in part
+])  # fmt: skip
+def test_an_effect_beside_which_others_are_unphysical_has_to_explain_what_they_do(truth, names):
+    class Exclusive(Columns):
+        """A plant in which physics forbids a beside c, and c is seen only once a is there."""
+
+        def looks(self, model, rng, beside=None):
+            there = {t.name for t in model.terms}
+            return [k for k in super().looks(model, rng, beside) if k.name != "c" or "a" in there]
+
+        def objection(self, model, grown):
+            there = {t.name for t in grown.terms}
+            return "c takes it out of its range" if grown.terms[-1].name == "a" and "c" in there else ""
+
+    plant = Exclusive({}, names="abcd")
+    del plant.columns["twin"]
+    plant.columns["a"] = plant.columns["a"] + ("a" not in truth) * 1.5 * plant.columns["c"]
+    plant.y = plant.y + sum(size * plant.columns[n] for n, size in truth.items())
+    found = run(plant)
+    assert {t.name for t in found.taken} == names
+    said = [f.reason for s in found.steps for f in s.fitted if "would be unphysical" in f.reason]
+    assert bool(said) is ("a" in names)
+
+
 def test_what_nameless_functions_show_together_shows_the_names_that_explain_a_share_of_it():
     def look(name, p, size):
         return Look(name, 10.0, np.zeros(3), size=size, p_value=p)

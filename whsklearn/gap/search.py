@@ -209,7 +209,7 @@ class Search:
                 for grown in self.plant.family(taken.model):
                     more.append(self._named(more[-1].model, taken.look, grown))
             model = self.plant.settled(more[-1].model)
-            failed = self.plant.too_little(model)
+            failed = self.plant.too_little(model) or self._unseats(found, model, left)
             if not failed and (taken.name in names or self.plant.rms(self.plant.errors(model)) < left):
                 model, rivals = self.plant.told_by_run(model, more[-1].rivals)
                 more[-1] = replace(more[-1], rivals=rivals)
@@ -223,6 +223,23 @@ class Search:
         if self.on_round is not None:
             self.on_round(step)
         return step.taken is not None
+
+    def _unseats(self, found: Found, model: Any, left: float) -> str:
+        """Why an effect beside which others would be unphysical is no name: empty if it leaves less without them.
+
+        ``left``: what they leave without it.  Beside the cogging of a motor a coupling that explained a tenth as much
+        drove a change of the friction out of its range, and was all that the last part of the search kept.
+        """
+        n = found.base.n_base
+        fallen = [i for i in range(n, n + len(found.taken)) if not stands(self.plant, model, i)]
+        if not fallen:
+            return ""
+        state = self.plant.snapshot()
+        rest = self.plant.settled(model.with_terms(t for i, t in enumerate(model.terms) if i not in fallen))
+        worse = self.plant.rms(self.plant.errors(rest)) >= left
+        self.plant.restore(state)
+        names = dict.fromkeys(model.terms[i].name.replace("_", " ") for i in fallen)
+        return f"beside it {' and '.join(names)} would be unphysical, and without that it leaves more" if worse else ""
 
     def _better_minimum(self, model: Any, fitted: list[Named]) -> Any | None:
         """The model refitted from where the best candidate left it, if that gains what the candidate seemed to.
