@@ -1,12 +1,14 @@
 """Real rigs through the public command: what is known to be missing, what was named, and how far the gap closed.
 
-    python -m benchmarks.real_axes --out real.csv [--only xl330] [--jobs 2]
+    python -m benchmarks.real_axes --out real.csv [--only xl330] [--part first-half] [--jobs 2]
 
 runs ``whsklearn gap`` on the records beside the checkout (``../shared/data`` or ``WHSKLEARN_DATA``; none is
 shipped) and reads its ``gap.json``. ``known`` is what is physically known to be missing from the base law; a first
 name that is one of it, or lists one of it as its alias, is right. Where nothing is known the row counts in no rate.
 ``never`` is what physics forbids, such as gravity about a vertical axis. A run is sure and wrong if its verdict is
-``named`` and its first name is not a known one, or any name of it is forbidden. Seconds are of CPU, one run each; a
+``named`` and its first name is not a known one, or any name of it is forbidden. ``--part`` takes a part of every log,
+which shows what a verdict owes to the log at hand; a part that is refused as data (shorter than 3 s, or at rest) is
+counted apart. Seconds are of CPU, one run each; a
 first run on a machine compiles, which is counted.
 """
 
@@ -25,6 +27,7 @@ from typing import Any, NamedTuple
 
 import click
 import numpy as np
+import pandas as pd
 from joblib import Parallel, delayed
 from tqdm import tqdm
 
@@ -35,6 +38,12 @@ FIELDS = (
     "run_after inertia inertia_known map seconds error"
 ).split()
 SO101 = ("multisine", "chirp_sweep", "friction_gravity")
+PARTS = {
+    "whole": lambda log: log,
+    "first-half": lambda log: log.iloc[: len(log) // 2],
+    "second-half": lambda log: log.iloc[len(log) // 2 :],
+    "every-second-row": lambda log: log.iloc[::2],
+}
 # Joints of the arms about which gravity is at least a fifth of the rms drive by the masses of the owners' URDF (of
 # the double pendulum: by a regression on sin q and cos q). It is 1 % about joints 4 to 6 of the TX40 and 5 % about the
 # AIRBOT's flange: nothing is known there. Joint 1 stands upright on both.
@@ -64,11 +73,12 @@ def rigs() -> Iterator[Rig]:
     emps = [str(data / "emps" / "emps_train.csv"), "--drive", "force_N", "--position", "position_m"]
     yield Rig("emps, Coulomb hidden", ("coulomb",), 95.11, [*emps, "--law", "viscous"])
     yield Rig("emps", ("input_offset",), 95.11, emps)
+    upright = ("gravity_imbalance",)
     for part in "ABC":
         log = [str(data / "kr300" / f"kr300_axis1_{part}.csv"), "--drive", "motor_torque_Nm"]
         log += ["--position", "motor_position_deg"]
-        yield Rig(f"kr300 {part}, Coulomb hidden", ("coulomb",), None, [*log, "--law", "viscous"])
-        yield Rig(f"kr300 {part}", ("backlash", "flexible_coupling"), None, log)
+        yield Rig(f"kr300 {part}, Coulomb hidden", ("coulomb",), None, [*log, "--law", "viscous"], upright)
+        yield Rig(f"kr300 {part}", ("backlash", "flexible_coupling"), None, log, upright)
     laas = [str(data / "laas" / "compensation_off.csv"), "--drive", "current_a", "--position", "position_rad"]
     yield Rig("laas", ("cogging",), None, laas)
     for path in sorted((data / "xl330").glob("*.csv")):
@@ -103,15 +113,18 @@ def _arms(data: Path) -> Iterator[Rig]:
         yield Rig(f"tx40 {j}, Coulomb hidden", known, None, [*log("tx40", j), "--law", "viscous"], never)
 
 
-def diagnose(rig: Rig) -> dict[str, Any]:
+def diagnose(rig: Rig, part: str = "whole") -> dict[str, Any]:
     """One row of the table."""
     row: dict[str, Any] = {"record": rig.name, "known": "|".join(rig.known), "error": "", "inertia_known": rig.inertia}
     began = time.process_time()
     with tempfile.TemporaryDirectory() as report:
-        quiet = io.StringIO()
+        quiet, (log, *others) = io.StringIO(), rig.arguments
+        if part != "whole":
+            whole, log = pd.read_csv(log), str(Path(report, "part.csv"))
+            PARTS[part](whole).to_csv(log, index=False)
         try:
             with contextlib.redirect_stdout(quiet), contextlib.redirect_stderr(quiet):
-                gap.main([*rig.arguments, "--no-track", "--report", report], standalone_mode=False)
+                gap.main([log, *others, "--no-track", "--report", report], standalone_mode=False)
         except (Exception, SystemExit) as error:  # a benchmark counts crashes, it does not stop at one
             if isinstance(error, SystemExit) and error.code not in (0, 1, 2, 3):  # the command's own; else a signal
                 raise
@@ -157,7 +170,8 @@ def shown(row: dict[str, Any]) -> str:
 
 def summary(rows: list[dict[str, Any]]) -> str:
     """Rates over the records whose physics is known, and what a run costs."""
-    known = [r for r in rows if r["known"]]
+    refused = [r["record"] for r in rows if r["verdict"] == "data_problem"]
+    known = [r for r in rows if r["known"] and r["record"] not in refused]
     right = sum(bool(r["right"]) for r in known)
     wrong = [r["record"] for r in rows if r["wrong"]]
     crashed = [r["record"] for r in rows if r["verdict"] == "error"]
@@ -166,7 +180,7 @@ def summary(rows: list[dict[str, Any]]) -> str:
     seconds = [r["seconds"] for r in rows]
     return (
         f"right name first, with aliases: {right}/{len(known)}; sure and wrong: {', '.join(wrong) or 0}; "
-        f"no verdict: {', '.join(crashed) or 0}; inertia off by 30 %: {', '.join(off) or 0}\n"
+        f"no verdict: {', '.join(crashed) or 0}; refused: {len(refused)}; inertia off by 30 %: {', '.join(off) or 0}\n"
         f"CPU seconds a run: median {np.median(seconds):.1f}, worst {max(seconds):.1f}"
     )
 
@@ -174,8 +188,9 @@ def summary(rows: list[dict[str, Any]]) -> str:
 @click.command(help=__doc__)
 @click.option("--out", default="real_axes.csv", type=click.Path(dir_okay=False))
 @click.option("--only", default="", help="Records whose name holds this text; several joined by semicolons.")
+@click.option("--part", default="whole", type=click.Choice([*PARTS]), help="What is used of every log.")
 @click.option("--jobs", default=1, help="Processes.")
-def main(out: str, only: str, jobs: int) -> None:
+def main(out: str, only: str, part: str, jobs: int) -> None:
     wanted = [rig for rig in rigs() if any(text.strip() in rig.name for text in only.split(";"))]
     if not wanted:
         raise click.BadParameter(f"no record's name holds {only!r}; expected some of emps, kr300, laas, xl330, so101, "
@@ -184,7 +199,7 @@ def main(out: str, only: str, jobs: int) -> None:
     with open(out, "w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, FIELDS, restval="")
         writer.writeheader()
-        found = Parallel(n_jobs=jobs, return_as="generator")(delayed(diagnose)(rig) for rig in wanted)
+        found = Parallel(n_jobs=jobs, return_as="generator")(delayed(diagnose)(rig, part) for rig in wanted)
         for row in tqdm(found, total=len(wanted)):
             rows.append(row)
             writer.writerow(row)

@@ -79,13 +79,24 @@ def test_a_grid_that_the_log_states_or_that_is_usual_is_no_effect(step, stated, 
 
 @pytest.mark.parametrize("n", [1003, 10_000])
 def test_two_fifths_are_held_out_in_five_stretches(n):
-    train = training_samples(n)
+    train = training_samples(np.sin(np.arange(n) / 50.0))
     assert np.mean(~train) == pytest.approx(0.4, abs=0.005)
     first, last = (np.flatnonzero(np.diff(np.pad(~train, 1).astype(int)) == way) for way in (1, -1))
     assert first.size == 5
     assert np.ptp(last - first) <= 1
     assert train[0]
     assert not train[-1]
+
+
+def test_of_steps_that_all_lie_in_the_fitted_parts_two_fifths_are_held_out():
+    moved = np.where(np.arange(5000) % 1000 < 400, 0.01, 0.0)  # the fitted 600 of each 1,000 have all of it
+    joints = np.cumsum(np.column_stack([moved, -2.0 * moved]), axis=0)
+    for position in (joints[:, 0], joints):
+        train = training_samples(position)
+        steps = np.abs(np.diff(joints[:, 0], prepend=0.0))
+        assert steps[~train].sum() == pytest.approx(0.4 * steps.sum(), rel=0.05)
+        assert np.flatnonzero(np.diff(train.astype(int))).size <= 10
+    assert training_samples(np.zeros(100)).sum() == 60  # at rest
 
 
 RNG = np.random.default_rng(0)

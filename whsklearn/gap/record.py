@@ -34,7 +34,10 @@ LEAST_WHITE = 0.3
 NEIGHBOURS, ENOUGH_ROWS = 6, 20_000
 
 
-SPLIT = "60 % of the record in five parts is used for fitting, the 40 % between them for judging."
+SPLIT = (
+    "60 % of the record, or of the motion of one that mostly rests, is used for fitting, in five parts; the 40 % "
+    "between them is for judging."
+)
 KINDS = {"time": ("s",), "drive": ("Nm", "N", "V", "A", "Arms", "Apk", "Vrms", "%", "counts")}  # SI symbols of a role
 MOTIONS = ("rad", "m", "counts")
 
@@ -304,7 +307,24 @@ def reading_noise(drives: Sequence[Array], positions: Sequence[Array]) -> float:
     return MAD * float(np.median(np.abs(left)))
 
 
-def training_samples(n: int) -> NDArray[np.bool_]:
-    """Mask of the samples that are fitted, shape (n,); the others, at the end of each of `PARTS` parts, judge."""
-    period = n / PARTS
-    return np.asarray((np.arange(n) % period) / period < 1.0 - HELD_OUT)
+def training_samples(position: Array) -> NDArray[np.bool_]:
+    """Mask of the samples that are fitted, shape (n,); the others, at the end of each of `PARTS` parts, judge.
+
+    ``position``: (n,), or (n, joints).
+
+    The parts are equally long, unless less than half of the motion that is due would be held out; then they hold
+    equally much of it.  An arm whose joints take steps one after the other moved in the fitted parts only, so that no
+    model came closer to the rest.
+    """
+
+    def fitted(done: Array, whole: float) -> NDArray[np.bool_]:
+        period = whole / PARTS
+        return np.asarray((done % period) / period < 1.0 - HELD_OUT)
+
+    n = len(position)
+    mask = fitted(np.arange(n), n)
+    way = np.abs(np.diff(position, axis=0, prepend=position[:1])).reshape(n, -1)
+    moved = np.mean(way / np.maximum(way.sum(axis=0), 1e-300), axis=1)
+    if moved[~mask].sum() >= 0.5 * HELD_OUT * moved.sum():
+        return mask
+    return fitted(np.minimum(np.cumsum(moved), (1.0 - 1e-12) * moved.sum()), float(moved.sum()))

@@ -56,7 +56,7 @@ def test_scales_are_those_of_the_record(views):
 def test_what_is_fitted_and_what_is_held_out_keep_their_distance(views):
     _, observer, _ = views
     reach = min(observer.filter.half_width, TIME.size // 50) - 1
-    beside = np.convolve(~training_samples(TIME.size), np.ones(2 * reach + 1), mode="same") > 0.5
+    beside = np.convolve(~training_samples(observer.record.position), np.ones(2 * reach + 1), mode="same") > 0.5
     assert reach > 10
     assert not np.any(observer.train & beside[:: observer.filter.every])
     assert np.mean(observer.train) > 0.4

@@ -660,7 +660,7 @@ class ArmPlant(Plant):
         Models are compared at the joints of their effects: the errors of the others, which may be larger, would hide
         them.
         """
-        train = training_samples(len(self.record.time))
+        train = training_samples(self.record.position)
         edge = max(int(self.view.kept[0]), round(max(self.horizons) * self.lags.sample_rate))
         for s, _ in self.record.pieces:
             train[s][:edge] = train[s][-edge:] = True

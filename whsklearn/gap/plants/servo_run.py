@@ -388,7 +388,7 @@ def held_out(view: Any, *, fitted: bool = False) -> NDArray[np.bool_]:
     The state at an edge is poorly known: neither the smoother nor the memory of a drive's lag reaches beyond it.
     """
     n = len(view.record)
-    mask = training_samples(n) == fitted
+    mask = training_samples(view.record.position) == fitted
     edge = int(0.5 / view.scene.dt)
     mask[:edge] = False
     mask[n - view.filter.half_width :] = False

@@ -266,7 +266,7 @@ def observer_view(view: InverseView, scene: Scales, *, tolerance: float = DEFAUL
     dt, n = record.dt, len(record)
     slow = tracking(dt)
     chosen = residual_filter(dt, scene.inertia, view.noise, scene.torque, tracking=slow, goal=tolerance)
-    train = training_samples(n)
+    train = training_samples(record.position)
     guard = chosen.half_width
     edge = np.zeros(n, dtype=bool)
     change = np.flatnonzero(np.diff(train))

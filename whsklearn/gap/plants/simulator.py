@@ -63,7 +63,7 @@ class SimulatorPlant(Plant):
     def __init__(self, model: Any, record: ServoRecord, *, tolerance: float):
         self.given_model, self.record, self.tolerance = model, record, tolerance
         self.units, self.own_units, self.logged = record.units, record.shown, record.logged
-        self.train = training_samples(len(record))
+        self.train = training_samples(record.position)
         seconds = len(record) * record.dt if len(record) > 1 else 0.0
         self.horizons, self.headline = (seconds,), seconds
         self.scale = _scale(record)
