@@ -421,6 +421,22 @@ def test_a_part_of_a_wave_beside_another_force_over_the_position_is_no_name(besi
     assert bool(plant.too_little(grown)) is too_little
 
 
+@pytest.mark.parametrize("share", [0.3, 0.7])
+@pytest.mark.parametrize("order", [("backlash", "stribeck"), ("stribeck", "backlash")])
+def test_a_play_and_what_comes_beside_it_explain_most_of_what_is_left(order, share, monkeypatch):
+    """Beside a motor's cogging a play of 3 % of the drive bent all other numbers, until no name was left."""
+    plant = object.__new__(ServoPlant)
+    left = np.ones(100)
+    monkeypatch.setattr(ServoPlant, "errors", lambda _, m: left * np.sqrt(1.0 - share * (len(m.terms) == 4)))
+    monkeypatch.setattr(ServoPlant, "silent", lambda *_: True)
+    scene = Scales(reach=1.0)
+    model = base_model(("viscous", "coulomb"), scene)
+    for name in order:
+        kind = candidate(name)
+        model = model.with_term(ServoTerm(kind, (*(0.1,) * kind.linear, *kind.starts(scene)[0])))
+    assert ("impacts" in plant.too_little(model)) is (share < 0.5)
+
+
 def test_a_fit_along_the_run_starts_with_the_friction_of_a_load_on_its_motor_too(monkeypatch):
     """Behind a filter that hides the resonance the two are nearly one, and the run has a minimum at either."""
     coupling = ServoTerm(candidate("flexible_coupling"), (8.7e-4, 0.335, 0.022, 0.145))
