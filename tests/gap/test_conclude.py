@@ -232,7 +232,7 @@ class Runs:
     def __init__(self, closes, refitted=lambda m: m, objected=""):
         self.closes, self.to_simulate, self.objected, self.looked = closes, refitted, objected, 0
 
-    def too_little(self, model):
+    def half_shown(self, model):
         return ""
 
     def objection(self, model, grown):
@@ -389,7 +389,7 @@ def test_of_two_unsound_effects_the_one_that_explains_less_goes_first(closing):
 def test_a_name_goes_for_which_the_final_numbers_are_too_little(closing):
     """A wave of one and a half periods had become one of a third beside a spring, for an offset; it was certain."""
     plant = Runs(lambda m: (0.9, 0.9))
-    plant.too_little = lambda m: "less than a period" if m[-1] == "b" else ""
+    plant.half_shown = lambda m: "less than a period" if m[-1] == "b" else ""
     _, found = closing(plant, "abc")
     assert (found.taken, found.refused) == (["a", "c"], {"b": conclude.NOT_SUPPORTED})
 

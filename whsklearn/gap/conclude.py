@@ -271,7 +271,7 @@ def _unsound(plant: Any, found: Found, alpha: float) -> int | None:
     fit, unsound = plant.linearised(model), []
     for i in reversed(range(len(found.taken))):
         last = model.with_terms((*model.terms[: n + i], *model.terms[n + i + 1 :], model.terms[n + i]))
-        if not stands(plant, model, n + i) or plant.too_little(last) or p_of_zero(fit, n + i) > alpha:
+        if not stands(plant, model, n + i) or plant.half_shown(last) or p_of_zero(fit, n + i) > alpha:
             unsound.append(i)
     # An effect too many moves the numbers of the others: a spring's rest position was driven out of its range by
     # presliding friction that was not there.

@@ -391,6 +391,10 @@ class Plant(Protocol):
         """
         return ""
 
+    def half_shown(self, model: Any) -> str:
+        """Why the record shows too little of the last effect of a model to tell it: by default for no reason."""
+        return ""
+
     def p_of_all(self, model: Any, rng: np.random.Generator) -> float:
         """p-value of the hypothesis that a model, settled, is all there is: zero where own records may hide the rest.
 

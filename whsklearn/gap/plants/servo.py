@@ -427,18 +427,25 @@ class ServoPlant(Plant):
         return bool(quiet(self.rms(self.errors(model)), floor, self.tolerance * self.scale))
 
     def too_little(self, model: ServoHypothesis) -> str:
-        """A play explains most of what is left, as does what comes beside it; a part of a wave needs all else complete.
+        """A play explains most of what is left, as does what comes beside it; see `half_shown` for waves.
 
         Impacts correlate a little with everything: beside the cogging of a motor a play of 3 % of the drive bent all
-        other numbers along the run, until no name was left.  True plays explain three quarters and more.  A part of a
-        wave may be any smooth function of the place: it was named for the gravity of three joints of an arm, which
-        other joints pull at.  Beside another force over the position it corrects what that one has wrong: with a third
-        of a wave, a spring about a wrong centre did what it does about its own beside an offset.
+        other numbers along the run, until no name was left.  True plays explain three quarters and more.
         """
-        last, rest = model.terms[-1], model.without(len(model.terms) - 1)
+        rest = model.without(len(model.terms) - 1)
         if model.has_play and not self._is_most(rest, model):
             beside = " beside the play" if rest.has_play else ""
             return f"it explains too little of the residual{beside}, and impacts correlate a little with everything"
+        return self.half_shown(model)
+
+    def half_shown(self, model: ServoHypothesis) -> str:
+        """A part of a wave may be any smooth function of the place, as long as something else is missing.
+
+        It was named for the gravity of three joints of an arm, which other joints pull at.  Beside another force over
+        the position it corrects what that one has wrong: with a third of a wave, a spring about a wrong centre did what
+        it does about its own beside an offset.
+        """
+        last = model.terms[-1]
         if not last.kind.of_part(last.q, model.scene):
             return ""
         if any(t.effect.place == last.effect.place == "position" for t in model.terms[model.n_base : -1]):

@@ -63,7 +63,7 @@ class Scene:
 
     The torque is the model's; if that is not good enough, it is the torque of ``beside``.  With ``whole_waves``, a wave
     over the place has a period in the travel at least: a part of one may be any smooth function of the place, which
-    only `ServoPlant.too_little` refuses.
+    only `ServoPlant.half_shown` refuses.
     """
 
     def __init__(
