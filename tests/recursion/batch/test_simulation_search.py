@@ -23,6 +23,7 @@ from whsklearn.recursion.batch.simulation_search import (
     search,
     simplest,
     square,
+    squared_error,
     with_pole,
 )
 
@@ -242,6 +243,21 @@ def test_a_chain_is_found_from_the_record_alone(shape):
     error = (clean - run(found.chain, data).y)[data.counts]
     assert np.std(error) < 0.015 * np.std(clean)
     assert found.chain.stable
+
+
+def test_a_chain_of_given_orders_leaves_the_wrong_side_of_the_circle():
+    """Three slow lags behind a hold have a zero outside it; the divisions led to 3.5 times the noise."""
+    rng = np.random.default_rng(7)
+    u = np.repeat(rng.normal(size=150), 10)
+    poles = np.poly([np.exp(-1.0 / (12.0 * k)) for k in (0.8, 1.0, 1.3)])
+    x = lfilter([1.0, 2.7, 0.8], poles, u)
+    x /= x.std()
+    y = lfilter([0.2], [1.0, -0.8], x + 0.15 * x**2 + 0.2 * x**3)
+    noise = 0.03 * y.std() * rng.normal(size=y.size)
+    data = record(u[:, None], y + noise, np.arange(y.size) == 0)
+    structure = SearchedOrders(((4, 2), (3, 2)), Orders(2, 3, 0, 1), exact=True)
+    found = search(data, as_law("polynomial"), (structure,))
+    assert squared_error(found.chain, data) < 1.05 * float(noise[data.counts] @ noise[data.counts])
 
 
 def test_every_way_to_divide_the_poles_goes_on_before_a_second_of_any():

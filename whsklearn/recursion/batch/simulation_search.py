@@ -185,17 +185,18 @@ PLACES = 2  # locations at which a pole is tried in each block in a round
 TRIED, REFINED = 14, 40  # iterations of each trial, iterations of the best
 
 
-def improved(fitted: Fitted, data: IOData) -> Fitted:
+def improved(fitted: Fitted, data: IOData, *, grow: bool = True) -> Fitted:
     """Leave a wrong minimum: add poles where the error shows that some are missing, and reflect zeros.
 
-    Zeros are reflected at the unit circle.  One round of moves is always made; there is no further round once the error
-    shows that no pole is missing.  ``fitted`` has one input and is at a minimum for these data.
+    Zeros are reflected at the unit circle.  One round of moves is always made; where blocks may ``grow``, there is no
+    further round once the error shows that no pole is missing.  ``fitted`` has one input and is at a minimum for these
+    data.
     """
     short = data.head(SHORT)
     for i in range(ROUNDS):
         chain = fitted.chain
-        trials = [chain for _, chain in missing_poles(fitted, data, LARGEST, PLACES)]
-        if i and not trials:
+        trials = [chain for _, chain in missing_poles(fitted, data, LARGEST, PLACES)] if grow else []
+        if i and grow and not trials:
             break
         trials += [chain._replace(b1=b[None, :]) for b in reflections(chain.b1[0])]
         trials += [chain._replace(b2=b) for b in reflections(chain.b2)]
@@ -305,7 +306,7 @@ def search(data: IOData, law: FrictionLaw, structures: tuple[SearchedOrders, ...
     may grow beyond them, and a polynomial replaces the law if held-out data cannot distinguish the two.
     """
     if len(structures) == 1:
-        return finish(halving(data, law, structures[0]).chain, data)
+        return finish(improved(halving(data, law, structures[0]), data.head(LONG), grow=False).chain, data)
     early = data.head(int((1 - HOLDOUT) * data.y.size))
     later = data._replace(counts=data.counts & (np.arange(data.y.size) >= early.y.size))
     found = [halving(early, law, s) for s in structures]
