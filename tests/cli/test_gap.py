@@ -133,7 +133,7 @@ def test_an_effective_current_is_asked_about_and_a_unit_that_no_axis_has_is_a_wr
     assert "'IL.FB (Arms)' is a current, not a torque. For results in Nm add --torque-constant" in asked.output
     wrong = run(log, "--unit", "position=banana", "--no-track", "--report", tmp_path / "r")
     assert wrong.exit_code == 2
-    assert "The unit of position is 'banana'; expected one of rad, mrad, urad, deg" in wrong.output
+    assert "The unit of position is 'banana'; expected one of rad, deg" in wrong.output
 
 
 def test_a_drive_that_was_inverted_wrongly_is_told_to_be_left(log, tmp_path):

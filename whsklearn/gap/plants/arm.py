@@ -131,7 +131,9 @@ class ArmPlant(Plant):
             return [DataProblem("data-units", "The positions are in degrees", turned[0])]
         if wrong := in_another_order(v):
             return [DataProblem("data-order", "The joints are in another order", wrong[0])]
-        scales = in_another_scale(v, known=None if self.known is None else self.known.values)
+        judged = copy(v)  # without what the given model has beside its numbers, such as a dead zone
+        judged.target = v.target - sum(v.contribution(t) for t in self.given)
+        scales = in_another_scale(judged, known=None if self.known is None else self.known.values)
         self.repair = " ".join(scales)
         texts = [*(str(w.message) for w in said if w.category is UserWarning), *suspicions(v), *scales]
         return [DataProblem("data-arm", "Check the log", text, fatal=False) for text in texts]
