@@ -7,9 +7,9 @@ shipped) and reads its ``gap.json``. ``known`` is what is physically known to be
 name that is one of it, or lists one of it as its alias, is right. Where nothing is known the row counts in no rate.
 ``never`` is what physics forbids, such as gravity about a vertical axis. A run is sure and wrong if its verdict is
 ``named`` and its first name is not a known one, or any name of it is forbidden. ``--part`` takes a part of every log,
-which shows what a verdict owes to the log at hand; a part that is refused as data (shorter than 3 s, or at rest) is
-counted apart. Seconds are of CPU, one run each; a
-first run on a machine compiles, which is counted.
+which shows what a verdict owes to the log at hand; a part that is refused as data (shorter than 3 s, or at rest) counts
+in no rate, a whole log that is refused is a miss. Seconds are of CPU, one run each; a first run on a machine compiles,
+which is counted.
 """
 
 from __future__ import annotations
@@ -168,10 +168,10 @@ def shown(row: dict[str, Any]) -> str:
     )
 
 
-def summary(rows: list[dict[str, Any]]) -> str:
+def summary(rows: list[dict[str, Any]], part: str) -> str:
     """Rates over the records whose physics is known, and what a run costs."""
     refused = [r["record"] for r in rows if r["verdict"] == "data_problem"]
-    known = [r for r in rows if r["known"] and r["record"] not in refused]
+    known = [r for r in rows if r["known"] and (part == "whole" or r["record"] not in refused)]
     right = sum(bool(r["right"]) for r in known)
     wrong = [r["record"] for r in rows if r["wrong"]]
     crashed = [r["record"] for r in rows if r["verdict"] == "error"]
@@ -205,7 +205,7 @@ def main(out: str, only: str, part: str, jobs: int) -> None:
             writer.writerow(row)
             file.flush()
             tqdm.write(shown(row))
-    click.echo(summary(rows))
+    click.echo(summary(rows, part))
 
 
 if __name__ == "__main__":

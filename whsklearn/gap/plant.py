@@ -98,7 +98,16 @@ class FittedTerm:
 
 
 class WithTerms:
-    """A model whose effects are its ``terms``; the first ``n_base`` are the base model's."""
+    """A model whose effects are its ``terms``; the first ``n_base`` are the base model's.
+
+    >>> @dataclass(frozen=True)
+    ... class Names(WithTerms):
+    ...     terms: tuple[str, ...] = ("coulomb",)
+    ...     n_base: int = 1
+    >>> model = Names().with_term("cogging")
+    >>> model.added, model.without(0).terms
+    (('cogging',), ('cogging',))
+    """
 
     terms: tuple[Any, ...]
     n_base: int

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from whsklearn.gap.calibration import gain, least_lead, n_effective, p_value, separable, vuong
+from whsklearn.gap.diagnosis import spoken
 from whsklearn.gap.record import Array
 from whsklearn.gap.tangent import Look
 
@@ -238,7 +239,7 @@ class Search:
         rest = self.plant.settled(model.with_terms(t for i, t in enumerate(model.terms) if i not in fallen))
         worse = self.plant.rms(self.plant.errors(rest)) >= left
         self.plant.restore(state)
-        names = dict.fromkeys(model.terms[i].name.replace("_", " ") for i in fallen)
+        names = dict.fromkeys(spoken(model.terms[i].name) for i in fallen)
         return f"beside it {' and '.join(names)} would be unphysical, and without that it leaves more" if worse else ""
 
     def _better_minimum(self, model: Any, fitted: list[Named]) -> Any | None:
