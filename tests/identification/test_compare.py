@@ -232,6 +232,18 @@ def test_a_free_run_that_is_lost_is_recommended_only_where_all_are():
     assert "free run" not in reason
 
 
+def test_a_free_run_that_owes_nothing_to_its_drive_is_no_merit():
+    """The line through a pendulum's swings is closer to them than their mean, whatever the drive does."""
+    trivial = Compared("constant velocity", "trivial", {}, "-", score=1.0)
+    runs = (("integrator", 3.0, {"nmse": 0.3}), ("axis", 1.2, {"nmse": 40.0}))
+    tried = [Compared(name, "arx", {}, "-", score=score, test=run) for name, score, run in runs]
+    assert "for long runs" in recommend(tried, trivial)[1]
+    tried[0].run_by_drive = 1.3
+    chosen, reason = recommend(tried, trivial)
+    assert chosen.name == "axis"
+    assert "does not follow this input" in reason
+
+
 def test_what_travel_is_too_short_to_tell_apart_is_said():
     trivial = Compared("constant velocity", "trivial", {}, "-", score=10.0)
     both = [

@@ -108,8 +108,9 @@ class Compared:
         Indices of the free run; without another record, ``test`` is of the model that was fitted to what is before it.
     failure : str
         Why it could not be fitted; empty if it was.
-    by_drive : float
-        ``score`` as a share of that of the same model with its drive held at the mean.
+    by_drive, run_by_drive : float
+        ``score``, and the error of the ``test`` run, as shares of those of the same model with its drive held at the
+        mean.
     squares : dict of int to ndarray
         Mean squared error of each window by its length in samples.
     untold : bool
@@ -141,6 +142,7 @@ class Compared:
     test: dict[str, float] = field(default_factory=dict)
     failure: str = ""
     by_drive: float = 0.0
+    run_by_drive: float = 0.0
     squares: dict[int, Array] = field(default_factory=dict, repr=False, compare=False)
     untold: bool = False
 
@@ -370,7 +372,10 @@ def _each_tried(
             if progress:
                 progress(compared.name)
             _score(_fitted(compared, fit, fitting, units), held_out)
-            compared.test = _indices(compared.model, held_out, lead(held_out.longest.u.size, held_out.dt), past)
+            skip = lead(held_out.longest.u.size, held_out.dt)
+            compared.test = _indices(compared.model, held_out, skip, past)
+            without = _indices(compared.model, _undriven(held_out), skip, past)
+            compared.run_by_drive = compared.test.get("rmse", np.inf) / max(without.get("rmse", np.inf), 1e-300)
         tried.append(compared)
     # noise of the output biases the poles of an ARX model: of two that are as large and as good it comes second
     return sorted(tried, key=lambda c: (c.size, c.criterion == "prediction", c.score))
@@ -520,7 +525,8 @@ def recommend(tried: list[Compared], trivial: Compared, *, steady: bool = False)
         told = "; ".join(f"{c.name}: {c.failure or 'its free run does not stay finite'}" for c in tried)
         raise ValueError(f"No structure could be fitted to this record ({told}).")
     driven = [c for c in good if c.by_drive < EXPLAINS]
-    holding = [c for c in driven if not _lost(c.test)]
+    # an integrator whose drive does nothing was nearer to a pendulum's swings than their mean, and so was a line
+    holding = [c for c in driven if not _lost(c.test) and c.run_by_drive < EXPLAINS]
     better = [c for c in driven if c.score < EXPLAINS * trivial.score]
     # that the mean is further off is a merit mostly of what also predicts the windows
     axes = [c for c in good if steady and not driven and c.kind == "axis"]  # of an even motion they know the friction
@@ -706,9 +712,14 @@ def _score(compared: Compared, log: View) -> None:
 
     compared.score = score(log, list(compared.windows.values()))
     if compared.model is not None and np.isfinite(compared.score):
-        held = replace(log, u=np.full_like(log.u, log.u.mean()))
-        without = [rms_of(window_errors(compared.model, held, h, before)) for h in lengths]
-        compared.by_drive = compared.score / score(held, without)
+        undriven = _undriven(log)
+        without = [rms_of(window_errors(compared.model, undriven, h, before)) for h in lengths]
+        compared.by_drive = compared.score / score(undriven, without)
+
+
+def _undriven(log: View) -> View:
+    """The record with its drive held at the mean."""
+    return replace(log, u=np.full_like(log.u, log.u.mean()))
 
 
 def _whole_run(model: Any, log: View, before: int) -> Array:
