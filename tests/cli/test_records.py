@@ -8,6 +8,7 @@ import pytest
 from sklearn.utils import Bunch
 
 from whsklearn.cli import records
+from whsklearn.logs import load_log
 from whsklearn.logs.errors import LogError
 
 
@@ -106,3 +107,16 @@ def test_where_a_limit_is_named_a_clipped_position_is_still_told(limited, told, 
     ]
     records.say_clipped(Bunch(name="a.csv", report=Bunch(findings=there)), limited=limited)
     assert [line.split()[1] for line in capsys.readouterr().out.splitlines()] == told
+
+
+def test_the_origin_says_which_units_are_assumed(tmp_path):
+    """A log of PWM had its friction in newtonmetres at the head of the page, and the assumption at its foot."""
+    t = np.arange(400) / 100.0
+    frame = pd.DataFrame({"time_s": t, "load": np.sin(t), "position_deg": np.cos(t)})
+    frame.to_csv(tmp_path / "a.csv", index=False)
+    log = load_log(tmp_path / "a.csv", time="time_s", drive="load", position="position_deg")
+    assert "drive from 'load', position" in records.origin(log)  # of a chain, nothing is assumed
+    records.note_assumed(log)
+    told = records.origin(log)
+    assert "drive from 'load' (unit not stated, taken as Nm)" in told
+    assert "position from 'position_deg' in deg;" in told

@@ -177,11 +177,14 @@ def refuse_shared(train: Bunch, test: Bunch, why: str = TESTED) -> None:
 
 
 def note_assumed(log: Bunch) -> None:
-    """Print a note on every unit that the log does not state and that is assumed."""
-    from whsklearn.logs.units import UNKNOWN
+    """Print a note on every unit that the log does not state and that is assumed, and keep it for the `origin`."""
+    from whsklearn.logs.units import UNKNOWN, assumed
 
+    stated = {role: log.units.get(role, "") for role in ("drive", "position")}
+    units = dict(zip(stated, assumed(*stated.values()), strict=True))
+    log.assumed = {role: unit for role, unit in units.items() if stated[role] == UNKNOWN}
     for role, si in (("drive", "Nm or N"), ("position", "rad or m")):
-        if log.units.get(role) == UNKNOWN:
+        if role in log.assumed:
             note(f"The unit of the {role} is not stated and is taken to be SI ({si}); --unit {role}=UNIT sets another.")
 
 
@@ -310,7 +313,8 @@ def origin(log: Bunch) -> str:
     from whsklearn import __version__
     from whsklearn.logs.units import UNSTATED
 
-    units = {role: f" in {unit}" for role, unit in log.get("units", {}).items() if unit not in UNSTATED}
+    units = {role: f" (unit not stated, taken as {unit})" for role, unit in log.get("assumed", {}).items()}
+    units |= {role: f" in {unit}" for role, unit in log.get("units", {}).items() if unit not in UNSTATED}
     columns = ", ".join(
         f"{r} from {c[0]!r} and {c[1]!r}" if isinstance(c, tuple) else f"{r} from {c!r}{units.get(r, '')}"
         for r, c in log.columns.items()  # by role, or position and drive by joint
