@@ -205,7 +205,7 @@ def test_a_drive_and_a_position_are_an_axis_whose_change_is_found_and_named(tmp_
     done = stream(log, *args)
     assert done.exit_code == 0, done.output
     assert "an axis, whose inertia and friction are estimated at 250 Hz; --orders takes them for a chain" in done.stderr
-    assert "A change is told from 44 s of motion on" in done.stderr
+    assert "A change is told from 24 s of motion on" in done.stderr
     told = [r for r in records(tmp_path / "out.jsonl") if r["kind"] in ("alarm", "change")]
     alarms = [r["row"] for r in told if r.get("cause") == "change"]
     assert len(alarms) == 1, told

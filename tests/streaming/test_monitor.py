@@ -85,7 +85,7 @@ def test_a_refused_row_ends_the_stream_before_it_and_corrected_it_goes_on(tmp_pa
     assert (tmp_path / "out.jsonl").read_bytes() == (undisturbed / "out.jsonl").read_bytes()
 
 
-@pytest.mark.parametrize(("every", "row"), [(500, 1000), (1000, 1000), (10_000, None)])
+@pytest.mark.parametrize(("every", "row"), [(500, 1500), (1000, 2000), (10_000, None)])
 def test_predictions_worse_than_the_mean_of_the_output_are_told_once(tmp_path, every, row):
     """An even characteristic, of which an odd law makes nothing: an NMSE of 1.5, at every estimate.
 

@@ -107,6 +107,15 @@ def test_a_drive_that_moves_the_axis_is_learnt_however_large_it_is():
     assert "drive" not in "".join(r["reason"] for r in told if r["kind"] == "alarm")
 
 
+def test_a_drive_that_rises_from_nothing_is_no_wrong_reading():
+    """Before the first motion the drive is noise around zero, of which the next value may be any multiple."""
+    t, q, u, _ = axis(6000)
+    q[:200], u[:200] = q[200], 1e-6
+    u[100:200:7] = 1e-3
+    _, told = streamed(np.column_stack([t, q, u]))
+    assert not [r for r in told if r["kind"] == "alarm"]
+
+
 def test_an_encoder_that_is_reset_begins_a_new_experiment():
     t, q, u, _ = axis(6000)
     q[4000:] -= 0.7
@@ -193,6 +202,20 @@ def test_a_frozen_encoder_is_told_and_changes_no_estimate(speed):
     assert alarm["cause"] == "held_rows"
     assert f"repeats for {last - first} rows" in alarm["reason"]
     assert list(monitor.model.theta_[:3]) == pytest.approx([0.02, 0.05, 0.3], rel=0.02)
+
+
+def test_a_frozen_encoder_of_a_slow_axis_is_told_once_it_leaps_on():
+    """Some rows of a slow motion show the same count, and between two of them nothing shows that it is frozen."""
+    t, q, u, v = axis(20000)
+    count = 1e-2
+    q = np.round(q / count) * count
+    sound, none = streamed(np.column_stack([t, q, u]))
+    assert max(np.abs(v[[15137, 15537]])) < count * RATE
+    q[15137:15537] = q[15136]
+    monitor, told = streamed(np.column_stack([t, q, u]))
+    assert not [r for r in none if r["kind"] == "alarm"]
+    assert [r["cause"] for r in told if r["kind"] == "alarm"] == ["held_rows"]
+    np.testing.assert_allclose(monitor.model.theta_[:3], sound.model.theta_[:3], rtol=0.02)
 
 
 def test_no_cutting_changes_what_is_told_of_repeated_readings():

@@ -29,12 +29,20 @@ def test_numbers_that_no_axis_has_are_told_once(sign, moves, cause, said):
     assert not [r for r in none if r["kind"] == "alarm"]
 
 
+def test_noise_for_a_position_is_no_axis_that_has_not_moved():
+    """As where drive and position are exchanged: it moves in every row."""
+    t, q, _, _ = axis(3000)
+    monitor, _ = streamed(np.column_stack([t, np.random.default_rng(1).normal(size=3000), q]))
+    [said] = monitor.at_the_end()
+    assert "the position stops or turns in every average, as noise does" in said
+
+
 def test_until_the_alarm_watches_it_is_said_how_much_is_lacking():
-    t, q, u, _ = axis(3000)
+    t, q, u, _ = axis(2000)
     monitor, _ = streamed(np.column_stack([t, q, u]))
     [alarm] = monitor.alarms
     assert not alarm.watching_
-    assert alarm.lacking_ < alarm.n_settle + alarm.n_reference
+    assert alarm.lacking_ < alarm.n_settle + alarm.n_reference // 2
     assert monitor.lacking() == f"no change can be told before {alarm.lacking_} more averages over motion"
     alarm.update(np.random.default_rng(0).normal(size=alarm.lacking_))
     assert alarm.watching_

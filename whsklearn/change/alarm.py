@@ -43,7 +43,7 @@ class ChangeAlarm(BaseEstimator):
         Lower bound on the mean number of samples between false alarms.  At 1 kHz, 1e6 means one false alarm in
         17 minutes and 6e8 one per week.
     n_reference : int, default=2000
-        Samples from which the innovations' normal behaviour is learnt before watching begins.
+        Samples from which the innovations' normal behaviour is learnt; watching begins with the first half of them.
     order : int, default=4
         Order of the autoregression that whitens; 0 if the innovations are white.
     n_settle : int, default=1000
@@ -121,17 +121,26 @@ class ChangeAlarm(BaseEstimator):
         active = np.flatnonzero(e)  # exact zeros come from an idle axis and hold no information
         e, alarms, start = e[active], [], 0
         while start < e.size:
-            if self._buffer is not None:
-                start = self._learn(e, start, self._buffer)
+            skipped = min(self._left_to_settle, e.size - start)
+            self._settled += skipped
+            start += skipped
+            left = e.size if self._buffer is None else self._left_of(self._buffer)
+            stop, at = min(e.size, start + left), -1
+            if self.watching_:
+                learnt = (self._past, self._ar, self._edges, tilts(), self._counts, self._evidence, self._rest)
+                at = int(watch(e[:stop], start, *learnt, self._power, float(self.interval), _MOST))
+            if at >= 0:
+                alarms.append(at)
+                start = at + 1
+                self.n_alarms_ += 1
+                self._begin()
                 continue
-            learnt = (self._past, self._ar, self._edges, tilts(), self._counts, self._evidence, self._rest)
-            at = int(watch(e, start, *learnt, self._power, float(self.interval), _MOST))
-            if at < 0:
-                break
-            alarms.append(at)
-            start = at + 1
-            self.n_alarms_ += 1
-            self._begin()
+            if self._buffer is not None:
+                self._buffer[self._filled : self._filled + stop - start] = e[start:stop]
+                self._filled += stop - start
+                if stop - start == left:
+                    self._end_learning(self._buffer)
+            start = stop
         self.n_samples_ += np.size(innovations)
         return active[alarms]
 
@@ -147,20 +156,30 @@ class ChangeAlarm(BaseEstimator):
 
     @property
     def evidence_(self) -> float:
-        """Current value of R; 0 while the reference is being learnt."""
-        return float(np.mean(self._evidence)) if self.watching_ else 0.0
+        """Current value of R; 0 until it watches."""
+        return float(np.mean(self._evidence)) if self.started else 0.0
 
     @property
     def watching_(self) -> bool:
-        """Whether the reference has been learnt."""
+        """Whether a change can raise the alarm: half of the reference has been learnt."""
+        return self.started and self._edges.size > 0
+
+    @property
+    def learnt_(self) -> bool:
+        """Whether the whole reference has been learnt."""
         return self.started and self._buffer is None
+
+    @property
+    def settled_(self) -> bool:
+        """Whether the samples that settle the estimator are over."""
+        return self.started and not self._left_to_settle
 
     @property
     def lacking_(self) -> int:
         """Innovations that are still to come before it watches."""
         if not self.started:
-            return self.n_settle + self.n_reference
-        return 0 if self._buffer is None else self._left_to_settle + self._buffer.size - self._filled
+            return self.n_settle + self.n_reference // 2
+        return 0 if self._buffer is None or self.watching_ else self._left_to_settle + self._left_of(self._buffer)
 
     def get_state(self) -> dict[str, Any]:
         """Everything that `set_state` needs to continue identically."""
@@ -186,43 +205,36 @@ class ChangeAlarm(BaseEstimator):
     def _begin(self) -> None:
         """Settle, then learn a new reference."""
         self._settled = self._filled = 0
-        self._rest, self._power = np.zeros(1, dtype=np.int64), 1.0
-        self._buffer = np.zeros(self.n_reference)
+        self._rest, self._power, self._evidence = np.zeros(1, dtype=np.int64), 1.0, np.zeros(N_BETS)
+        self._buffer, self._edges = np.zeros(self.n_reference), np.empty(0)
+
+    def _left_of(self, reference: NDArray[np.float64]) -> int:
+        """Samples up to the half of a reference, from which on it is watched, or up to its end.
+
+        A change before it is full would else be a part of what is normal, and never be told.
+        """
+        half = reference.size // 2
+        return (half if self._filled < half else reference.size) - self._filled
 
     @property
     def _left_to_settle(self) -> int:
         """Samples to skip; none once the reference has begun."""
         return 0 if self._filled else max(self.n_settle - self._settled, 0)
 
-    def _learn(self, e: NDArray[np.float64], start: int, reference: NDArray[np.float64]) -> int:
-        """Skip samples while settling, then fill the reference; return the index at which it stopped.
-
-        The reference keeps the length with which it was begun, even if ``n_reference`` has changed since.
-        """
-        skipped = min(self._left_to_settle, e.size - start)
-        self._settled += skipped
-        start += skipped
-        taken = min(reference.size - self._filled, e.size - start)
-        reference[self._filled : self._filled + taken] = e[start : start + taken]
-        self._filled += taken
-        if self._filled == reference.size:
-            self._end_learning(reference)
-        return start + taken
-
-    def _end_learning(self, reference: NDArray[np.float64]) -> None:
-        """Compute the whitening filter, the cells and their frequencies from the full reference."""
-        m = self.order
+    def _end_learning(self, buffer: NDArray[np.float64]) -> None:
+        """Compute the whitening filter, the cells and their frequencies from the reference so far."""
+        m, reference = self.order, buffer[: self._filled]
         self._ar = _autoregression(reference, m)
         white = reference[m:] - sum((self._ar[i] * reference[m - 1 - i : -1 - i] for i in range(m)), np.zeros(1))
-        self._edges = np.quantile(white, LEVELS)
+        self._edges = np.quantile(white, LEVELS, method="inverted_cdf")
         cells = np.searchsorted(self._edges, white)
         self._counts = np.bincount(cells, minlength=LEVELS.size + 1).astype(np.float64)
+        self._counts[-1] += 1.0  # the next of n + 1 samples is as likely above all others as between two neighbours
         self._past = reference[::-1][:m].copy()
-        self._evidence = np.zeros(N_BETS)
         odds = tilts()
         paid = np.log(odds[:, cells] * cells.size / (odds @ self._counts)[:, None])
         self._power = 1.0 / max(map(dependence, paid))
-        self._buffer = None
+        self._buffer = None if self._filled == buffer.size else buffer
 
 
 def _autoregression(e: NDArray[np.float64], order: int) -> NDArray[np.float64]:

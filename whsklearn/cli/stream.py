@@ -221,10 +221,9 @@ def axis_stream(options: Mapping[str, Any], chosen: set[str], say: Any) -> Learn
     model = axis_model(options, chosen, float(f"{1.0 / dt:.6g}"))
     spacing = model.lags.spacing * dt
     alarm = alarm_of_averages(options["alarm_interval"])
-    first = (alarm.n_settle + alarm.n_reference) * spacing
     say(
         f"{what}, whose inertia and friction are estimated at {1.0 / dt:.6g} Hz; --orders takes them for a chain. "
-        f"A change is told from {first:.3g} s of motion on; where the axis stops or turns within "
+        f"A change is told from {alarm.lacking_ * spacing:.3g} s of motion on; where the axis stops or turns within "
         f"{2e3 * spacing:.3g} ms, none counts."
     )
     compare = at_an_alarm(columns, None if time else dt)

@@ -99,7 +99,6 @@ class Innovations:
 Record = dict[str, Any]
 PAST = 50.0  # weight, in samples, that all rows before an alarm keep
 ADAPTING_ROWS = 200 * BLOCK  # after an alarm; by then the forgetting factor has settled to within 5e-5
-TAKEN_OVER = 480  # rows after which the first models of a memory take over
 BRAKES = "viscous", "coulomb"  # effects that are negative together in no joint; beside Stribeck's one may be
 SURE = 5.0  # standard deviations of a ratio of two variances by which an NMSE must exceed one
 DRIFT_LEVEL = 0.01  # probability that a drift is ever reported although there is none
@@ -587,11 +586,10 @@ class StreamMonitor:
         asked = np.isfinite(e).all(axis=1) & ((first + np.arange(len(e))) % every == 0)  # the first block has none
         e, y = e[asked], y[asked]
         c = self.carried
-        if 0 <= first - 1 - TAKEN_OVER < BLOCK:  # the errors of a model that was still settling do not count
-            self._count_anew()
-        for name, now in (("squares", e * e), ("output_sum", y), ("output_squares", y * y)):
-            setattr(c, name, [a + b for a, b in zip(getattr(c, name), now.sum(axis=0).tolist(), strict=True)])
-        c.counted += len(e)
+        if all(alarm.settled_ for alarm in self.alarms):  # the errors of a model that settles do not count
+            for name, now in (("squares", e * e), ("output_sum", y), ("output_squares", y * y)):
+                setattr(c, name, [a + b for a, b in zip(getattr(c, name), now.sum(axis=0).tolist(), strict=True)])
+            c.counted += len(e)
         rows = (first + np.flatnonzero(asked)).tolist()
         raised = [(rows[i], k) for k, alarm in enumerate(self.alarms) for i in alarm.update(e[:, k]).tolist()]
         for row, k in sorted(raised)[:1]:
@@ -715,12 +713,14 @@ class StreamMonitor:
                 "the drive is zero in all rows in which the axis moved, so the zeros are no estimate; check its column "
                 "and the enable"
             )
-        return AT_REST, "the axis has not moved yet, so nothing was learnt and the zeros are no estimate"
+        moves = self.jumps[0].high > self.jumps[0].low
+        moved = "position stops or turns in every average, as noise does," if moves else "axis has not moved yet,"
+        return AT_REST, f"the {moved} so nothing was learnt and the zeros are no estimate"
 
     def _judged(self) -> tuple[list[bool], list[str]]:
         """Whether each output is predicted worse than by its mean, and the message for it."""
         c, poor, said = self.carried, list(self.carried.poor), [""] * len(self.options.outputs)
-        if c.counted < 2 or c.adapting or c.rows - c.counted < TAKEN_OVER:  # settling after the start or an alarm
+        if c.counted < 2 or c.adapting:  # settling after the start or an alarm
             return poor, said
         for k, name in enumerate(self.options.outputs):
             spread = c.output_squares[k] - c.output_sum[k] ** 2 / c.counted
@@ -754,8 +754,8 @@ class StreamMonitor:
     def _estimate(self) -> None:
         """Emit the current estimate, and what changed since the reference."""
         c = self.carried
-        watching = all(a.watching_ for a in self.alarms)
-        if c.alarm_row >= 0 and watching:  # time to report what changed, from all samples since the alarm
+        learnt = all(a.learnt_ for a in self.alarms)
+        if c.alarm_row >= 0 and learnt:  # time to report what changed, from all samples since the alarm
             self.model.consolidate()
         values, errors = estimates(self.model)
         names = list(values)
@@ -767,8 +767,8 @@ class StreamMonitor:
             | ({"units": dict(self.options.units)} if self.options.units else {})
         )
         self._count_anew()
-        if not watching:
-            return  # settling after the start or an alarm
+        if not (learnt if c.alarm_row >= 0 else all(a.settled_ for a in self.alarms)):
+            return
         after, variances = list(values.values()), [errors[n] ** 2 for n in names]
         if not np.all(np.isfinite(variances)):
             return
@@ -782,13 +782,13 @@ class StreamMonitor:
             if said or c.alarm_row >= 0:
                 since = {"since_row": before["row"], "alarm_row": c.alarm_row if c.alarm_row >= 0 else None}
                 self.emit(self._record("change", c.rows) | since | {"changes": said})
-            if not said and c.alarm_row < 0:
+            if not said and c.alarm_row < 0 and c.reference.get("learnt", True) == learnt:
                 return  # keep the reference
-        c.reference = {"values": after, "variances": variances, "row": c.rows}
+        c.reference = {"values": after, "variances": variances, "row": c.rows, "learnt": learnt}
         c.alarm_row, c.looks = -1, 0
 
 
-# Of averages (`InverseDynamicsLags.spacing`), 100 settle the numbers of an axis, and 1,000 show what is normal: 12 s at
+# Of averages (`InverseDynamicsLags.spacing`), 100 settle the numbers of an axis, and 1,000 show what is normal: 11 s at
 # 1 kHz. They are not whitened: the noise of an acceleration is all above the motion, and what is left
 # below it once it is taken out follows the motion. Either matters in benchmarks/axis_alarm.py.
 OF_AVERAGES: dict[str, int] = {"n_settle": 100, "n_reference": 1000, "order": 0}

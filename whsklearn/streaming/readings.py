@@ -146,8 +146,8 @@ class Jumps:
         return len(self.path) == 2 and abs(position - 2.0 * self.path[1] + self.path[0]) > self._far
 
     def _kicks(self, drive: float) -> bool:
-        """Whether a drive is far beyond all before it."""
-        return abs(drive) > OUTSIDE * self.largest > 0.0
+        """Whether a drive is far beyond all before it, which those before a motion do not show."""
+        return abs(drive) > OUTSIDE * self.largest > 0.0 and self._far < inf
 
     def _go_on(self, at: int, by: int) -> Passed:
         """The first row that waits, as a part of the motion."""
@@ -286,7 +286,7 @@ class Freeze:
         path = np.array([*self.path, *self.path[-1:] * min(self.repeats, PAST), *self.after])
         steps = np.diff(self.after)
         most = max(self.fastest, float(np.abs(steps).max()))
-        leapt = self.fastest > 0 and evenly_moving(steps) and abs(self.after[0] - self.path[-1]) > OUTSIDE * most
+        leapt = self.fastest > 0 and abs(self.after[0] - self.path[-1]) > OUTSIDE * most
         still = leapt or frozen(path, np.zeros(path.size, dtype=np.int64))[0].any()
         told = f"the position repeats for {self.repeats} rows and then leaps on, as no axis moves"
         after, rows = self.after, self.end()
