@@ -12,6 +12,7 @@ from whsklearn.effects import (
     Backlash,
     Coulomb,
     FrictionLaw,
+    Hinge,
     NaturalSpline,
     Viscous,
     as_law,
@@ -71,6 +72,14 @@ def test_knots_are_placed_for_the_data_and_other_terms_kept():
     assert len(law) == 13
     assert "viscous" in law.labels
     assert 6.5 < min(knots) < max(knots) < 7.5
+
+
+@pytest.mark.parametrize("count", [1, 2, 8])
+def test_every_kink_has_samples_on_both_sides(count):
+    x = np.random.default_rng(0).standard_normal(1000)
+    kinks = [t.knot for t in placed(as_law(f"piecewise_linear:{count}").terms, x) if isinstance(t, Hinge)]
+    assert len(kinks) == count
+    assert all(min(np.sum(x < k), np.sum(x > k)) > 2 for k in kinks)  # two tell a slope
 
 
 def test_knots_that_do_not_increase_are_refused():

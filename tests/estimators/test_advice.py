@@ -259,12 +259,24 @@ def test_a_batch_fit_too_says_that_its_law_is_not_that_of_the_record():
 @pytest.mark.parametrize(("scale", "named"), [(1e-9, "viscous and stribeck"), (1e9, "coulomb and stribeck")])
 def test_a_law_whose_velocity_is_of_another_scale_than_the_record_is_told_as_such(scale, named):
     X, y = make_wiener_hammerstein(n_samples=1500, snr_db=20, random_state=9000)
-    with pytest.warns(UserWarning, match=rf"terms {named} .* same at the speeds .*ReducedStribeck\(velocity"):
+    with pytest.warns(UserWarning, match=rf"terms {named} .* same over this record .*ReducedStribeck\(velocity"):
         fitted(scale * X, scale * y)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         told = fitted(scale * X, scale * y, [Viscous(), Coulomb(), ReducedStribeck(velocity=scale)])
     assert nmse(y, told.predict(scale * X) / scale) < 1.1 * nmse(y, fitted(X, y).predict(X))
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1e6])
+def test_knots_that_are_not_where_x_is_are_told_with_the_fit_that_places_them(scale):
+    u = scale * np.random.default_rng(0).standard_normal((1500, 1))
+    y = lfilter([0.0, 1.0], [1.0, -0.5], np.tanh(lfilter([0.0, 1.0 / scale], [1.0, -0.8], u[:, 0])))
+    y += lfilter([1.0], [1.0, -0.5], 0.01 * np.std(y) * np.random.default_rng(1).standard_normal(1500))
+    lags = WienerHammersteinLags(1, 1, 1, 1, law="cubic_spline:6")
+    with pytest.warns(UserWarning, match=r"same over this record .* PEMRegressor\(lags\)"):
+        left = nmse(y, RMILSRegressor(lags, random_state=0).fit(u, y).predict(u))
+    lags = PEMRegressor(lags, n_starts=4, random_state=0).fit(u, y).structure_
+    assert nmse(y, RMILSRegressor(lags, random_state=0).fit(u, y).predict(u)) < min(0.1 * left, 1e-3)
 
 
 @pytest.mark.parametrize("seed", [0, 1])

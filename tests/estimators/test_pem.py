@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from whsklearn import PEMRegressor, WienerHammersteinLags, WienerHammersteinSystem
 from whsklearn.datasets import make_wiener_hammerstein
-from whsklearn.effects import Coulomb
+from whsklearn.effects import Coulomb, Viscous
 from whsklearn.effects.law import piecewise_linear_law, polynomial_law, smooth_law
 from whsklearn.estimators._model import Structure
 from whsklearn.estimators.pem import PredictionError
@@ -150,3 +151,32 @@ def test_a_fit_that_is_interrupted_leaves_the_estimator_as_it_was(monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         model.fit(X[:80], y[:80])
     np.testing.assert_array_equal(model.theta_, before)
+
+
+@pytest.mark.parametrize("law", ["cubic_spline:8", "piecewise_linear:16"])
+def test_the_knots_of_a_named_law_follow_the_unit_of_the_input(law):
+    rng = np.random.default_rng(0)
+    u, new = rng.normal(size=(2, 1200))
+    x = lfilter([0.0, 1.0, 0.4], [1.0, -0.9], [u, new])
+    y, y_new = lfilter([0.0, 1.0], [1.0, -0.5], np.arctan(x))
+    y += lfilter([1.0], [1.0, -0.5], 0.05 * np.std(y) * rng.normal(size=1200))
+    lags, left = WienerHammersteinLags(2, 1, 1, 1, law=law), []
+    for unit in (1e-8, 1.0, 1e6):
+        model = PEMRegressor(lags, n_starts=4, random_state=0).fit(unit * u[:, None], y)
+        left.append(nmse(y_new, model.predict(unit * new[:, None])))
+    assert max(left) < 0.05**2, left
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_least_free_run_of_a_friction_is_found_from_any_of_the_one_step_minima(seed):
+    rng = np.random.default_rng(seed)
+    law = [Viscous(1.0), Coulomb(0.3)]
+    blocks = [1.0, 2.9, 0.54], [-1.95, 1.25, -0.293], [1.0, -0.52], [-1.37, 0.63]
+    u = lfilter([1.0], [1.0, -0.6], rng.normal(size=2500))
+    dx = np.diff(lfilter(blocks[0], [1.0, *blocks[1]], u))
+    system = WienerHammersteinSystem(*blocks, [Viscous(1.0 / np.std(dx)), Coulomb(0.33)])
+    clean = system.simulate(u)
+    y = clean + 0.05 * np.std(clean) * rng.normal(size=u.size)
+    lags = WienerHammersteinLags(3, 3, 2, 2, law=law)
+    model = PEMRegressor(lags, criterion="simulation", n_starts=8, random_state=seed).fit(u[:, None], y)
+    assert nmse(clean, model.predict(u[:, None])) < 0.05**2

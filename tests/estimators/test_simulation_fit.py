@@ -6,17 +6,7 @@ import numpy as np
 import pytest
 
 from whsklearn.effects import FrictionLaw, Hinge, NaturalSpline, Power, as_law
-from whsklearn.estimators._simulation_fit import (
-    LARGEST_LINEAR,
-    law_of,
-    monic,
-    natural_of,
-    rescaled,
-    scale_free,
-    structures_for,
-    to_chain,
-)
-from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
+from whsklearn.estimators._simulation_fit import law_of, monic, natural_of, rescaled, scale_free, to_chain
 from whsklearn.recursion.batch.simulation_error import FittedChain, run
 from whsklearn.recursion.batch.simulation_search import record
 
@@ -76,10 +66,3 @@ def test_only_a_law_of_every_scale_leaves_the_scale_of_x_open():
     assert all(scale_free(law) for law in (CUBIC, KINKED, SPLINE))
     assert not scale_free(as_law("viscous,coulomb"))
     assert law_of(None).labels == as_law("cubic_spline").labels
-
-
-def test_orders_are_split_of_linear_models_that_hold_them():
-    (small,) = structures_for(WienerHammersteinLags(n_a=2, n_b=2, n_c=2, n_d=2))
-    assert small.linear[0] == (4, 2)
-    (large,) = structures_for(WienerHammersteinLags(n_a=6, n_b=8, n_c=6, n_d=8))
-    assert max(large.linear[0]) == LARGEST_LINEAR

@@ -101,8 +101,16 @@ def placed(terms: tuple[StaticEffect, ...], x: Array) -> tuple[StaticEffect, ...
         knots = place_knots(x, len(spline) + 2)
         others += [NaturalSpline(0.0, float(k), float(knots[-2]), float(knots[-1])) for k in knots[:-2]]
     if hinges:
-        others += [Hinge(0.0, float(k)) for k in place_knots(x, max(len(hinges), 3))[: len(hinges)]]
+        # a kink at an end of x has no samples behind it, which would tell the slope there
+        others += [Hinge(0.0, float(k)) for k in place_knots(x, len(hinges) + 2)[1:-1]]
     return tuple(others)
+
+
+def without_knots(law: FrictionLaw) -> FrictionLaw:
+    """The law, with a cubic in place of knots: that can be fitted from any start, and knows no x that places them."""
+    if not has_knots(law.terms):
+        return law
+    return FrictionLaw([*(t for t in law.terms if not has_knots((t,))), Power(0.0, 2), Power(0.0, 3)])
 
 
 class FrictionLaw:

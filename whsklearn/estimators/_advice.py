@@ -159,9 +159,10 @@ def of_the_law(told: OneStep, theta: Array, law: FrictionLaw, dims: Integers, X:
 
 
 def _out_of_scale(theta: Array, law: FrictionLaw, dims: Integers, X: Array, restart: Bools) -> str | None:
-    """The warning for a law two of whose terms are one at the speeds of the record, as happens in other units.
+    """The warning for a law two of whose terms are one over the record, as happens in other units.
 
-    The linear blocks and the weights follow the scale of X and y; a velocity that the law was given does not.
+    The linear blocks and the weights follow the scale of X and y; a velocity that the law was given does not, nor do
+    its knots.
     """
     x, dx = first_block(theta, dims, X, restart, KNOWN)[0]
     values = law_values(law.codes, law.shapes, x, dx, np.inf)
@@ -172,9 +173,9 @@ def _out_of_scale(theta: Array, law: FrictionLaw, dims: Integers, X: Array, rest
         return None
     first, second = (law.labels[i] for i in alike[0])
     return (
-        f"The terms {first} and {second} of the law are the same at the speeds of this record (the rms of dx is "
-        f"{np.sqrt(np.mean(dx**2)):.2g}): scale X so that dx is of the size for which the law was written, or give the "
-        "law a velocity of the size of dx, as in ReducedStribeck(velocity=...)."
+        f"The terms {first} and {second} of the law are the same over this record (the rms of x is "
+        f"{np.sqrt(np.mean(x**2)):.2g}, of dx {np.sqrt(np.mean(dx**2)):.2g}): give the law a velocity of the size of "
+        "dx, as in ReducedStribeck(velocity=...), or knots where x is, as in PEMRegressor(lags).fit(X, y).structure_."
     )
 
 

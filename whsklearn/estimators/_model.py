@@ -163,7 +163,7 @@ def wrong_signs(natural: Array, s: Structure, u: Array, restart: Bools, covarian
     if not begins.size or not jumps(s.law.codes).any():
         return np.zeros(begins.size)
     if s.advance:
-        u, _, restart, _ = shifted(u, np.zeros(len(u)), restart, s.advance)
+        u, _, restart, *_ = shifted(u, np.zeros(len(u)), restart, s.advance)
         begins = np.flatnonzero(restart)
     wrong: Array = np.add.reduceat(_before_l2(natural, s, u, restart, covariance)[1], begins)
     return wrong
@@ -176,7 +176,7 @@ def predictions(
     """Y_hat(t | t - horizon): outputs up to t - horizon are known; horizon 0 means that none are."""
     if s.advance:
         # Both delays commute with the static law, so a chain with a lead is the same chain with its output shifted.
-        u, y, restart, back = shifted(u, y, restart, s.advance)
+        u, y, restart, _, back = shifted(u, y, restart, s.advance)
         return predictions(natural, s._replace(advance=0), u, y, restart, horizon, covariance)[back]
     v = _before_l2(natural, s, u, restart, covariance)[0]
     d = natural[s.slices()[4]]
@@ -210,8 +210,10 @@ def _from_rest(b: Array, a: Array, signal: Array, restart: Bools) -> Array:
     return filter_rows(b, a, signal[None], bounds)[0]
 
 
-def shifted(u: Array, y: Array, restart: Bools, advance: int) -> tuple[Array, Array, Bools, NDArray[np.intp]]:
-    """Experiments with y (u, if negative) delayed by ``advance`` samples, and the new positions of their samples."""
+def shifted(
+    u: Array, y: Array, restart: Bools, advance: int, weights: Array | None = None
+) -> tuple[Array, Array, Bools, Array | None, NDArray[np.intp]]:
+    """Experiments and weights with y (u, if negative) delayed by ``advance`` samples, and where their samples are."""
     more, late = abs(advance), max(advance, 0)
     n = restart.size + more * int(restart.sum())
     u_new, y_new, restart_new = np.zeros((n, u.shape[1])), np.zeros(n), np.zeros(n, dtype=np.bool_)
@@ -219,7 +221,8 @@ def shifted(u: Array, y: Array, restart: Bools, advance: int) -> tuple[Array, Ar
     to = at + late
     restart_new[at[restart]] = True
     u_new[to - advance], y_new[to] = u, y
-    return u_new, y_new, restart_new, to
+    moved = None if weights is None else np.bincount(to, weights, n).astype(float)
+    return u_new, y_new, restart_new, moved, to
 
 
 DRAWS = 100  # a standard deviation from this many draws is accurate to 7 %

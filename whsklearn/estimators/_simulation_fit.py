@@ -11,25 +11,14 @@ from whsklearn.effects import FrictionLaw, Hinge, NaturalSpline, Power, StaticEf
 from whsklearn.effects.base import Array, Bools, Integers
 from whsklearn.estimators import _model as wh
 from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
+from whsklearn.recursion.batch import simulation_search as ss
 from whsklearn.recursion.batch.best_linear import IOData, sandwich
 from whsklearn.recursion.batch.simulation_error import Fitted, FittedChain, refine, sensitivities
-from whsklearn.recursion.batch.simulation_search import UNKNOWN, Orders, SearchedOrders, record, search
-
-LARGEST_LINEAR = 8  # total order of the best linear model; beyond it poles and zeros cancel, and blocks are padded
 
 
 def scale_free(law: FrictionLaw) -> bool:
     """Whether the law of any multiple of x is of the same kind, so that the scale of x is arbitrary."""
     return all(isinstance(t, (Power, Hinge, NaturalSpline)) for t in law.terms)
-
-
-def structures_for(lags: WienerHammersteinLags) -> tuple[SearchedOrders, ...]:
-    """The structures to search among, given the orders."""
-    na, nb, nc, nd = (int(n) for n in lags.dims()[:4])
-    poles, zeros = nb + nd, na + nc - 2
-    surplus = max(poles - LARGEST_LINEAR, zeros - LARGEST_LINEAR, 0)
-    orders = [(max(poles - k, 0), max(zeros - k, 0)) for k in range(surplus, max(poles, zeros) + 1)]
-    return (SearchedOrders(tuple(dict.fromkeys(orders)), Orders(na - 1, nb, nc - 1, nd), exact=True),)
 
 
 def law_of(lags: WienerHammersteinLags | None) -> FrictionLaw:
@@ -43,33 +32,30 @@ def from_record(
     u: Array,
     y: Array,
     restart: Bools,
-    start: Array | None,
+    starts: list[Array],
     weights: Array | None = None,
 ) -> tuple[dict[str, Any], float]:
     """The state of a fit to a record, and its (weighted) sum of squares.
 
     ``lags``: orders and law; None searches for orders, with a cubic spline or a polynomial.
     ``u``, ``y``, ``restart`` (n, m), (n,), (n,): the record.
-    ``start``: a natural vector to start from; None divides the best linear model into blocks.
+    ``starts``: natural vectors to start from; without any, the best linear model is divided into blocks.
     ``weights`` (n,): weights of the squared errors.
     """
     law = law_of(lags)
     delays = (0, 0) if lags is None else tuple(int(d) for d in lags.delays)
-    late, data = sum(delays), record(u, y, restart, weights)
-    if late:
-        lagged, answer, again, to = wh.shifted(u, y, restart, -late)
-        heavy = None
-        if weights is not None:
-            heavy = np.zeros(len(answer))
-            heavy[to] = weights
-        data = record(lagged, answer, again, heavy)
-        ends = data.bounds[1:]
-        for k in range(late):
-            data.counts[ends - 1 - k] = False  # outputs that come after an experiment's last measurement
-    if start is not None and lags is not None:
-        fitted = refine(to_chain(start, lags.dims(u.shape[1]), u.shape[1], law), data, 60, free=scale_free(law))
+    data = ss.record(u, y, restart, weights, sum(delays))
+    if starts and lags is not None:
+        dims, free = lags.dims(u.shape[1]), scale_free(law)
+
+        def moves(fitted: Fitted, _: IOData) -> list[FittedChain]:
+            natural = natural_of(monic(fitted.chain) if free else fitted.chain)[0]
+            return [to_chain(t, dims, u.shape[1], law) for t in ss.neighbours(natural, dims)]
+
+        begun = ss.halving([to_chain(t, dims, u.shape[1], law) for t in starts], data, free=free)
+        fitted = ss.improved(refine(begun.chain, data, ss.REFINED, free=free), data, moves, free=free)
     else:
-        fitted = search(data, law, UNKNOWN if lags is None else structures_for(lags))
+        fitted = ss.search(data, law, ss.UNKNOWN if lags is None else ss.of_orders(lags.dims()))
     return described(fitted, data, delays, normed=scale_free(law))
 
 

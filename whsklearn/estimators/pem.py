@@ -13,6 +13,7 @@ from whsklearn._inputs import check_whole
 from whsklearn.effects import FrictionLaw, Power, Viscous
 from whsklearn.effects.base import Array, Bools
 from whsklearn.effects.codes import CONSTANT, HINGE, NATURAL_SPLINE, POWER
+from whsklearn.effects.law import has_knots, placed, without_knots
 from whsklearn.estimators import _advice
 from whsklearn.estimators import _model as wh
 from whsklearn.estimators._checked import warn
@@ -20,7 +21,7 @@ from whsklearn.estimators._records import Given, fold_of_a_search, joined
 from whsklearn.estimators._simulation_fit import from_record, law_of, scale_free
 from whsklearn.estimators.base import AxisRegressor
 from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
-from whsklearn.recursion.memory.blocks import increment_rms
+from whsklearn.recursion.memory.blocks import KNOWN, first_block, increment_rms
 from whsklearn.recursion.memory.starts import least_squares_start, random_start, regressors, term_scales
 from whsklearn.recursion.rows.predictor import LEAST_MOTION, record_errors
 from whsklearn.systems.stability import is_stable
@@ -48,7 +49,7 @@ class PredictionError:
         self, s: wh.Structure, u: Array, y: Array, restart: Bools, rng: np.random.Generator,
         weights: Array | None = None,
     ):  # fmt: skip
-        self.structure, self.u, self.y, self.restart = s, u, y, restart
+        self.structure, self.u, self.y, self.restart, self.rng = s, u, y, restart, rng
         self.weights, self.root = weights, np.float64(1.0) if weights is None else np.sqrt(weights)
         self.kernel = s.dims, s.law.codes, s.law.shapes
         self.scales = term_scales(self.kernel, u, y, restart, rng)
@@ -72,13 +73,23 @@ class PredictionError:
         """A start whose blocks are those of the best linear approximation."""
         s = self.structure
         moves = not np.isin(s.law.codes, (POWER, HINGE, CONSTANT, NATURAL_SPLINE)).all()
-        law = FrictionLaw([Viscous() if moves else Power()])
-        dims = np.append(s.dims[:4], 1)
-        inner = s._replace(dims=dims, law=law, key=0)
-        linear = PredictionError(inner, self.u, self.y, self.restart, rng, self.weights)
+        linear = self.under(FrictionLaw([Viscous() if moves else Power()]))
         _, found = min((linear.climb(linear.start(1 + i, rng), LADDER[:1]) for i in range(4)), key=lambda f: f[0])
         weight = self.b.stop
         return np.concatenate([found[:weight], np.zeros(len(s.law)), found[weight + 1 :]])
+
+    def under(self, law: FrictionLaw) -> PredictionError:
+        """The same record under another law."""
+        s = self.structure
+        s = s._replace(law=law, dims=np.append(s.dims[:4], len(law)))
+        return PredictionError(s, self.u, self.y, self.restart, self.rng, self.weights)
+
+    def placed(self, theta: Array, law: FrictionLaw) -> tuple[PredictionError, float, Array]:
+        """The problem under a law with its knots placed for the x of ``theta``, and what its blocks then lead to."""
+        (x, _), _ = first_block(theta, self.kernel[0], self.u, self.restart, KNOWN)
+        at, w = self.under(FrictionLaw(placed(law.terms, x))), self.structure.slices()[2]
+        start = np.concatenate([theta[: w.start], np.zeros(len(law)), theta[w.stop :]])
+        return at, *at.climb(at.with_least_squares(start))
 
     def increment_rms(self, theta: Array) -> float:
         """Root mean square of dx, never zero."""
@@ -225,19 +236,18 @@ class PEMRegressor(ChainRegressor):
     records, where noise is added to the output and no model is exact, for laws in x, and for high
     orders.  Without ``lags`` it searches for the orders and adds poles where the error shows that one
     is missing.  The law is then a cubic spline, or a polynomial of third degree where held-out data show
-    no difference between the two.  For laws in dx it starts from the result of the other criterion.
+    no difference between the two.  For laws in dx it starts from all minima of the other criterion.
 
     Parameters
     ----------
     lags : WienerHammersteinLags, optional
         Orders, law and delays.  None means those of Example 5.1 for the prediction error, and a search for
-        the simulation error.  In the latter, the knots of a law given by name (``law="cubic_spline"``) are
-        chosen from the data.
+        the simulation error.  The knots of a law given by name (``law="cubic_spline"``) are chosen from the
+        data.
     criterion : {"prediction", "simulation"}, default="prediction"
         The error to minimise.
     n_starts : int, default=16
-        Number of starts for the prediction error.  The first is the best linear approximation.  Of the
-        others, every second takes weights, c and d from least squares given a random L1.
+        Number of starts for the prediction error, from which a law in dx starts in any case.
     random_state : int, RandomState or None
         Draws the starts.
 
@@ -317,32 +327,37 @@ class PEMRegressor(ChainRegressor):
         if self.criterion == "simulation":
             self._fit_simulation(X, y, restart, weights)
             return
-        self.state_ = self._fit_prediction(X, y, restart, weights)
+        problem, ((cost, natural), *_) = self._prediction_minima(X, y, restart, weights)
+        self.cost_ = cost
+        noise = cost / max((len(y) if weights is None else np.count_nonzero(weights)) - natural.size, 1)
+        covariance = noise * problem.inverse_information(natural)
+        law = problem.structure.law.reweighted(natural[problem.structure.slices()[2]])
+        lags = {**self._given_lags.get_params(deep=False), "law": law}
+        self.state_ = {"theta": natural, "covariance": covariance, "lags": lags, "seen": len(y), "noise": noise}
         if weights is None and not self._structure().advance:
             self._warn_of_the_law(X, y, restart)
 
-    def _fit_prediction(self, X: Array, y: Array, restart: Bools, weights: Array | None) -> dict[str, Any]:
+    def _prediction_minima(
+        self, X: Array, y: Array, restart: Bools, weights: Array | None
+    ) -> tuple[PredictionError, list[tuple[float, Array]]]:
+        """The one-step problem, and (sum of squares, natural vector) of what its starts lead to, best first."""
         structure = self._structure()
         if structure.advance:
-            X, y, restart, to = wh.shifted(X, y, restart, structure.advance)
+            X, y, restart, weights, _ = wh.shifted(X, y, restart, structure.advance, weights)
             structure = structure._replace(advance=0)
-            if weights is not None:
-                weights, given = np.zeros(len(y)), weights
-                weights[to] = given
-        rng = np.random.default_rng(self._draw_seed())
+        rng, law = np.random.default_rng(self._draw_seed()), structure.law
         problem = PredictionError(structure, np.ascontiguousarray(X), y, restart, rng, weights)
+        named = isinstance(self._given_lags.law, str) and has_knots(law.terms)
+        if named:
+            problem = problem.under(without_knots(law))
         found = [problem.climb(problem.start(i, rng)) for i in range(self.n_starts)]
         self.costs_ = np.array([cost for cost, _ in found])
-        cost, natural = min(found, key=lambda f: f[0])
-        self.cost_ = float(cost)
-        counted = len(y) if weights is None else int(np.count_nonzero(weights))
-        noise = float(cost) / max(counted - natural.size, 1)
-        return {
-            "theta": natural,
-            "covariance": noise * problem.inverse_information(natural),
-            "seen": len(y),
-            "noise": noise,
-        }
+        found.sort(key=lambda f: f[0])
+        if named:  # each minimum has an x of its own, and the best one another after its fit
+            best = min((problem.placed(theta, law) for _, theta in found), key=lambda at: at[1])
+            problem, cost, natural = min(best, best[0].placed(best[2], law), key=lambda at: at[1])
+            found = [(cost, natural)]
+        return problem, found
 
     def _fit_simulation(self, X: Array, y: Array, restart: Bools, weights: Array | None) -> None:
         many = X.shape[1] > 1
@@ -351,9 +366,10 @@ class PEMRegressor(ChainRegressor):
                 f"X has {X.shape[1]} inputs, and orders are searched for one; give lags=WienerHammersteinLags(...)."
             )
         # The best linear approximation does not show a law in dx, or how several inputs share L1.
-        free = not many and scale_free(law_of(self.lags))
-        start = None if free else self._fit_prediction(X, y, restart, weights)["theta"]
-        found, self.cost_ = from_record(self.lags, X, y, restart, start, weights)
+        starts: list[Array] = []
+        if many or not scale_free(law_of(self.lags)):
+            starts = [theta for _, theta in self._prediction_minima(X, y, restart, weights)[1]]
+        found, self.cost_ = from_record(self.lags, X, y, restart, starts, weights)
         self.__dict__.pop("costs_", None)
         self.state_ = found | {"seen": len(y)}
         told = not self._finds_constant and _advice.of_a_constant(law_of(self.lags), X, y) is not None

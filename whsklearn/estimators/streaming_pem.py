@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import itertools
 import warnings
 from typing import Any, Self
 
@@ -21,7 +20,7 @@ from whsklearn.estimators.pem import ChainRegressor, PEMRegressor
 from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
 from whsklearn.recursion.batch.best_linear import IOData
 from whsklearn.recursion.batch.simulation_error import FittedChain, block_update, orthonormal, run, with_basis
-from whsklearn.recursion.batch.simulation_search import SKIP
+from whsklearn.recursion.batch.simulation_search import SKIP, delayed
 
 
 class StreamingPEMRegressor(ChainRegressor):
@@ -268,10 +267,7 @@ def _window(state: dict[str, Any], last: int, skip: int) -> IOData:
     counts &= state["weight"] > 0.0
     restart[0] = True
     delay = sum(state["lags"]["delays"]) if state["lags"] else 0
-    u = np.zeros_like(state["u"].T)
     bounds = np.append(np.flatnonzero(restart), n).astype(np.int64)
-    for s, e in itertools.pairwise(bounds):
-        u[:, s + delay : e] = state["u"].T[:, s : max(e - delay, s)]
     weight = state["weight"]
     root = None if (weight == 1.0).all() else np.sqrt(weight)
-    return IOData(np.ascontiguousarray(u), state["y"], bounds, counts, root)
+    return IOData(delayed(state["u"], bounds, delay), state["y"], bounds, counts, root)

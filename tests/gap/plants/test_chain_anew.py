@@ -104,8 +104,8 @@ def test_all_strong_candidates_and_the_best_of_the_rest_start_from_the_model():
 def test_a_small_dead_zone_is_fitted_from_where_the_model_is():
     s = record(ChainDeadZone(0.05))
     m = coloured(s, TRUE)
-    found = [grown for k, grown in anew.near(s, m, [], among=("dead_zone",)) if k.at == "input"]
-    best = min(found, key=lambda g: cost(s, g))
+    starts = [t for t in anew.promising(s, m, [], among=("dead_zone",)) if t.kind.at == "input"]
+    best = min((anew.fitted(s, [m], t) for t in starts), key=lambda g: cost(s, g))
     assert best.terms[-1].q[0] == pytest.approx(0.05, rel=0.2)
     assert gained(s, m, best) > 20.0
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from whsklearn.effects import FrictionLaw, Quantization, as_law, get_effect
 from whsklearn.effects.base import Array, Bools, rms
-from whsklearn.effects.law import has_knots
+from whsklearn.effects.law import has_knots, without_knots
 from whsklearn.gap.calibration import GATE, p_value
 from whsklearn.gap.data_check import FEWEST_SAMPLES, FLAT, SPIKE, DataProblem, flat_share
 from whsklearn.gap.diagnosis import NamedEffect
@@ -17,20 +17,11 @@ from whsklearn.gap.filters import whiteness
 from whsklearn.gap.localisation import spectra
 from whsklearn.gap.plant import Figures, Gap, Linearised, Plant, Reading, Told
 from whsklearn.gap.plants import chain_model as cm
-from whsklearn.gap.plants.chain_anew import (
-    anew,
-    beside_the_best,
-    fitted,
-    fitted_anew,
-    is_strong,
-    near,
-    nudged,
-)
+from whsklearn.gap.plants.chain_anew import beside_the_best, fitted, fitted_anew, is_strong, nudged, promising
 from whsklearn.gap.plants.chain_fit import (
     base_starts,
     cost,
     falls_short,
-    first_law,
     least,
     minima,
     polished,
@@ -113,7 +104,7 @@ class ChainPlant(Plant):
     def readings(self, n: int | None = None) -> Record:
         """The record in the form that fits take, or the part of it up to its n-th logged sample."""
         n = self.length if n is None else int(self.at[n - 1]) + 1
-        law = self.law if self.placed else first_law(self.law)
+        law = self.law if self.placed else without_knots(self.law)
         dims = np.array([*self.orders, len(law)], dtype=np.int64)
         seen = np.zeros(self.length, dtype=bool)
         seen[self.at] = True
@@ -186,12 +177,17 @@ class ChainPlant(Plant):
         # an effect that is tried again beside others competes with those that came close to it before
         among = None if beside is None else self._near
         others = self._others if not model.terms else []
-        grown = list(near(self.record, model, seen.looks, among)) if shown else []
+        starts = promising(self.record, model, seen.looks, among) if shown else []
+        grown = [(t.kind, fitted(self.record, [model], t)) for t in starts]
         best = min((m for _, m in grown), key=lambda m: cost(self.record, m), default=model)
         if not shown:
             grown += fitted_anew(self.record, model, others, folds, rng)
         elif self._may_be_bent(best, rng):
-            grown += anew(self.record, model, others, seen.looks, rng, among)
+            strong = [k for k in kinds(self.record, model) if is_strong(k, self.record)]
+            strong = [k for k in strong if among is None or k.name in among]
+            grown += fitted_anew(self.record, model, others, strong, rng)
+            additive = [t for t in starts if others and not is_strong(t.kind, self.record)]
+            grown += [(t.kind, fitted(self.record, others, t)) for t in additive]
         if shown:
             grown += beside_the_best(self.record, grown, among)
         before = rms(self.errors(model))

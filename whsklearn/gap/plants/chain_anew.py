@@ -51,46 +51,18 @@ def is_strong(kind: ChainCandidate, s: Record) -> bool:
     return kind.linear == 0 or kind.pulls
 
 
-def near(
-    s: Record, m: ChainHypothesis, looks: list[Look], among: Any = None
-) -> Iterator[tuple[ChainCandidate, ChainHypothesis]]:
-    """Fit the model with one more candidate from where it is: strong candidates and the most promising others.
+def promising(s: Record, m: ChainHypothesis, looks: list[Look], among: Any = None) -> list[ChainTerm]:
+    """Starts of all strong candidates and of the best others, at the shapes that either look prefers.
 
     ``looks``: from `whsklearn.gap.plants.chain_looks.look`; a second look under a softer sign is taken here. ``among``:
     the names to be fitted; by default all.
     """
-    for start in promising(s, m, looks, among):
-        yield start.kind, fitted(s, [m], start)
-
-
-def promising(s: Record, m: ChainHypothesis, looks: list[Look], among: Any = None) -> list[ChainTerm]:
-    """Starts of all strong candidates and of the best others, at the shapes that either look prefers."""
     out: list[ChainTerm] = []
     for one in (sorted((k for k in looks if k.start is not None), key=lambda k: -k.score), softly(s, m)):
         starts = [k.start for k in one if (among is None or k.name in among) and not k.start.kind.folds]
         weak = [t for t in starts if not is_strong(t.kind, s)][:KEPT]
         out += [t for t in starts if (is_strong(t.kind, s) or t in weak) and t not in out]
     return out
-
-
-def anew(
-    s: Record,
-    m: ChainHypothesis,
-    others: list[ChainHypothesis],
-    looks: list[Look],
-    rng: np.random.Generator,
-    among: Any = None,
-) -> Iterator[tuple[ChainCandidate, ChainHypothesis]]:
-    """Fit the chain again with a strong candidate inside, and additive ones from other minima of the model.
-
-    ``others``: further minima of the model without the candidate. ``looks``, ``among``: as of `near`.
-    """
-    strong = [k for k in kinds(s, m) if is_strong(k, s) and (among is None or k.name in among)]
-    yield from fitted_anew(s, m, others, strong, rng)
-    if others:
-        for start in promising(s, m, looks, among):
-            if not is_strong(start.kind, s):
-                yield start.kind, fitted(s, others, start)
 
 
 def beside_the_best(

@@ -18,29 +18,19 @@ import numpy as np
 
 from whsklearn.effects import FrictionLaw, Power
 from whsklearn.effects.base import Array
-from whsklearn.effects.law import has_knots, placed, static_terms
+from whsklearn.effects.law import placed, static_terms
 from whsklearn.gap.calibration import gain
 from whsklearn.gap.least_squares import least_squares
 from whsklearn.gap.plants import chain_model as cm
 from whsklearn.gap.plants.chain_model import ChainHypothesis, ChainTerm, Record
 from whsklearn.gap.search import LEAST_SHARE
 from whsklearn.recursion.batch.best_linear import IOData, Ratio, best_linear
-from whsklearn.recursion.batch.simulation_search import (
-    Orders,
-    SearchedOrders,
-    divisions,
-    padded,
-    reflections,
-    search,
-)
-from whsklearn.recursion.memory.starts import exchanged, random_stable
+from whsklearn.recursion.batch.simulation_search import Orders, divisions, neighbours, of_orders, padded, search
+from whsklearn.recursion.memory.starts import random_stable
 from whsklearn.systems.stability import is_stable
 
 N_RANDOM = 16  # starts besides the divisions, for blocks that are far from those of a linear model
 KEPT = 5  # starts of a kind that go on, after a cheaper fit has ranked them
-# Numerators of an integrator of order 2 to 5 behind a hold, by their number of zeros; other blocks without zeros of
-# their own have nearly the same (Astrom, Hagander and Sternby 1984, Zeros of sampled systems, Automatica 20(1)).
-SAMPLING = {1: (1.0, 1.0), 2: (1.0, 4.0, 1.0), 3: (1.0, 11.0, 11.0, 1.0), 4: (1.0, 26.0, 66.0, 26.0, 1.0)}
 LEAST_DROP = 1e-6  # of the sum of squares in one step of a fit
 
 
@@ -262,27 +252,18 @@ def least(s: Record, m: ChainHypothesis) -> ChainHypothesis:
     An effect that puts a root where it belongs would be named for it.
     """
     while True:
-        found = [sharpened(s, w, cm.RUNGS[1:]) for w in ranked(s, neighbours(s, m), cm.RUNGS[1], 6)[:KEPT]]
+        found = [sharpened(s, w, cm.RUNGS[1:]) for w in ranked(s, neighbours_of(s, m), cm.RUNGS[1], 6)[:KEPT]]
         other = min(found, key=lambda w: cost(s, w), default=m)
         if gain(cost(s, m), cost(s, other), s.fit.sum()) <= 1.0:  # two minima differ by a factor of e in likelihood
             return m
         m = polished(s, other)
 
 
-def neighbours(s: Record, m: ChainHypothesis) -> list[ChainHypothesis]:
-    """The model with a root of one block exchanged for one of the other, with zeros reflected at the unit circle, and
-    with those zeros that sampling gives to lags behind a hold.
-    """
-    thetas = exchanged(m.theta, tuple(map(int, s.dims)))
-    for part in (s.blocks[0], s.blocks[3]):
-        images = reflections(np.concatenate([[1.0], m.theta[part]]))
-        for image in (*images, np.array(SAMPLING.get(part.stop - part.start, ()))):
-            if image.size and image[0] != 0.0:  # else a zero at infinity: a delay
-                theta = m.theta.copy()
-                theta[part] = image[1:] / image[0]
-                thetas.append(theta)
+def neighbours_of(s: Record, m: ChainHypothesis) -> list[ChainHypothesis]:
+    """The model with the blocks of each of the `neighbours` of theta; weights by least squares."""
     _, b, _, c, _ = s.blocks
-    return [dataclasses.replace(m, theta=weighed(s, t[: b.stop], t[c.start :], m.terms)) for t in thetas]
+    found = neighbours(m.theta, s.dims)
+    return [dataclasses.replace(m, theta=weighed(s, t[: b.stop], t[c.start :], m.terms)) for t in found]
 
 
 def base_starts(s: Record, rng: np.random.Generator) -> list[ChainHypothesis]:
@@ -293,24 +274,13 @@ def base_starts(s: Record, rng: np.random.Generator) -> list[ChainHypothesis]:
 
 def searched(s: Record) -> list[Array]:
     """theta of the least free-run error that is reached from the divisions of linear models of several orders."""
-    na, nb, nc, nd, _ = (int(i) for i in s.dims)
-    poles, zeros = nb + nd, na + nc - 2
-    linear = tuple((max(poles - k, 0), max(zeros - k, 0)) for k in range(max(poles, zeros) + 1))
-    structure = SearchedOrders(linear, Orders(na - 1, nb, nc - 1, nd), exact=True)
-    chain = search(_data(s, s.u)._replace(y=s.y), s.law, (structure,)).chain
+    chain = search(_data(s, s.u)._replace(y=s.y), s.law, of_orders(s.dims)).chain
     first, second = ((b[1:] / b[0], a[1:]) for b, a in ((chain.b1[0], chain.a1), (chain.b2, chain.a2)))
     return [weighed(s, np.concatenate(first), np.concatenate(second))]
 
 
 # --- the law, and whether orders and law suffice ---------------------------------------------------
 EXTRA = (1, 2)  # poles and zeros added to each block
-
-
-def first_law(law: FrictionLaw) -> FrictionLaw:
-    """The law, with a cubic in place of knots: that can be fitted from any start, and knows no x that places them."""
-    if not has_knots(law.terms):
-        return law
-    return FrictionLaw([*(t for t in law.terms if not has_knots((t,))), Power(0.0, 2), Power(0.0, 3)])
 
 
 def with_knots(s: Record, m: ChainHypothesis, asked: FrictionLaw) -> tuple[Record, list[ChainHypothesis]]:

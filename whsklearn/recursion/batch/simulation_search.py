@@ -7,7 +7,7 @@ linear approximation, Automatica 48; the halving is from Jamieson and Talwalkar 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,10 +16,11 @@ from scipy.linalg import orth
 from scipy.stats import chi2
 
 from whsklearn.effects import FrictionLaw
-from whsklearn.effects.base import Array
+from whsklearn.effects.base import Array, Bools, Integers
 from whsklearn.effects.law import spline_terms, static_terms
 from whsklearn.recursion.batch.best_linear import IOData, Ratio, best_linear, delayed_rows, filter_rows
 from whsklearn.recursion.batch.simulation_error import Fitted, FittedChain, refine, run, sensitivities, solve_law
+from whsklearn.recursion.memory.starts import exchanged
 
 Roots = list[NDArray[np.complex128]]  # groups that stay together
 
@@ -93,6 +94,27 @@ def reflections(b: Array) -> list[Array]:
         gain = b[lead] * float(np.prod(np.abs(group)))
         found.append(np.concatenate([np.zeros(lead), gain * image, np.zeros(b.size - lead - image.size)]))
     return found
+
+
+# Numerators of an integrator of order 2 to 5 behind a hold, by their number of zeros; other blocks without zeros of
+# their own have nearly the same (Astrom, Hagander and Sternby 1984, Zeros of sampled systems, Automatica 20(1)).
+SAMPLING = {1: (1.0, 1.0), 2: (1.0, 4.0, 1.0), 3: (1.0, 11.0, 11.0, 1.0), 4: (1.0, 26.0, 66.0, 26.0, 1.0)}
+
+
+def neighbours(theta: Array, dims: Integers) -> list[Array]:
+    """Natural vectors with a root of one block exchanged for one of the other, with zeros reflected at the unit circle,
+    and with those zeros that sampling gives to lags behind a hold; the weights are unchanged.
+    """
+    na, nb, nc, nd, nw = (int(n) for n in dims)
+    thetas, c = exchanged(theta, (na, nb, nc, nd, nw)), na - 1 + nb + nw
+    for part in (slice(0, na - 1), slice(c, c + nc - 1)):
+        images = reflections(np.concatenate([[1.0], theta[part]]))
+        for image in (*images, np.array(SAMPLING.get(part.stop - part.start, ()))):
+            if image.size and image[0] != 0.0:  # else a zero at infinity: a delay
+                moved = theta.copy()
+                moved[part] = image[1:] / image[0]
+                thetas.append(moved)
+    return thetas
 
 
 def _groups(roots: NDArray[Any]) -> Roots:
@@ -185,29 +207,33 @@ PLACES = 2  # locations at which a pole is tried in each block in a round
 TRIED, REFINED = 14, 40  # iterations of each trial, iterations of the best
 
 
-def improved(fitted: Fitted, data: IOData, *, grow: bool = True) -> Fitted:
-    """Leave a wrong minimum: add poles where the error shows that some are missing, and reflect zeros.
+def improved(
+    fitted: Fitted, data: IOData, moves: Callable[[Fitted, IOData], list[FittedChain]], *, free: bool = True
+) -> Fitted:
+    """Leave a wrong minimum by the best of the ``moves`` (`reflected`, `grown`), as often as it removes `WORTH`.
 
-    Zeros are reflected at the unit circle.  One round of moves is always made; where blocks may ``grow``, there is no
-    further round once the error shows that no pole is missing.  ``fitted`` has one input and is at a minimum for these
-    data.
+    ``fitted`` is at a minimum for these data.  ``free``: as of `refine`.
     """
-    short = data.head(SHORT)
-    for i in range(ROUNDS):
-        chain = fitted.chain
-        trials = [chain for _, chain in missing_poles(fitted, data, LARGEST, PLACES)] if grow else []
-        if i and grow and not trials:
-            break
-        trials += [chain._replace(b1=b[None, :]) for b in reflections(chain.b1[0])]
-        trials += [chain._replace(b2=b) for b in reflections(chain.b2)]
-        if not trials:
-            break
-        best = min((refine(t, short, TRIED) for t in trials), key=lambda f: f.cost)
-        refitted = refine(best.chain, data, REFINED)
+    for _ in range(ROUNDS):
+        tried = [refine(chain, data.head(SHORT), TRIED, free=free) for chain in moves(fitted, data)]
+        best = min(tried, key=lambda f: f.cost, default=fitted)
+        refitted = refine(best.chain, data, REFINED, free=free)
         if not refitted.cost < (1.0 - WORTH) * fitted.cost:
             break
         fitted = refitted
     return fitted
+
+
+def reflected(fitted: Fitted, _: IOData) -> list[FittedChain]:
+    """The chains, of one input, in which a zero is reflected at the unit circle."""
+    chain = fitted.chain
+    first = [chain._replace(b1=b[None, :]) for b in reflections(chain.b1[0])]
+    return first + [chain._replace(b2=b) for b in reflections(chain.b2)]
+
+
+def grown(fitted: Fitted, data: IOData) -> list[FittedChain]:
+    """The chains with a pole where the error shows that one is missing, and the reflected ones."""
+    return [c for _, c in missing_poles(fitted, data, LARGEST, PLACES)] + reflected(fitted, data)
 
 
 # --- choose between several fitted chains on held-out data ----------------------------------------------------------
@@ -284,10 +310,27 @@ UNKNOWN = tuple(
 )
 
 
-def record(
-    u: NDArray[np.float64], y: NDArray[np.float64], restart: NDArray[np.bool_],
-    weights: NDArray[np.float64] | None = None,
-) -> IOData:  # fmt: skip
+LARGEST_LINEAR = 8  # total order of the best linear model; beyond it poles and zeros cancel, and blocks are padded
+
+
+def of_orders(dims: Integers) -> tuple[SearchedOrders, ...]:
+    """The structure with these n_a, n_b, n_c, n_d, and linear models of this total order and of smaller ones."""
+    na, nb, nc, nd = (int(n) for n in dims[:4])
+    poles, zeros = nb + nd, na + nc - 2
+    surplus = max(poles - LARGEST_LINEAR, zeros - LARGEST_LINEAR, 0)
+    linear = [(max(poles - k, 0), max(zeros - k, 0)) for k in range(surplus, max(poles, zeros) + 1)]
+    return (SearchedOrders(tuple(dict.fromkeys(linear)), Orders(na - 1, nb, nc - 1, nd), exact=True),)
+
+
+def delayed(u: Array, bounds: NDArray[np.int64], by: int) -> Array:
+    """u (n, m) as rows (m, n), so many samples later, from rest in every experiment."""
+    out = np.zeros(u.T.shape)
+    for s, e in itertools.pairwise(bounds):
+        out[:, s + by : e] = u.T[:, s : max(e - by, s)]
+    return out
+
+
+def record(u: Array, y: Array, restart: Bools, weights: Array | None = None, delay: int = 0) -> IOData:
     """A record for the fit, from u (n, m) and y (n,): starts of experiments, and which samples count and how much."""
     bounds = np.append(np.flatnonzero(restart), y.size).astype(np.int64)
     counts = np.ones(y.size, dtype=bool)
@@ -296,7 +339,7 @@ def record(
     if weights is not None:
         counts &= weights > 0.0
     root = None if weights is None else np.sqrt(weights)
-    return IOData(np.ascontiguousarray(u.T), np.ascontiguousarray(y), bounds, counts, root)
+    return IOData(delayed(u, bounds, delay), np.ascontiguousarray(y), bounds, counts, root)
 
 
 def search(data: IOData, law: FrictionLaw, structures: tuple[SearchedOrders, ...] = UNKNOWN) -> Fitted:
@@ -306,23 +349,24 @@ def search(data: IOData, law: FrictionLaw, structures: tuple[SearchedOrders, ...
     may grow beyond them, and a polynomial replaces the law if held-out data cannot distinguish the two.
     """
     if len(structures) == 1:
-        return finish(improved(halving(data, law, structures[0]), data.head(LONG), grow=False).chain, data)
+        fitted = halving(starts(data, law, structures[0]), data)
+        return finish(improved(fitted, data.head(LONG), reflected).chain, data)
     early = data.head(int((1 - HOLDOUT) * data.y.size))
     later = data._replace(counts=data.counts & (np.arange(data.y.size) >= early.y.size))
-    found = [halving(early, law, s) for s in structures]
+    found = [halving(starts(early, law, s), early) for s in structures]
     best, short = min(found, key=lambda f: squared_error(f.chain, later)), early.head(LONG)
-    chosen = simplest([*found, improved(best, short)], later)
+    chosen = simplest([*found, improved(best, short, grown)], later)
     plain = FrictionLaw(static_terms("polynomial") or ())
     chosen = simplest([refine(chosen.chain._replace(law=plain, weights=plain.weights), short, 30), chosen], later)
     return finish(chosen.chain, data)
 
 
-def halving(data: IOData, law: FrictionLaw, structure: SearchedOrders) -> Fitted:
-    """The best of many divisions, by longer and longer refinements of fewer and fewer, the last on `LONG` samples."""
-    pool = starts(data, law, structure)
+def halving(chains: list[FittedChain], data: IOData, *, free: bool = True) -> Fitted:
+    """The best of many chains, by longer and longer refinements of fewer and fewer, the last on `LONG` samples."""
     for iterations, samples, kept in RUNGS:
-        pool = best_in_turn([refine(f.chain, data.head(samples), iterations) for f in pool], kept)
-    return min(pool, key=lambda f: f.cost)
+        pool = best_in_turn([refine(c, data.head(samples), iterations, free=free) for c in chains], kept)
+        chains = [f.chain for f in pool]
+    return pool[0]
 
 
 def best_in_turn(pool: list[Fitted], kept: int) -> list[Fitted]:
@@ -338,7 +382,7 @@ def best_in_turn(pool: list[Fitted], kept: int) -> list[Fitted]:
     return [f for _, _, f in sorted(ranked, key=lambda r: r[:2])[:kept]]
 
 
-def starts(data: IOData, law: FrictionLaw, structure: SearchedOrders) -> list[Fitted]:
+def starts(data: IOData, law: FrictionLaw, structure: SearchedOrders) -> list[FittedChain]:
     """The best divisions of the best linear model of each order, each with its best weights of the law."""
     short, out = data.head(SHORT), []
     centred = data.head(LINEAR)
@@ -352,7 +396,7 @@ def starts(data: IOData, law: FrictionLaw, structure: SearchedOrders) -> list[Fi
             first, second = _at_least(first, second, structure)
             chain = FittedChain(first.b[None, :], first.a, second.b, second.a, law, law.weights)
             found.append(refine(chain, short, 0))
-        out += sorted(found, key=lambda f: f.cost)[:KEPT]
+        out += [f.chain for f in sorted(found, key=lambda f: f.cost)[:KEPT]]
         tried += bool(found)
         if structure.exact and tried == 2:
             break
