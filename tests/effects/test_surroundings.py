@@ -63,6 +63,7 @@ def test_a_drive_that_chatters_shows_no_limit_and_no_dead_zone(rows, refused, un
     drive = -unit * np.repeat(np.random.default_rng(0).standard_normal(T.size // rows), rows)
     assert bool(Saturation(unit).implausible(seen(drive=drive, limit=unit))) == refused
     assert bool(DeadZone(0.3 * unit).implausible(seen(drive=drive))) == refused
+    assert not DeadZone(0.3 * unit).implausible(seen(drive=drive, silent=True)), "the rows are all that acted"
 
 
 @UNITS

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from whsklearn.gap import conclude
+from whsklearn.gap import plant as gap_plant
 from whsklearn.gap.conclude import stays_open, verdict_of
 from whsklearn.gap.plant import Figures, WithTerms
 from whsklearn.gap.search import Found, Named
@@ -164,6 +165,32 @@ def test_a_rival_goes_that_runs_farther_from_the_record_in_its_place():
     assert conclude._standing_rivals(Plant(None), found, 0, 0.01) == ["b", "d"]
 
 
+def test_a_rival_is_simulated_with_all_numbers_settled_beside_it():
+    """With the centre of a spring that suited gravity, the true cable ran four times farther off: gravity was certain.
+
+    ``a``: the one taken; the rival is ``b`` as it stands in its place, and ``bb`` when it is settled.
+    """
+    noise = np.random.default_rng(0).standard_normal((2, 4000))
+
+    class Plant(Runs):
+        headline, horizons = 1.0, (1.0,)
+
+        def settled(self, model):
+            self.headline = 9.0
+            return Terms(2 * model)
+
+        def measured(self, *models):
+            return np.zeros(4000), np.ones(4000, dtype=bool)
+
+        def simulate(self, model, horizon):
+            return noise[int("b" in model)] * {"": 1.5, "a": 1.0, "b": 4.0, "bb": 1.0}[model]
+
+    plant = Plant(None)
+    plant.headline = 2.0
+    assert conclude._standing_rivals(plant, with_rivals("ab", ["b"]), 0, 0.01) == ["b"]
+    assert plant.headline == 2.0, "what the rival has changed is undone"
+
+
 @pytest.mark.parametrize(("left", "kept"), [((0.3, 0.6), []), ((0.3, 0.45), ["b"]), ((0.55, 0.8), ["b"])])
 def test_a_rival_that_would_be_a_part_of_the_answer_goes_where_the_one_taken_is_most_of_it(left, kept):
     """Both are wrong in one block only, as of a stop that is touched once: blocks do not tell them apart.
@@ -228,6 +255,7 @@ class Runs:
     """A plant whose models are their terms; ``closes`` says what a model's free run closes at every horizon."""
 
     headline, exact = 2.0, False
+    snapshot, restore = gap_plant.Plant.snapshot, gap_plant.Plant.restore
 
     def __init__(self, closes, refitted=lambda m: m, objected=""):
         self.closes, self.to_simulate, self.objected, self.looked = closes, refitted, objected, 0

@@ -9,11 +9,7 @@ import numpy as np
 from whsklearn.effects import codes
 from whsklearn.effects.base import Effect
 from whsklearn.effects.quantity import number
-from whsklearn.effects.surroundings import Surroundings, chatters
-
-# A controller that is faster than the log sends other values between the rows, which move the axis no more than a
-# limit or a dead zone would let it.
-BETWEEN_ROWS = "what it takes off the drive changes from row to row, and what acts between the rows is unknown"
+from whsklearn.effects.surroundings import Surroundings
 
 
 class _DriveEffect(Effect):
@@ -77,7 +73,7 @@ class DeadZone(_DriveEffect):
 
     def implausible(self, seen: Surroundings) -> str:
         """The objection that the drive chatters across the zone. ``seen``: see `Effect.implausible`."""
-        return BETWEEN_ROWS if chatters(np.clip(seen.drive, -self.width, self.width)) else ""
+        return seen.unknown_between(np.clip(seen.drive, -self.width, self.width))
 
 
 class Saturation(_DriveEffect):
@@ -117,8 +113,7 @@ class Saturation(_DriveEffect):
 
         ``seen``: see `Effect.implausible`.
         """
-        beyond = seen.drive - np.clip(seen.drive, -self.limit, self.limit)
-        return seen.never_moved or (BETWEEN_ROWS if chatters(beyond) else "")
+        return seen.never_moved or seen.unknown_between(seen.drive - np.clip(seen.drive, -self.limit, self.limit))
 
 
 class InputDelay(_DriveEffect):

@@ -35,6 +35,8 @@ class Surroundings(NamedTuple):
         Whether the axis turns, so that what goes round repeats.
     command : ndarray of shape (n,) or None
         Where the drive is not measured, the command whose following error takes its place.
+    silent : bool
+        Whether nothing worth naming is left with the effect: what acted between the rows is then known.
 
     References
     ----------
@@ -64,6 +66,7 @@ class Surroundings(NamedTuple):
     dt: float = 1.0
     turns: bool = True
     command: Array | None = None
+    silent: bool = False
 
     def size(self, name: str) -> float:
         """Total size of the terms called ``name``; zero if there are none."""
@@ -80,6 +83,14 @@ class Surroundings(NamedTuple):
         if self.carried or rest < min(float(np.abs(self.drive).max()), self.limit):
             return ""
         return "with as much dry friction at rest, the drive would never have moved the axis"
+
+    def unknown_between(self, taken: Array) -> str:
+        """The objection that what an effect takes off the drive, ``taken`` (n,), chatters while something else is left.
+
+        A controller that is faster than the log sends other values between the rows, and an effect takes of those, too.
+        """
+        said = "what it takes off the drive changes from row to row, and what acts between the rows is unknown"
+        return said if chatters(taken) and not self.silent else ""
 
 
 def chatters(x: Array) -> bool:

@@ -232,7 +232,7 @@ def _standing_rivals(plant: Any, found: Found, i: int, alpha: float) -> list[str
     change of friction 21 %, and blocks did not agree (z = 1.9).
     """
     done = plant.silent(found.model)
-    index, kept = found.model.n_base + i, (plant.headline, plant.horizons)
+    index = found.model.n_base + i
     terms_of = {f.name: f.model.terms[-1] for s in found.steps for f in s.fitted if not f.reason}
     looks = {k.name: k for k in found.remainder} | {k.name: k for s in found.steps for k in s.looks}
     out = []
@@ -240,9 +240,9 @@ def _standing_rivals(plant: Any, found: Found, i: int, alpha: float) -> list[str
         if name not in terms_of and name in looks:  # the run, or what a look explains to first order, made it a rival
             terms_of[name] = plant.refine(found.model.without(index), looks[name]).terms[-1]
         if name in terms_of:
-            swapped = found.model.replaced(index, terms_of[name])
-            rival = plant.to_simulate(swapped)
-            plant.headline, plant.horizons = kept
+            state = plant.snapshot()  # the shapes of all others suited the one taken
+            rival = plant.to_simulate(plant.settled(found.model.replaced(index, terms_of[name])))
+            plant.restore(state)
             y, held = plant.measured(found.base, found.model, rival)
             gap, left, rest = ((y - plant.simulate(m, plant.headline))[held] for m in (found.base, found.model, rival))
             if rms(left) <= HALF * rms(gap) < rms(rest):

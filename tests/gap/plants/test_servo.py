@@ -13,10 +13,11 @@ import pytest
 from tests.gap.plants.example_servo import record_of
 from whsklearn import ServoAxis
 from whsklearn.datasets import make_servo_log
-from whsklearn.effects import ActuatorLag, Coulomb, InputDelay, Scales, Stribeck, Viscous
+from whsklearn.effects import ActuatorLag, Coulomb, InputDelay, Saturation, Scales, Stribeck, Viscous
 from whsklearn.effects.base import rms
+from whsklearn.effects.surroundings import chatters
 from whsklearn.gap import VERDICTS, GapFinder
-from whsklearn.gap.plants import servo_own, servo_run, servo_stop
+from whsklearn.gap.plants import servo_families, servo_own, servo_run, servo_stop
 from whsklearn.gap.plants.servo import ServoPlant
 from whsklearn.gap.plants.servo_candidates import candidate
 from whsklearn.gap.plants.servo_model import ServoTerm
@@ -96,6 +97,33 @@ def test_a_lost_sign_is_named_beside_another_effect_on_whichever_side_the_record
     log = log.assign(torque_nm=side * log["torque_nm"] + 0.3 * COULOMB, position_rad=log["position_rad"].abs())
     finder = GapFinder("servo", max_effects=1).fit(log)
     assert [e.name for e in finder.effects_] == ["sensor_rectification", "input_offset"]
+
+
+def test_a_limit_of_a_drive_that_changes_from_row_to_row_is_named_if_nothing_else_is_left():
+    """Had other values acted between the rows, something would be left; friction by the load was named in its place."""
+    rng, t = np.random.default_rng(3), np.arange(10_000) / 500.0
+    axis = ServoAxis(
+        inertia=INERTIA, law=[Viscous(VISCOUS), Coulomb(COULOMB)], effects=[Saturation(2.0)], sample_rate=500.0
+    )
+    drive = 1.5 * np.sin(3.0 * t) + np.sin(11.0 * t) + 0.6 * rng.standard_normal(t.size)
+    assert chatters(drive - np.clip(drive, -2.0, 2.0))
+    r = axis.simulate_drive(drive, noise=2e-5 * rng.standard_normal(t.size))
+    finder = GapFinder("servo").fit(ServoRecord(r.time, r.drive, r.position))
+    assert [e.name for e in finder.effects_] == ["saturation"]
+    assert finder.effects_[0].effect.limit == pytest.approx(2.0, rel=0.02)
+
+
+def test_a_spring_moves_beside_the_offset_that_it_stood_for():
+    """Alone, a cubic moves its centre for a constant torque; beside it there, an offset explained a part."""
+    log = record(seconds=12.0)
+    plant, base, _ = plant_with(frame=log.assign(torque_nm=log.torque_nm + 2.0 * (log.position_rad - 0.1) ** 3 + 0.5))
+    plant.looks(base, np.random.default_rng(0))
+    spring = dataclasses.replace(candidate("hardening_spring"), whole=True)
+    alone = servo_families.polished(plant.inverse, base, ServoTerm(spring, (0.0, 0.0)))
+    grown = plant.refine(alone, SimpleNamespace(start=ServoTerm(candidate("input_offset"), (0.0,))))
+    (stiffness, centre), (offset,) = (t.q for t in grown.added)
+    assert abs(alone.terms[-1].q[1] - 0.1) > 0.1
+    assert (stiffness, centre, offset) == pytest.approx((2.0, 0.1, 0.5), abs=0.03)
 
 
 @pytest.mark.parametrize("units", [1.0, 1e3, 1e-3])

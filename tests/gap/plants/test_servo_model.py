@@ -58,6 +58,16 @@ def test_an_inertia_far_above_that_of_the_first_regression_has_room_on_either_si
     assert not model(inertia=0.04).has_inertia(model(inertia=1e-3 * SCENE.inertia))
 
 
+@pytest.mark.parametrize("times", [0.1, 30.0, -30.0])
+def test_a_spring_that_holds_far_more_than_the_drive_has_room_on_either_side(times):
+    """An axis swings on it under a small drive; a fit along the run had begun at half of its stiffness."""
+    spring = candidate("hardening_spring")
+    m = model(ServoTerm(spring, (times * spring.size_unit(SCENE), 0.0)))
+    low, high = m.bounds()
+    assert np.all(low < m.vector())
+    assert np.all(m.vector() < high)
+
+
 def test_a_step_of_one_number_moves_that_number_alone():
     m = model(*friction(0.1, 0.2), started(candidate("stribeck")))
     x = m.vector()

@@ -8,6 +8,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterator
 from copy import copy
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -183,11 +184,7 @@ class ServoPlant(Plant):
         """
         if not model.load_side or model.has_play:
             return model
-        horizon, _ = self._horizons(model)
-
-        def error(m: ServoHypothesis) -> float:
-            return servo_run.train_error(self.observer, m, horizon)
-
+        error = partial(servo_run.train_error, self.observer, horizon=self._horizons(model)[0])
         best, view = min((model, *self._by_run(model, "flexible_coupling")), key=error), self.observer
         if quiet(view.rms(view.gap(best)), view.floor, self.tolerance * self.scale):
             return model
@@ -433,7 +430,7 @@ class ServoPlant(Plant):
         other numbers along the run, until no name was left.  True plays explain three quarters and more.
         """
         rest = model.without(len(model.terms) - 1)
-        if model.has_play and not self._is_most(rest, model):
+        if model.has_play and self.size(left := self.errors(rest), self.errors(model)) < HALF**0.5 * self.rms(left):
             beside = " beside the play" if rest.has_play else ""
             return f"it explains too little of the residual{beside}, and impacts correlate a little with everything"
         return self.half_shown(model)
@@ -450,14 +447,8 @@ class ServoPlant(Plant):
             return ""
         if any(t.effect.place == last.effect.place == "position" for t in model.terms[model.n_base : -1]):
             return "the travel shows less than a period of such a wave, and another force over it does the rest"
-        if self.silent(model):
-            return ""
-        return "the travel shows less than a period of such a wave, and something else is missing beside it"
-
-    def _is_most(self, model: ServoHypothesis, grown: ServoHypothesis) -> bool:
-        """Whether `HALF` of the power that a model leaves is explained by what another has beside it."""
-        before = self.errors(model)
-        return bool(self.size(before, self.errors(grown)) ** 2 >= HALF * self.rms(before) ** 2)
+        said = "the travel shows less than a period of such a wave, and something else is missing beside it"
+        return "" if self.silent(model) else said
 
     def enough(self, model: ServoHypothesis) -> bool:
         """Whether the record says enough for a name to be certain.
@@ -479,8 +470,8 @@ class ServoPlant(Plant):
 
     def objection(self, model: ServoHypothesis, grown: ServoHypothesis) -> str:
         """The objection to an effect: a physical one, too many numbers, a worse run."""
-        said = unphysical(self.inverse, grown, len(grown.terms) - 1)
-        if said:
+        last, view = len(grown.terms) - 1, self.inverse
+        if unphysical(view, grown, last) and (said := unphysical(view, grown, last, silent=self.silent(grown))):
             return said
         if grown.vector().size > self.inverse.n_effective:
             return "with it the model has more numbers than the record has independent samples"
@@ -552,9 +543,7 @@ class ServoPlant(Plant):
 
     def _chatters(self, model: ServoHypothesis) -> bool:
         """Whether the drive changes from row to row, and the model leaves more than noise."""
-        left = self.rms(self.errors(model))
-        more = not quiet(left, self.own.floor, self.tolerance * self.scale)
-        return more and chatters(self.record.drive - self.record.drive.mean())
+        return not self.silent(model) and chatters(self.record.drive - self.record.drive.mean())
 
     def _notes(self, model: ServoHypothesis) -> list[str]:
         """Remarks on how the record was used."""

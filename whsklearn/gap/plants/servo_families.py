@@ -448,11 +448,12 @@ def inverse_kinds(model: ServoHypothesis) -> tuple[Candidate, ...]:
 
 
 def polished(view: Any, model: ServoHypothesis, term: ServoTerm) -> ServoHypothesis:
-    """The model with the term; its free shape numbers are moved downhill one at a time and the sizes solved for."""
+    """The model with the term; its free shapes are moved downhill one at a time and the sizes solved for."""
     if term.kind in stop.KINDS:
         return stop.settled(view, model, term)
     grown = downhill(view, view.fit(model.with_term(term)), len(model.terms))
-    together = term.kind.later or (term.kind.code in TWO_MASS and not term.kind.on_load)
+    springs = any(t.kind.of_place for t in model.terms)  # their centres had moved for what the term is
+    together = term.kind.later or springs or (term.kind.code in TWO_MASS and not term.kind.on_load)
     return jointly(view, grown, len(model.terms)) if together else grown
 
 
@@ -524,23 +525,25 @@ def downhill(view: Any, grown: ServoHypothesis, i: int) -> ServoHypothesis:
 
 
 def jointly(view: Any, grown: ServoHypothesis, i: int) -> ServoHypothesis:
-    """The model with the free shape numbers of term ``i`` fitted together; the sizes are solved for at each step.
+    """The model with the free shape numbers of term ``i`` and of all springs fitted together, sizes solved for.
 
     Distance and damping of bristles trade off against each other, and so do frequency, damping and friction behind a
-    coupling; moved one at a time, they stop halfway to the minimum.
+    coupling, and the centres of a linear and of a hardening spring; moved one at a time, they stop halfway to the
+    minimum.
     """
-    first = grown.terms[i].kind.linear
-    free = [(n, j, log) for n, (of, j, log) in enumerate(grown.free(), 2) if of == i and j >= first]
-    at = [n for n, _, _ in free]
+    kinds = [t.kind for t in grown.terms]
+    chosen = [kind.of_place or (n == i and not kind.scanned) for n, kind in enumerate(kinds)]
+    free = [(n, *at) for n, at in enumerate(grown.free(), 2) if chosen[at[0]] and at[1] >= kinds[at[0]].linear]
+    at = [n for n, *_ in free]
     if not at:
         return grown
     (low, high), steps = grown.bounds(), grown.steps()
 
     def moved(x: Array) -> tuple[ServoHypothesis, Array]:
-        term = grown.terms[i]
-        for (_, j, log), value in zip(free, x, strict=True):
-            term = term.with_slot(j, float(np.exp(value)) if log else float(value))
-        return view.fit_with_gap(grown.replaced(i, term))
+        terms = list(grown.terms)
+        for (_, of, j, log), value in zip(free, x, strict=True):
+            terms[of] = terms[of].with_slot(j, float(np.exp(value)) if log else float(value))
+        return view.fit_with_gap(grown.with_terms(terms))
 
     fit = least_squares(lambda x: moved(x)[1], grown.vector()[at], 3.0 * steps[at], (low[at], high[at]), tolerance=1e-3)
     best, left = moved(fit.x)

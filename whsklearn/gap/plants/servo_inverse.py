@@ -479,14 +479,14 @@ def weighted(left: Array, weight: Array | None) -> Array:
     return left if weight is None else left * weight
 
 
-def unphysical(view: InverseView, model: ServoHypothesis, index: int) -> str:
-    """The physical objection to the numbers of a term; empty if there is none."""
+def unphysical(view: InverseView, model: ServoHypothesis, index: int, *, silent: bool = False) -> str:
+    """The physical objection to the numbers of a term, beside which a model is ``silent``; empty if there is none."""
     term = model.terms[index]
     if term.kind.positive and term.q[0] <= 0:
         return f"its size would be {term.q[0]:.3g}, but a physical one is positive"
     return (
         model.at_the_end(index)
-        or term.effect.implausible(surroundings(view, model))
+        or term.effect.implausible(surroundings(view, model)._replace(silent=silent))
         or too_large(term)
         or always_limited(view, model, index)
     )

@@ -122,7 +122,8 @@ class ServoHypothesis(WithTerms):
             shape = j - kind.linear
             if shape < 0:
                 # dry and viscous friction dissipate energy; a base law that supplies some comes from a diverging fit
-                most = LARGEST * kind.size_unit(self.scene)
+                # around its own size, too: a spring on which an axis swings freely holds far more than the drive
+                most = LARGEST * max(kind.size_unit(self.scene), abs(self.terms[i].q[j]))
                 low.append(0.0 if kind.positive and i < self.n_base else -most)
                 high.append(most)
             else:
