@@ -244,6 +244,35 @@ def test_a_free_run_that_owes_nothing_to_its_drive_is_no_merit():
     assert "does not follow this input" in reason
 
 
+def test_the_inverse_of_a_controller_is_no_axis():
+    """A loop that follows its reference well shows its controller: the drive leads the motion against itself."""
+    rng, dt = np.random.default_rng(0), 0.002
+    inertia, gain, n = 0.02, 0.4, 4000
+    reference = 3.0 + lfilter([0.002], [1.0, -0.998], rng.standard_normal(n)) * 20.0
+    push = 0.05 * lfilter([0.05], [1.0, -0.95], rng.standard_normal(n))  # what the axis is pushed by beside its drive
+    v, u = np.zeros(n), np.zeros(n)
+    for k in range(1, n):
+        v[k] = v[k - 1] + dt * (u[k - 1] + push[k - 1] - 0.01 * v[k - 1] - 0.02 * np.sign(v[k - 1])) / inertia
+        u[k] = gain * (reference[k] - v[k])
+    log = view(u, v, dt, "velocity")
+    found = {}
+    for name, model in (
+        ("controller", LinearModel([0.0, -1.0 / gain], [1.0, -0.1])),
+        ("axis", LinearModel([0.0, dt / inertia], [1.0, -0.9995])),
+    ):
+        found[name] = Compared(name, "arx", {}, "prediction", model)
+        _score(found[name], log)
+    assert found["axis"].takes_work
+    assert not found["controller"].takes_work
+    found["controller"].score, found["controller"].by_drive, found["controller"].test = 0.1, 0.1, {"nmse": 0.1}
+    axis = Compared("axis, viscous and Coulomb", "axis", {}, "-", score=0.5, test={"nmse": 0.5})
+    trivial = Compared("constant velocity", "trivial", {}, "-", score=1.0)
+    chosen, reason = recommend([found["controller"], axis], trivial)
+    assert chosen is axis
+    assert "gives work to the drive" in reason
+    assert recommend([found["controller"]], trivial)[0] is found["controller"]  # no axis: any system
+
+
 def test_what_travel_is_too_short_to_tell_apart_is_said():
     trivial = Compared("constant velocity", "trivial", {}, "-", score=10.0)
     both = [
