@@ -262,15 +262,35 @@ def test_the_inverse_of_a_controller_is_no_axis():
     ):
         found[name] = Compared(name, "arx", {}, "prediction", model)
         _score(found[name], log)
-    assert found["axis"].takes_work
-    assert not found["controller"].takes_work
+    assert found["axis"].along_drive
+    assert not found["controller"].along_drive
     found["controller"].score, found["controller"].by_drive, found["controller"].test = 0.1, 0.1, {"nmse": 0.1}
     axis = Compared("axis, viscous and Coulomb", "axis", {}, "-", score=0.5, test={"nmse": 0.5})
     trivial = Compared("constant velocity", "trivial", {}, "-", score=1.0)
     chosen, reason = recommend([found["controller"], axis], trivial)
     assert chosen is axis
-    assert "gives work to the drive" in reason
+    assert "slowly against its drive" in reason
     assert recommend([found["controller"]], trivial)[0] is found["controller"]  # no axis: any system
+
+
+@pytest.mark.parametrize("resonance", [None, 8.0])
+@pytest.mark.parametrize("drive", ["noise", "sweep", "sine"])
+def test_an_axis_behind_a_lag_or_a_spring_moves_along_its_drive(drive, resonance):
+    """Work is no test: of a sine of 3 Hz that acts 20 ms late, an axis gives it back."""
+    dt, n = 0.002, 6000
+    t = dt * np.arange(n)
+    u = {
+        "noise": np.random.default_rng(0).standard_normal(n),
+        "sweep": np.sin(2.0 * np.pi * (t + 0.5 * 59.0 / t[-1] * t**2)),
+        "sine": np.sin(2.0 * np.pi * 3.0 * t),
+    }[drive]
+    poles = [np.exp(-dt), np.exp(-dt / 0.02)]
+    if resonance:
+        poles[1:] = np.exp(2.0 * np.pi * resonance * dt * np.array([-0.03 + 1j, -0.03 - 1j]))
+    model = LinearModel([0.0, 0.001], np.poly(poles).real)
+    compared = Compared("", "arx", {}, "prediction", model)
+    _score(compared, view(u, model.simulate(u) + 1e-6 * np.cos(t), dt, "velocity"))
+    assert compared.along_drive
 
 
 def test_what_travel_is_too_short_to_tell_apart_is_said():

@@ -111,10 +111,10 @@ class Compared:
     by_drive, run_by_drive : float
         ``score``, and the error of the ``test`` run, as shares of those of the same model with its drive held at the
         mean.
-    takes_work : bool
-        Whether the motion of the model takes work from the deviations of the drive, as that of every passive system
-        does.  The controller of a closed loop, solved for the motion, gives work back; over a log of a loop that
-        follows its reference well it predicts better than any axis.
+    along_drive : bool
+        Whether the displacement of the model follows the impulse of the drive, as the slow motion of every axis does,
+        whatever lags and resonances lie above.  That of a controller, solved for the motion, goes against it; over a
+        log of a loop that follows its reference well it predicts better than any axis.
     squares : dict of int to ndarray
         Mean squared error of each window by its length in samples.
     untold : bool
@@ -147,7 +147,7 @@ class Compared:
     failure: str = ""
     by_drive: float = 0.0
     run_by_drive: float = 0.0
-    takes_work: bool = True
+    along_drive: bool = True
     squares: dict[int, Array] = field(default_factory=dict, repr=False, compare=False)
     untold: bool = False
 
@@ -529,16 +529,16 @@ def recommend(tried: list[Compared], trivial: Compared, *, steady: bool = False)
     if not good:
         told = "; ".join(f"{c.name}: {c.failure or 'its free run does not stay finite'}" for c in tried)
         raise ValueError(f"No structure could be fitted to this record ({told}).")
-    passive = [c for c in good if c.takes_work]
-    if not any(c.kind == "axis" for c in passive):  # without an axis the output may be anything
-        passive = good
-    driven = [c for c in passive if c.by_drive < EXPLAINS]
+    along = [c for c in good if c.along_drive]
+    if not any(c.kind == "axis" for c in along):  # without an axis the output may be anything
+        along = good
+    driven = [c for c in along if c.by_drive < EXPLAINS]
     # an integrator whose drive does nothing was nearer to a pendulum's swings than their mean, and so was a line
     holding = [c for c in driven if not _lost(c.test) and c.run_by_drive < EXPLAINS]
     better = [c for c in driven if c.score < EXPLAINS * trivial.score]
     # that the mean is further off is a merit mostly of what also predicts the windows
-    axes = [c for c in passive if steady and not driven and c.kind == "axis"]  # they know its friction
-    among = [c for c in holding if c in better] or holding or better or axes or passive
+    axes = [c for c in along if steady and not driven and c.kind == "axis"]  # they know its friction
+    among = [c for c in holding if c in better] or holding or better or axes or along
     turned = [c for c in better if c.kind == "axis" and c.score * OVER_THE_TOP < min(c.score for c in among)]
     among = turned or among
     first, best = (min(some, key=lambda c: c.score) for some in (good, among))
@@ -554,8 +554,8 @@ def recommend(tried: list[Compared], trivial: Compared, *, steady: bool = False)
         by = f"than {100 * (AS_GOOD - 1):.3g} %" if near else "than the choice of windows makes it by chance"
         reason += f"; {best.name} is no better {by} and has more parameters"
     if first is not best:
-        if first not in passive:
-            why = "its motion gives work to the drive, as a controller's does, where an axis takes it"
+        if first not in along:
+            why = "it moves slowly against its drive, as a controller solved for the motion does and no axis"
         elif first in driven:
             why = f"its free run is further off than the mean of the output ({_told(first.test)})"
         else:
@@ -726,7 +726,9 @@ def _score(compared: Compared, log: View) -> None:
         compared.by_drive = compared.score / score(undriven, without)
         if compared.kind != "axis" and log.logged != "output":
             moved = compared.model.simulate(log.u) - compared.model.simulate(undriven.u)
-            compared.takes_work = float((log.u - undriven.u) @ moved) > 0.0
+            # the work itself is negative for an axis behind a lag of 20 ms, too, under a sine of 3 Hz
+            impulse, displacement = np.cumsum(log.u - undriven.u), np.cumsum(moved - moved.mean())
+            compared.along_drive = float(impulse @ displacement) > 0.0
 
 
 def _undriven(log: View) -> View:
