@@ -31,6 +31,7 @@ from whsklearn.identification.axis_fit import (
     SHOOTING,
     Minimum,
     _best_of,
+    _unfitted,
     axis_of,
     best_known,
     determined,
@@ -624,3 +625,9 @@ def test_a_rotation_in_one_direction_is_fitted_past_the_limit_of_its_friction():
     assert model.parameters["viscous"] == pytest.approx(0.01, rel=0.01)
     assert model.parameters["inertia"] == pytest.approx(0.05, rel=0.001)
     assert model.standard_errors["inertia"] < 1e-4
+
+
+def test_of_a_run_without_end_nothing_is_known_and_nothing_is_warned_of():
+    log = axis_log(slow_drive(800, 1), powers=2)._replace(of_position=True)
+    theta = np.array([0.05, 0.1, 0.3, 0.02, 0.0, -1e60])
+    assert _unfitted(theta, log, [log._replace(u=1.01 * log.u)], np.ones(1)) is None

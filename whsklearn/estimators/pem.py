@@ -247,7 +247,8 @@ class PEMRegressor(ChainRegressor):
     criterion : {"prediction", "simulation"}, default="prediction"
         The error to minimise.
     n_starts : int, default=16
-        Number of starts for the prediction error, from which a law in dx starts in any case.
+        Number of starts for the prediction error.  The first is the best linear approximation.  The simulation
+        error of a law in dx is fitted from what they lead to.
     random_state : int, RandomState or None
         Draws the starts.
 

@@ -444,6 +444,8 @@ class Unfitted(NamedTuple):
 def _unfitted(theta: Array, pieces: AxisLog, others: list[AxisLog], steps: Array) -> Unfitted | None:
     """Of numbers by which the logs of ``others`` differ by ``steps`` (q,); None if the run diverges."""
     run, rows = sensitivities(theta, pieces)
+    if not np.abs(run).max() < LARGEST:  # beyond it, differences are not numbers
+        return None
     fixed = [(axis_motion(theta, other) - run) / step for other, step in zip(others, steps, strict=True)]
     both, _ = beside_the_states(np.vstack([*fixed, rows]), pieces)
     error, q = pieces.target - run, len(others)
