@@ -14,8 +14,7 @@ from whsklearn.identification.drive_lead import earlier, moved, same_age
 from whsklearn.identification.logs_together import own_offsets
 from whsklearn.identification.view import view
 from whsklearn.logs.errors import LogError
-
-APART = 1.0  # s between the end of a record and the start of the next; the value does not matter
+from whsklearn.logs.timebase import LONG_GAP
 
 
 def joined(records: Sequence[ServoRecord]) -> ServoRecord:
@@ -48,7 +47,7 @@ def joined(records: Sequence[ServoRecord]) -> ServoRecord:
             if problem.fatal:
                 raise LogError(f"Record {k + 1}: {problem.title}. {problem.explanation}")
     records = alike(records)
-    begins = np.cumsum([0.0] + [float(r.time[-1] - r.time[0]) + APART for r in records])
+    begins = np.cumsum([0.0] + [float(r.time[-1] - r.time[0]) + LONG_GAP * first.dt for r in records])
     sizes = np.cumsum([0] + [len(r) for r in records])
     edges = [n + s for r, n in zip(records, sizes.tolist(), strict=False) for s in (0, *r.starts)]
     referenced = all(r.reference is not None for r in records)

@@ -11,10 +11,8 @@ from whsklearn.effects.base import rms
 from whsklearn.gap.calibration import N_OWN
 from whsklearn.gap.diagnosis import rows_in
 from whsklearn.gap.plants import Base, make_plant
+from whsklearn.gap.search import SAME
 from whsklearn.logs.overlap import shared_run
-
-# Share of the floor, or of the gap before, below which a difference is a rounding error and not a gap.
-NO_GAP = 1e-3
 
 
 def free_run_error(plant: Any, model: Any, horizon: float, *beside: Any) -> dict[str, float]:
@@ -46,9 +44,9 @@ def closure(before: float, after: float, floor: float, spread: float = np.inf) -
             return 0.0
         before = spread if after < spread else before
     gap = before - floor
-    if after > before * (1.0 + NO_GAP):
-        return float(max(-1.0, (before - after) / max(gap, NO_GAP * before)))
-    if gap <= NO_GAP * floor:
+    if after > before * (1.0 + SAME):
+        return float(max(-1.0, (before - after) / max(gap, SAME * before)))
+    if gap <= SAME * floor:
         return 0.0
     return float(np.clip(round(1.0 - (after - floor) / gap, 12), -1.0, 1.0))
 

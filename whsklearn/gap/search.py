@@ -29,7 +29,7 @@ WORTH_FITTING = 0.2
 LEAST_SHARE = 0.25
 # Share of a power: only what explains more than half of it is called its cause.
 HALF = 0.5
-SAME = 1e-3  # of a residual: two fits of one structure that differ by less are at one minimum
+SAME = 1e-3  # of a residual: two fits of one structure that differ by less are at one minimum, two runs leave the same
 # Share of the rms gap that may still follow the motion without a name beside a verdict of ``named``
 # (`benchmarks.learned --effects named` and without: what true names and the neighbours of other effects leave).
 STILL = 0.04

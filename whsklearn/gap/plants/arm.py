@@ -99,7 +99,7 @@ class ArmPlant(Plant):
     gap_word, whole, gap_unit = "missing drive", "drive", ""
     scale, n_effective = 1.0, 2.0
     horizons: tuple[float, ...] = (0.1, 0.2, 0.5)
-    headline = 0.5
+    headline = horizons[-1]
     looked: Sequence[Look] = ()
     repair = ""  # what to check in the log before anything else
     joint = 0  # that the first sentence of the report is about, and so its pictures

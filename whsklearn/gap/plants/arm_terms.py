@@ -18,10 +18,10 @@ from whsklearn.gap.plant import FittedTerm
 from whsklearn.gap.plants.servo_candidates import Candidate, catalogue
 from whsklearn.systems.arm import Arm, closed
 
+NOTHING = np.finfo(float).eps  # Nm or kg m2: no friction, no inertia
 # Effects of the catalogue that are not candidates at a joint: an error of an encoder changes the columns of all joints,
 # the weight of a joint is that of the links, and a coupling is not told from the links' own flexibility.
 ELSEWHERE = ("encoder_eccentricity", "gravity_imbalance", "flexible_coupling")
-TINY = 1e-12  # Nm: no friction
 ALONG_TWO = ("viscous", "coulomb")  # friction that depends on a neighbour's motion
 
 
@@ -247,7 +247,7 @@ def parts_of(arm: Arm) -> tuple[Arm, tuple[JointTerm, ...]]:
             along = tuple(map(float, np.arange(arm.n_joints) == j))
             term = JointTerm(AtJoint(kind.cls, joint, along, kind, place=frozenset([joint])), e.row)
             if term.kind.splits:  # the load is all that is not the motor
-                share = 1.0 - float(arm.armature[j]) / max(float(inertia[j]), TINY)
+                share = 1.0 - float(arm.armature[j]) / max(float(inertia[j]), NOTHING)
                 term = replace(term, q=(e.row[0], share, *e.row[2:]))
                 rest += closed([e])
             terms.append(term)
@@ -300,7 +300,7 @@ def parted(arm: Arm, play: JointTerm, motor: float) -> Arm:
     """The arm with a play between a motor of this inertia and its link; the joint has the same inertia and friction."""
     j, effect = arm.index(play.joint), play.effect
     dry = sum(e.magnitude for e in arm.effects[j] if type(e) is Coulomb)
-    share = min(effect.shape["load_coulomb"] / max(dry, TINY), 1.0)  # of the friction that is behind the play
+    share = min(effect.shape["load_coulomb"] / max(dry, NOTHING), 1.0)  # of the friction that is behind the play
     row = [e.resized((1.0 - share) * e.magnitude) if type(e) in (Coulomb, Viscous) else e for e in arm.effects[j]]
     behind = share * sum(e.magnitude for e in arm.effects[j] if type(e) is Viscous)
     row += [effect, LoadSideViscous(behind)] if behind else [effect]

@@ -31,7 +31,6 @@ from whsklearn.systems.stability import is_stable
 
 N_RANDOM = 16  # starts besides the divisions, for blocks that are far from those of a linear model
 KEPT = 5  # starts of a kind that go on, after a cheaper fit has ranked them
-LEAST_DROP = 1e-6  # of the sum of squares in one step of a fit
 
 
 def cost(s: Record, m: ChainHypothesis) -> float:
@@ -91,7 +90,7 @@ def climb(
     x, ends = x / unit, (low / unit, high / unit)
     near = cm.SMALL * np.maximum(np.abs(x), 0.05)
     try:
-        found = least_squares(errors, x, near, ends, max_iterations=steps, tolerance=LEAST_DROP, slopes=slopes)
+        found = least_squares(errors, x, near, ends, max_iterations=steps, tolerance=cm.SMALL, slopes=slopes)
     except (ValueError, np.linalg.LinAlgError):
         return m
     return model(found.x)

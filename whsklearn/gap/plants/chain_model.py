@@ -199,15 +199,16 @@ HELD_TO = 4.0  # robust deviations at which an error is clipped; six of 1e5 Gaus
 CAP = HELD_TO * HELD_TO  # largest cost of a sample, in variances: that of an error that is clipped
 # Share of the last sample that the smallest lag leaves behind a hold, as a delay of so many samples does.
 SMALLEST = 0.01
-# kappa times rms dx on the rungs of a fit, soft ones first: the first has a slope everywhere, under the third a sign is
-# resolved, and on the last only one sample in a thousand differs from a sign.
-SMALL = 1e-6  # step of a difference, and of a linear effect as a share of its signal
-# Share of the output's rms within which a step in a linear number must move it: less is rounding, more is not a slope.
-RESOLVED = (1e-3 * SMALL, 1e3 * SMALL)
+# Step of a difference, of a linear effect as a share of its signal, and least drop of a sum of squares in a fit.
+# A step in a linear number must move the output by a share of its rms between this times its root, below which it is
+# rounding, and the root, above which it is not a slope.
+SMALL = 1e-6
 # Limit of a free run that diverged.  Signals have any unit (x of four slow poles is 1e6 times u, and its cube 1e18), so
 # the limit is where the sums of squares end.
 LARGEST, LEAST = 1e100, 1e-100
 FAR, UNSEEN = 100.0, 1e-12  # a term whose values are as small a share of those that far away is rounding error
+# kappa times rms dx on the rungs of a fit, soft ones first: the first has a slope everywhere, under the third a sign is
+# resolved, and on the last only one sample in a thousand differs from a sign.
 RUNGS = (3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)
 SHARPEST, HARD = RUNGS[-1], RUNGS[3:]
 
@@ -524,7 +525,7 @@ def sensitivities(s: Record, m: ChainHypothesis, kappa: float, at: tuple[Array, 
     # a weight or a size has the unit of its signals, so its step is set by what it does to the output
     for _ in range(3):  # what rounding leaves of a step that is by far too small is not its size yet
         does = np.sqrt(np.mean(out[moved] ** 2, axis=1)) * steps / max(rms(s.y), LEAST)
-        off = linear_numbers(s, m)[moved] & (does > 0.0) & ((does < RESOLVED[0]) | (does > RESOLVED[1]))
+        off = linear_numbers(s, m)[moved] & (does > 0.0) & ((does < SMALL**1.5) | (does > SMALL**0.5))
         if not off.any():
             break
         steps[off] *= SMALL / does[off]

@@ -22,6 +22,7 @@ from whsklearn.gap.data_check import DataProblem, check_servo
 from whsklearn.gap.diagnosis import Curve, NamedEffect
 from whsklearn.gap.filters import whiteness
 from whsklearn.gap.localisation import since_reversal, spectra
+from whsklearn.gap.nameless import ORDERS
 from whsklearn.gap.pictures import DRAWN
 from whsklearn.gap.plant import PAYS, QUIET, Figures, Gap, Linearised, Plant, Reading, Told, quiet
 from whsklearn.gap.plants import (
@@ -36,7 +37,7 @@ from whsklearn.gap.plants.from_log import servo_record
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, UNSEEN, aliases, candidate
 from whsklearn.gap.plants.servo_families import highest_order, next_order, polished, widened
 from whsklearn.gap.plants.servo_families import settled as looking_settled
-from whsklearn.gap.plants.servo_inverse import InverseView, surroundings, unphysical
+from whsklearn.gap.plants.servo_inverse import PER_NUMBER, InverseView, surroundings, unphysical
 from whsklearn.gap.plants.servo_model import HOLD, WIDEST, ServoHypothesis
 from whsklearn.gap.plants.servo_run import ObserverView
 from whsklearn.gap.plants.servo_sensors import UNFOLDED, coarse_encoder, unfold
@@ -62,10 +63,6 @@ OVER_LITTLE_TRAVEL = {"input_offset": ("gravity_imbalance",), "asymmetric_coulom
 WIDER = 1.25
 # rad of travel below which the cosine of gravity is a constant and a slope to within 3 %, so that names are shared.
 LITTLE_TRAVEL = 0.5
-MOST_ORDERS = 12  # of one family; each costs a scan
-# Independent samples in motion for each number, below which no name is certain: the usual rule of regression (Harrell
-# 2015, Regression Modeling Strategies, section 4.4).
-PER_NUMBER = 10
 FASTER = (
     "Log at the rate of the controller, or log the mean of the drive over a row: this drive changes from row to row, "
     "and what acted between the rows is unknown."
@@ -308,11 +305,14 @@ class ServoPlant(Plant):
             yield polished(self.inverse, model, start.with_slot(2, start.q[2] * (1.0 + 1e-6))), 1
 
     def family(self, model: ServoHypothesis) -> Iterator[ServoHypothesis]:
-        """The model with one more order of its last term's family at a time, as long as each is justified."""
+        """The model with one more order of its last term's family at a time, as long as each is justified.
+
+        A family has no more waves than the nameless functions of a turn (`ORDERS`).
+        """
         last = model.terms[-1]
         if not (last.kind.cls.repeats and last.kind.scanned == "position"):
             return
-        for _ in range(MOST_ORDERS - 1):
+        for _ in ORDERS[1:]:
             grown = next_order(self.inverse, model, last.kind)
             if grown is None:
                 return
@@ -347,7 +347,7 @@ class ServoPlant(Plant):
 
         A base model without the limit of a drive that is nearly always reached had seven times the inertia.
         """
-        if model.has_inertia(model) or not model.inertia > 0.0:
+        if model.has_inertia(model):
             return model
         error = float(np.sqrt(covariance(self.inverse.linearised(model))[0, 0]))
         if not 0.0 < error < np.log(WIDEST):

@@ -26,7 +26,7 @@ from whsklearn.gap.plant import Linearised
 from whsklearn.gap.plants import servo_stop as stop
 from whsklearn.gap.plants import servo_two_mass as two_mass
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, ColumnSignals
-from whsklearn.gap.plants.servo_model import ServoHypothesis, ServoTerm
+from whsklearn.gap.plants.servo_model import MODELS_KEPT, ServoHypothesis, ServoTerm
 from whsklearn.gap.record import Array, ServoRecord
 from whsklearn.gap.search import HALF
 from whsklearn.identification.axis_inverse import KNOWN
@@ -34,13 +34,13 @@ from whsklearn.identification.drive_lead import LATEST, OLDEST
 from whsklearn.logs.check import lattice, runs
 
 KEPT = 40  # columns cached, because a polish moves one shape and not the others
-SOLUTIONS_KEPT = 8  # models: of 1,741 calls 520 ask again for one of the last eight, 586 for any before
 # An axis rests below so many standard deviations of its velocity's noise; in records without noise, below this share of
 # the rms velocity.
 NOISY, SLOW = 3.0, 0.01
-# Judged samples, fewer than the numbers of a model with an effect; with fewer, rests are used too. Rests say little:
-# dry friction holds against any drive, so that a short log of a motor that stalls "lacked" a limit of its drive.
-FEWEST_JUDGED = 10
+# Independent samples in motion for each number, below which no name is certain: the usual rule of regression (Harrell
+# 2015, Regression Modeling Strategies, section 4.4). If there are not so many in all, rests are used too, which say
+# little: dry friction holds against any drive, and a short log of a motor that stalls "lacked" a limit of its drive.
+PER_NUMBER = 10
 # Smallest share of the drive's detail that a limit must leave for anything to be named beside it: MuJoCo's creep was,
 # at 3 to 7 %.
 LEAST_DETAIL = 0.1
@@ -111,7 +111,7 @@ class InverseView:
         self.acceleration_noise = noise_behind(g2, record, noise)
         self.drive = self.blur(u)
         self.moving, whole = self._moving(sigma)
-        enough = self.moving.sum() >= FEWEST_JUDGED
+        enough = self.moving.sum() >= PER_NUMBER
         self.usable = self.moving if enough else whole
         self.at = np.flatnonzero(self.usable)
         self.step = self.every * dt
@@ -261,7 +261,7 @@ class InverseView:
         """
         key = id(self.own), model
         if (kept := self._solutions.get(key)) is None:
-            if len(self._solutions) >= SOLUTIONS_KEPT:  # all at once, as with the columns
+            if len(self._solutions) >= MODELS_KEPT:  # all at once, as with the columns
                 self._solutions = {}
             kept = self._solutions[key] = self._solve(model), self.own
         return kept[0]  # type: ignore[no-any-return]

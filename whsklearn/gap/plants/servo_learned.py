@@ -38,7 +38,6 @@ PENALTIES = np.geomspace(1e-5, 1.0, 6)  # of second differences, as a share of t
 LEAST_GAIN = 25.0
 PER_SAMPLE = 4  # samples kept for each judged one: 20 per period of the view's cut-off
 RIDGE = 1e-4  # the same for the heights themselves, so that the base model explains whatever it can
-TURNS = 1.5  # turns of travel above which the angle within a turn is a signal of its own
 
 
 class Form(NamedTuple):
@@ -94,7 +93,7 @@ def forms(view: Any, torque: Array | None) -> list[Form]:
     s = view.motion
     low, high = (float(x) for x in np.quantile(s.position, [0.0, 1.0]))
     places = [(0.0, low, high)]
-    if high - low > TURNS * 2 * np.pi:  # a function that repeats every turn needs the hills of one turn only
+    if high - low > 2 * np.pi:  # a function that repeats every turn needs the hills of one turn only
         places.insert(0, (2 * np.pi, 0.0, 2 * np.pi))
     fast = float(np.quantile(np.abs(s.velocity), 0.999))
     out = [Form("speed", 0.0, 0.0, fast)]

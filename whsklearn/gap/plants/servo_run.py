@@ -24,8 +24,9 @@ from whsklearn.gap.filters import WHITENING, ResidualFilter, solve_whitening, wh
 from whsklearn.gap.least_squares import Minimum, gain_of, least_squares
 from whsklearn.gap.plant import PAYS
 from whsklearn.gap.plants.servo_candidates import Candidate
-from whsklearn.gap.plants.servo_model import LONGEST_STEP, ServoHypothesis, ServoTerm
+from whsklearn.gap.plants.servo_model import LONGEST_STEP, MODELS_KEPT, ServoHypothesis, ServoTerm
 from whsklearn.gap.record import Array, ServoRecord, training_samples
+from whsklearn.gap.search import HALF
 from whsklearn.systems.servo import FEWEST_STEPS
 
 STEP_ERROR = 0.01  # share of the tolerance by which a longer fine step may change the gap
@@ -42,12 +43,8 @@ OWN_ERROR = 0.1
 EVALUATIONS = 400
 # Where they begin, in steps of a derivative: with 5 and 10, other ripples were found as often as the valley.
 SPREAD = 2.0
-STARTS_KEPT = 4  # models: the base and the repaired one, with and without the hold of a sample
 # Largest deviation of a run due to a torque that is not worth naming, as a share of the path.
 OFF_PATH = 0.05
-# Largest mean square difference of the velocities of two smoothing windows, as a multiple of the noise variance of the
-# narrower one: a larger difference is motion that the wider one smooths away (Lepski 1991).
-AS_NOISE = 2.0
 
 
 @dataclass
@@ -94,7 +91,7 @@ class ObserverView:
     def starts(self, model: ServoHypothesis) -> tuple[tuple[Array, Array], Array]:
         """`restart_states` of the model, kept for runs over other horizons."""
         if (found := self._starts.get(model)) is None:
-            if len(self._starts) >= STARTS_KEPT:
+            if len(self._starts) >= MODELS_KEPT:
                 self._starts = {}
             found = self._starts[model] = restart_states(self, model)
         return found  # type: ignore[no-any-return]
@@ -297,7 +294,7 @@ def smoothing_width(positions: Sequence[Array], dt: float, noise: float) -> int:
     """The widest window, in samples, that changes the velocity by no more than noise does.
 
     The velocity of a narrow window differs from that of a wide one by its own noise, known from the window's weights,
-    and by the motion that the wide one smooths away.  The wide one is used while the second part is smaller (Lepski's
+    and by the motion that the wide one smooths away.  The wide one is used while noise is most of it (Lepski's
     rule of 1991 for choosing a bandwidth).  Otherwise, with a motor that cogs at 70 Hz under a stiff loop, every run
     would start with an error of a radian per second.
     """
@@ -310,7 +307,7 @@ def smoothing_width(positions: Sequence[Array], dt: float, noise: float) -> int:
         both = ((smoothed(q, dt, wide)[1], smoothed(q, dt, narrow)[1]) for q in positions)
         apart = np.concatenate([(a - b)[wide:-wide] for a, b in both])
         own = noise * float(np.linalg.norm(savgol_coeffs(narrow, 4, deriv=1, delta=dt)))
-        if float(np.mean(apart**2)) < AS_NOISE * own**2:
+        if HALF * float(np.mean(apart**2)) < own**2:
             return wide
     return widths[-1]
 

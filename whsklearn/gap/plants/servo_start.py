@@ -22,7 +22,7 @@ from whsklearn.gap.plants.servo_inverse import NOISY, SLOW, InverseView, lag_of,
 from whsklearn.gap.plants.servo_model import FASTEST_COUPLING, HOLD, ServoHypothesis, ServoTerm
 from whsklearn.gap.plants.servo_own import own
 from whsklearn.gap.plants.servo_run import ObserverView
-from whsklearn.gap.record import Array, ServoRecord, noise_level, training_samples
+from whsklearn.gap.record import LEAST_WHITE, Array, ServoRecord, noise_level, training_samples
 from whsklearn.gap.search import HALF
 from whsklearn.identification.drive_lead import drive_lead, earlier
 from whsklearn.logs.check import lattice, runs
@@ -36,14 +36,10 @@ BLIND_SHARE = 0.03
 # Multiple of the noise of inertia times acceleration due to the encoder: the residual of surrogates is 0.0037 to 0.0047
 # of the drive while this noise alone is 0.0015 to 0.0019, because the controller also puts the noise into the drive.
 DRIVE_NOISE = 2.5
-# Smallest noise as a share of the encoder's step: a reading that rests on its grid shows none, and one spread evenly
-# over a step shows 0.29.
-GRID_AS_NOISE = 0.2
-# s, leads of dry friction that are tried, each a factor of `WIDE` apart, and the relative error of the one found.
-# MuJoCo's default is 9.5 ms; its time constants reach from two of its steps, 4 ms, to some tens of ms.
-EARLY, WIDE, FINE = (0.002, 0.005, 0.0125, 0.03), 2.5, 0.02
-# Factor within which a lead that own records show is from the one found first (1.33 was the most), and trials of it.
-NEAR, REFINED = 1.6, 5
+# s, leads of dry friction that are tried, at equal ratios, and the relative error of the one found. MuJoCo's default is
+# 9.5 ms; its time constants reach from two of its steps, 4 ms, to some tens of ms.
+EARLY, FINE = (0.002, 0.005, 0.0125, 0.03), 0.02
+REFINED = 5  # trials of a lead in own records, which show it within a factor of 1.33 of the one found first
 HELD = 0.8  # share of the dry friction at which an axis is at rest and does not slide slowly
 FEWEST_RESTS = 8  # that tell whether an axis creeps at rest: a slope is known from three, and half may be none
 DISSIPATED = ("viscous", "coulomb")  # friction that any axis may have
@@ -124,8 +120,11 @@ def start_of(record: ServoRecord, law: tuple[str, ...], goal: float) -> tuple[In
 
 
 def position_noise(record: ServoRecord, signal: Array) -> float:
-    """Standard deviation of the position's noise, from the sixth differences of a signal that holds it."""
-    return max(noise_level(signal), GRID_AS_NOISE * lattice(record.position))
+    """Standard deviation of the position's noise, from the sixth differences of a signal that holds it.
+
+    A reading that rests on its grid shows none: then it is what rounding to the grid leaves, at the least.
+    """
+    return max(noise_level(signal), LEAST_WHITE * lattice(record.position) / np.sqrt(12.0))
 
 
 def unpredicted(record: ServoRecord, model: ServoHypothesis, start: tuple[Array, Array]) -> Array:
@@ -201,17 +200,18 @@ def reversing_early(view: InverseView, model: ServoHypothesis) -> ServoHypothesi
         return abrupt
     if model.early:  # once shown, it needs no more records of its own: they cost as much as a round of looks
         return led(model.early.lead)
+    apart = EARLY[1] / EARLY[0]
     best, least = min(EARLY, key=lambda lead: power(led(lead))), power(abrupt)
     if power(led(best)) >= least:
         return abrupt
-    found = nearest(power, best, WIDE, xatol=FINE * best)
+    found = nearest(power, best, apart, xatol=FINE * best)
     seen = creeps(view, model, EarlyReversal(float(found.x)), dry)
     if seen is False or found.fun >= least or not (seen or found.fun <= HALF * least):
         return abrupt
     rest = unexplained(abrupt)
     if not seen and unexplained(led(float(found.x))) > rest / HALF:  # no lead near this one explains half
         return abrupt
-    found = nearest(unexplained, float(found.x), NEAR, maxiter=REFINED)
+    found = nearest(unexplained, float(found.x), apart**0.5, maxiter=REFINED)
     return led(float(found.x)) if seen or found.fun <= HALF * rest else abrupt
 
 

@@ -28,6 +28,7 @@ from whsklearn.gap.nameless import nameless
 from whsklearn.gap.plants.servo_candidates import UNSEEN
 from whsklearn.gap.plants.variant import EffectVariant
 from whsklearn.gap.record import LEAST_WHITE, Array, noise_level
+from whsklearn.gap.search import HALF
 from whsklearn.gap.tangent import AT_ONCE, Family, Look, Tangent, strongest_lines
 from whsklearn.logs.check import lattice
 
@@ -199,9 +200,6 @@ def smallest(plant: Any, model: Any, start: Any) -> tuple[Any, dict[str, Any]]:
 
 
 # --- looks ----------------------------------------------------------------------------------------
-STANDING_OUT = 2.0  # multiple of the noise's power up to which a line of the error counts as noise
-
-
 @dataclass(frozen=True)
 class Errors:
     """The error of a model and those of its own records, in the form that looks take."""
@@ -236,12 +234,12 @@ def own_errors(plant: Any, model: Any, rng: np.random.Generator) -> Array:
 
 
 def noise_of(error: Array, noise: float) -> Array:
-    """The part of a simulation's error that is noise of this rms: all lines that do not exceed it (Wiener filter).
+    """The part of a simulation's error that is noise of this rms: all lines of which noise is most (Wiener filter).
 
     Signals of a motion that contain the same noise as the error would explain it, like a sign at every reversal.
     """
     there_and_back = np.concatenate([error, error[::-1]])  # no jump at the junction
-    share = STANDING_OUT * noise**2 * there_and_back.size / np.maximum(smoothed_power(there_and_back), 1e-300)
+    share = noise**2 * there_and_back.size / np.maximum(HALF * smoothed_power(there_and_back), 1e-300)
     lines = np.fft.rfft(there_and_back) * np.minimum(share, 1.0)
     return np.asarray(np.fft.irfft(lines, there_and_back.size)[: error.size])
 
