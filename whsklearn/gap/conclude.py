@@ -23,7 +23,7 @@ from whsklearn.gap.diagnosis import (
     spoken,
 )
 from whsklearn.gap.pictures import pictures_in
-from whsklearn.gap.plant import LEARNED_SHARE, QUIET, quiet
+from whsklearn.gap.plant import QUIET, WORTH_A_WORD, quiet
 from whsklearn.gap.proof import closure, prove
 from whsklearn.gap.search import HALF, LEAST_SHARE, STILL, Found, Named, Step, meet, renamed, stands
 from whsklearn.gap.sentences import next_experiment, summary
@@ -32,9 +32,6 @@ from whsklearn.gap.tangent import Look
 from whsklearn.logs.units import respelled
 
 UNFINISHED = ("unknown", "partial", "coloured_noise")  # verdicts beside which a nameless torque is learned
-# Multiple of the floor above which a free run shows a gap at all: a floor is known to a few percent. Where own records
-# are exact, `LEAST_SHARE` of it must be closed.
-ABOVE_FLOOR = 1.1
 # Why the proof refuses a name that the search had taken.
 NO_CLOSER = "a simulation with it comes no closer to the record"
 NOT_SUPPORTED = "its numbers, with all others refitted, are not physical or cannot be told from zero"
@@ -292,7 +289,7 @@ def stays_open(rows: list[dict[str, Any]]) -> bool:
     >>> [stays_open([{"closure": 0.03, "before": before, "floor": 1.0}]) for before in (2.0, 1.0)]
     [True, False]
     """
-    seen = any(r["before"] > ABOVE_FLOOR * r["floor"] for r in rows)
+    seen = any(r["before"] > QUIET * r["floor"] for r in rows)
     return seen and all(r["closure"] < LEAST_SHARE for r in rows)
 
 
@@ -322,7 +319,7 @@ def verdict_of(plant: Any, found: Found, alpha: float, run: dict[str, float]) ->
             return "not_testable" if asked and blind else "no_gap"
         return "unknown" if follows > least else "coloured_noise"
     # a run that noise alone explains before the repair shows no closure
-    shown = run["closure"] if run["before"] > ABOVE_FLOOR * run["floor"] else 0.0
+    shown = run["closure"] if run["before"] > QUIET * run["floor"] else 0.0
     explained = max(before**2 - after**2, shown * before**2 if figures.by_run else 0.0)
     if explained < LEAST_SHARE * (explained + follows**2) or after > QUIET * before:
         return "unknown"  # the second: no name closes in simulation what it opens in the drive
@@ -439,7 +436,7 @@ def _learned(
     last = _headline(plant, grown)
     share = closure(_headline(plant, rows)["after"], last["after"], last["floor"])
     worse = any(new["after"] > old["after"] for new, old in zip(grown, rows, strict=True))
-    if share < LEARNED_SHARE or worse:
+    if share < WORTH_A_WORD or worse:
         return rows
     found.model = model
     diagnosis.learned = LearnedTorques(curves, share)

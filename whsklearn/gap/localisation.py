@@ -25,15 +25,13 @@ from scipy.stats import false_discovery_control
 from whsklearn.effects.base import rms
 from whsklearn.gap.calibration import N_BLOCKS
 from whsklearn.gap.diagnosis import Place
-from whsklearn.gap.plant import Gap
+from whsklearn.gap.plant import WORTH_A_WORD, Gap
 from whsklearn.gap.record import Array
 
 NOWHERE = "The gap follows none of the signals that were examined."
 N_BINS = 20  # of equally many samples along each signal
 N_SHIFTS = 199  # the smallest p-value is 1 / 200, or a twentieth after the adjustment over ten signals
-# Level of the p-value of a place or a drift, and the share of the gap (beyond the share of samples) that is worth a
-# sentence in the report. No name depends on it.
-LEVEL, WORTH_A_WORD = 0.02, 0.1
+LEVEL = 0.02  # of the p-value of a place or a drift, on which no name depends
 TIME_CONSTANT = 1.0  # s, of forgetting
 SETTLED = 3.0  # time constants before the estimates count
 

@@ -36,9 +36,10 @@ DEFAULT_TOLERANCE = 0.004
 # Multiple of the residual that encoder noise causes in own records, below which nothing is missing: five records
 # determine that residual to a tenth.
 QUIET = 1.35
-# Share of what is left that learned curves must explain: of the cross-validated power when they are fitted, of the gap
-# in simulation to be kept (`benchmarks.learned`).
-LEARNED_SHARE = 0.1
+# Share of a gap that is worth a sentence of the report where nothing is named: of a place or a drift, beyond its share
+# of the samples; of learned curves, in cross-validated power when they are fitted and in simulation to be kept
+# (`benchmarks.learned`).
+WORTH_A_WORD = 0.1
 # Gain per number above which numbers that a first look holds are freed, and a learned curve is better than a simpler
 # one: the lead that parts two explanations at the level alpha.
 PAYS = least_lead(ALPHA)

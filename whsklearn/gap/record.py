@@ -20,6 +20,8 @@ Array = NDArray[Any]
 
 # Standard deviation of a Gaussian over its median absolute deviation: what "robust deviations" are counted in.
 MAD = 1.4826
+# Robust deviations beyond which an error is an outlier: chance puts six of 1e5 Gaussian ones there.
+OUTLYING = 4.0
 # Parts of a record, and the share at the end of each that is held out: 60 % fit and 40 % judge. If a record drifts,
 # both see every part of it.
 PARTS, HELD_OUT = 5, 0.4

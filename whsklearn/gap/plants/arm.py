@@ -42,7 +42,7 @@ from whsklearn.gap.plants.arm_view import LATEST, ArmRecord, ArmState, ArmView, 
 from whsklearn.gap.plants.servo_candidates import aliases as of_axis
 from whsklearn.gap.plants.servo_inverse import too_large
 from whsklearn.gap.plants.servo_model import ServoTerm
-from whsklearn.gap.plants.servo_run import OWN_MOTION
+from whsklearn.gap.plants.servo_run import LONGEST_RUN, OWN_MOTION, SHORTER_RUNS
 from whsklearn.gap.record import SPLIT, Array, training_samples
 from whsklearn.gap.search import HALF, LEAST_SHARE, STILL
 from whsklearn.gap.tangent import Family, Look, Tangent, chance
@@ -98,7 +98,7 @@ class ArmPlant(Plant):
     logged: tuple[str, str] = ("Nm", "rad")
     gap_word, whole, gap_unit = "missing drive", "drive", ""
     scale, n_effective = 1.0, 2.0
-    horizons: tuple[float, ...] = (0.1, 0.2, 0.5)
+    horizons: tuple[float, ...] = (*SHORTER_RUNS[1::-1], LONGEST_RUN)
     headline = horizons[-1]
     looked: Sequence[Look] = ()
     repair = ""  # what to check in the log before anything else

@@ -26,7 +26,7 @@ from whsklearn.gap.plant import WithTerms
 from whsklearn.gap.plants.arm_terms import AtJoint, JointInertia, JointTerm, Load, Weight, completed
 from whsklearn.gap.plants.servo_candidates import ColumnSignals
 from whsklearn.gap.plants.servo_two_mass import fine_steps, pushed
-from whsklearn.gap.record import MAD, Array, Segmented, white_noise
+from whsklearn.gap.record import MAD, OUTLYING, Array, Segmented, white_noise
 from whsklearn.identification.drive_lead import OLDEST
 from whsklearn.identification.joint_least_squares import SAME, Known, held_out
 from whsklearn.identification.payload import MASS
@@ -46,7 +46,6 @@ WIDER = 1.5  # ratio of the speeds whose difference stands for a change of one
 FINER = 4  # times the steps of a load on a spring: one step too late, an impact left 18 % of a drive for 10
 LEAST_INERTIA = 1e-9  # kg m2, of a joint whose numbers are uncertain
 LIGHTEST = 0.05  # of a joint's inertia at zero: what is behind a play, wherever its arm is
-STANDS_OUT = 4.0  # standard deviations of the residual; chance puts 6e-5 of a normal one beyond
 
 
 @dataclass(frozen=True)
@@ -452,7 +451,7 @@ class ArmView(ArmRows):
         for j, joint in enumerate(self.arm.joints):
             if self.keep[:, j].any():
                 friction = abs(model.numbers[names.index(f"{joint}.coulomb")]) if f"{joint}.coulomb" in names else 0.0
-                most = HELD * friction + STANDS_OUT * MAD * float(np.median(np.abs(left[self.keep[:, j], j])))
+                most = HELD * friction + OUTLYING * MAD * float(np.median(np.abs(left[self.keep[:, j], j])))
                 self.keep[:, j] |= np.abs(left[:, j]) > most
         self._fits = {}
 

@@ -30,7 +30,7 @@ from whsklearn.gap.plants.chain_fit import (
 )
 from whsklearn.gap.plants.chain_looks import SLOPED, Seen, gained, kinds, look
 from whsklearn.gap.plants.chain_model import ChainCandidate, ChainHypothesis, Record
-from whsklearn.gap.record import HELD_OUT
+from whsklearn.gap.record import HELD_OUT, OUTLYING
 from whsklearn.gap.search import LEAST_SHARE, STILL, WORTH_FITTING
 from whsklearn.gap.tangent import Look
 from whsklearn.systems.wiener_hammerstein import WienerHammersteinSystem
@@ -379,7 +379,7 @@ class ChainPlant(Plant):
             *([long] if self.record is not self.everything else []),
             "All errors are those of the free run, whitened by an autoregression of the residual. Null "
             "distributions come from records simulated with the model.",
-            f"Errors before and after exclude samples on the wrong side of a sign (beyond {cm.HELD_TO:.0f} robust "
+            f"Errors before and after exclude samples on the wrong side of a sign (beyond {OUTLYING:.0f} robust "
             f"deviations, and {cm.AR_ORDER - 1} more samples): no fit can avoid a few of them, and they would make up "
             "most of the mean square.",
             f"For the proof all numbers are fitted to the first {100 * (1.0 - HELD_OUT):.0f} % of the record; the rest "

@@ -22,6 +22,7 @@ from whsklearn.gap.nameless import HATS, generic_basis, hats, without_name
 from whsklearn.gap.plants import chain_model as cm
 from whsklearn.gap.plants.chain_fit import climb, coloured, sharpened
 from whsklearn.gap.plants.chain_model import ChainCandidate, ChainHypothesis, ChainTerm, Record, Sizes, catalogue
+from whsklearn.gap.record import OUTLYING
 from whsklearn.gap.tangent import Family, Look, Tangent, strongest_lines, with_p_values
 
 SLOPED, VERY_SOFT = cm.RUNGS[2], cm.RUNGS[1]  # kappa times rms dx at which a sign has a slope; at which it has a form
@@ -179,7 +180,7 @@ def kinds(s: Record, m: ChainHypothesis) -> list[ChainCandidate]:
 
 def reversals(e: Array, null: Array) -> Look:
     """Compare the numbers of samples on the wrong side of a sign in the record and in own ones; it shows small play."""
-    counts = np.array([np.sum(np.abs(r) > cm.HELD_TO * np.sqrt(cm.variance_of(r))) for r in (e, *null)], dtype=float)
+    counts = np.array([np.sum(np.abs(r) > OUTLYING * np.sqrt(cm.variance_of(r))) for r in (e, *null)], dtype=float)
     excess = max(counts[0] - float(counts[1:].mean()), 0.0)
     return Look("", counts[0], counts[1:], None, 1, float(np.sqrt(excess * cm.CAP * cm.variance_of(e) / e.size)))
 

@@ -28,7 +28,7 @@ from whsklearn.effects.rows import law_values
 from whsklearn.effects.static import Power
 from whsklearn.gap.plant import FittedTerm, WithTerms, with_vectors
 from whsklearn.gap.plants.variant import WAVE_STEP, EffectVariant
-from whsklearn.gap.record import MAD
+from whsklearn.gap.record import MAD, OUTLYING
 from whsklearn.logs.check import lattice, runs
 from whsklearn.recursion.batch.best_linear import filter_rows, stabilised
 from whsklearn.systems.chain import PackedChain, Ports, run
@@ -195,8 +195,7 @@ def catalogue(law: FrictionLaw) -> list[ChainCandidate]:
 SKIP = 40  # samples at a record's start and after a hole that do not count: the state before them is not known
 AR_ORDER = 6  # two for the denominator of L2, through which equation noise passes, and some for the noise itself
 LONGEST_COLOUR = 0.95  # largest modulus of A's roots; closer to one, A would treat a tone or an offset as noise
-HELD_TO = 4.0  # robust deviations at which an error is clipped; six of 1e5 Gaussian ones are larger
-CAP = HELD_TO * HELD_TO  # largest cost of a sample, in variances: that of an error that is clipped
+CAP = OUTLYING * OUTLYING  # largest cost of a sample, in variances: that of an error that is clipped
 # Share of the last sample that the smallest lag leaves behind a hold, as a delay of so many samples does.
 SMALLEST = 0.01
 # Step of a difference, of a linear effect as a share of its signal, and least drop of a sum of squares in a fit.
@@ -205,7 +204,8 @@ SMALLEST = 0.01
 SMALL = 1e-6
 # Limit of a free run that diverged.  Signals have any unit (x of four slow poles is 1e6 times u, and its cube 1e18), so
 # the limit is where the sums of squares end.
-LARGEST, LEAST = 1e100, 1e-100
+LARGEST = 1e100
+LEAST = np.reciprocal(LARGEST)
 FAR, UNSEEN = 100.0, 1e-12  # a term whose values are as small a share of those that far away is rounding error
 # kappa times rms dx on the rungs of a fit, soft ones first: the first has a slope everywhere, under the third a sign is
 # resolved, and on the last only one sample in a thousand differs from a sign.
@@ -442,14 +442,14 @@ def held(e: Array) -> Array:
 
 
 def clipped(e: Array) -> Array:
-    """The errors clipped at `HELD_TO` robust deviations."""
+    """The errors clipped at `OUTLYING` robust deviations."""
     limit = clip_at(e)
     return np.clip(e, -limit, limit)
 
 
 def clip_at(e: Array) -> float:
-    """`HELD_TO` robust deviations of errors."""
-    return HELD_TO * MAD * float(np.median(np.abs(e))) + 1e-300
+    """`OUTLYING` robust deviations of errors."""
+    return OUTLYING * MAD * float(np.median(np.abs(e))) + 1e-300
 
 
 def colour(pieces: list[Array]) -> Array:

@@ -40,7 +40,7 @@ from whsklearn.gap.plants.servo_families import settled as looking_settled
 from whsklearn.gap.plants.servo_inverse import PER_NUMBER, InverseView, surroundings, unphysical
 from whsklearn.gap.plants.servo_model import HOLD, WIDEST, ServoHypothesis
 from whsklearn.gap.plants.servo_run import ObserverView
-from whsklearn.gap.plants.servo_sensors import UNFOLDED, coarse_encoder, unfold
+from whsklearn.gap.plants.servo_sensors import coarse_encoder, unfold
 from whsklearn.gap.plants.servo_start import (
     best_view,
     logged_late,
@@ -104,7 +104,7 @@ class ServoPlant(Plant):
             straight *= np.copysign(1.0, self.record.drive @ np.gradient(straight))
             given = self.record, self.inverse, self.observer, base
             unfolded = self._open(dataclasses.replace(self.record, position=straight))
-            if servo_run.misfit(self.observer, unfolded) < UNFOLDED * servo_run.misfit(given[2], base):
+            if servo_run.misfit(self.observer, unfolded) < HALF * servo_run.misfit(given[2], base):
                 self._folded = (given[2], base)
                 return unfolded
             self.record, self.inverse, self.observer, base = given

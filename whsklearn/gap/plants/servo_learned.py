@@ -22,7 +22,7 @@ from whsklearn.effects import LearnedTorque
 from whsklearn.effects.equations import hill
 from whsklearn.gap import least_squares as ols
 from whsklearn.gap.diagnosis import Curve
-from whsklearn.gap.plant import LEARNED_SHARE, PAYS
+from whsklearn.gap.plant import PAYS, WORTH_A_WORD
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, Candidate, ColumnSignals
 from whsklearn.gap.plants.servo_inverse import weighted
 from whsklearn.gap.plants.servo_model import ServoHypothesis, ServoTerm
@@ -120,7 +120,7 @@ def learn(view: Any, model: ServoHypothesis) -> tuple[ServoHypothesis, tuple[Cur
             break
         best = min(f.error for f in fits)
         gain = problem.gain(best)
-        if gain < LEAST_GAIN or 1.0 - best / problem.error < LEARNED_SHARE:
+        if gain < LEAST_GAIN or 1.0 - best / problem.error < WORTH_A_WORD:
             break
         chosen = next(f for f in fits if problem.gain(f.error) > gain - PAYS)  # the simplest of the best
         found.append(chosen)

@@ -19,8 +19,6 @@ COARSE_GRID = 2.5e-4
 USUAL_COUNTS = 4096
 # Multiple of the encoder's stated or usual step: one lost bit doubles it.
 COARSER_THAN_STATED = 1.5
-# Largest misfit of an unfolded reading as a share of that before: half of a folded record is on the wrong side.
-UNFOLDED = 0.1
 # Share of the span: how close to zero a folded reading turns, unless a sample is a longer way.
 FOLD_TURNS = 0.02
 # s on either side of a turn, three times of which (three samples at least) a cubic is fitted to; and the smallest speed
