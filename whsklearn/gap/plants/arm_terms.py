@@ -17,6 +17,7 @@ from whsklearn.effects.base import ArgumentError
 from whsklearn.gap.plant import FittedTerm
 from whsklearn.gap.plants.servo_candidates import Candidate, catalogue
 from whsklearn.systems.arm import Arm, closed
+from whsklearn.systems.arm_files import STANDARD_GRAVITY
 
 NOTHING = np.finfo(float).eps  # Nm or kg m2: no friction, no inertia
 # Effects of the catalogue that are not candidates at a joint: an error of an encoder changes the columns of all joints,
@@ -76,7 +77,7 @@ class Weight(Effect):
     (9.81, {})
     """
 
-    acceleration: float = 9.81
+    acceleration: float = -STANDARD_GRAVITY[2]
     name: ClassVar[str] = "gravity"
     place: ClassVar[str] = "link"
     equation: ClassVar[str] = "g(q)"
