@@ -19,7 +19,7 @@ from whsklearn.logs.units import factor_of, inertia_unit, respelled
 VERDICTS = ("no_gap", "named", "ambiguous", "partial", "unknown", "coloured_noise", "not_testable", "data_problem")
 CURVE_UNITS = {"velocity": "{1}/s", "speed": "{1}/s", "drive": "{0}"}  # of a signal by drive and motion; else a motion
 ALPHA = 0.01  # probability of naming an effect in a record in which nothing is missing, unless the user gives one
-MAP_POINTS = 1440  # of a map over one turn: four to a degree, nine to a period of the highest order looked for
+MAP_POINTS = 1440  # of a map over one turn: four to a degree
 
 
 def spoken(label: str) -> str:
