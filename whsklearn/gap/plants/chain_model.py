@@ -205,7 +205,7 @@ SMALL = 1e-6
 # Limit of a free run that diverged.  Signals have any unit (x of four slow poles is 1e6 times u, and its cube 1e18), so
 # the limit is where the sums of squares end.
 LARGEST = 1e100
-LEAST = np.reciprocal(LARGEST)
+LEAST = 1.0 / LARGEST
 FAR, UNSEEN = 100.0, 1e-12  # a term whose values are as small a share of those that far away is rounding error
 # kappa times rms dx on the rungs of a fit, soft ones first: the first has a slope everywhere, under the third a sign is
 # resolved, and on the last only one sample in a thousand differs from a sign.
