@@ -42,8 +42,7 @@ def main(**options: Any) -> None:
     \b
     whsklearn design gap/gap.json --limits position=0.5,speed=2,drive=1.2,seconds=6 --out next
     """  # noqa: D301 - click reads the backspace
-    from whsklearn.gap.design import Limits, design
-    from whsklearn.gap.design_report import SAID, write_design
+    from whsklearn.gap.design import SAID, Limits, design, write_design
     from whsklearn.logs.units import factor_of
 
     folder = writable_folder(options["out"])
