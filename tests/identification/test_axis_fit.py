@@ -31,6 +31,7 @@ from whsklearn.identification.axis_fit import (
     SHOOTING,
     Minimum,
     _best_of,
+    _lost,
     _unfitted,
     axis_of,
     best_known,
@@ -131,6 +132,17 @@ def test_a_pendulum_is_found_with_intervals_that_hold_it():
         ("coulomb", 0.2),
     ):
         assert abs(model.parameters[name] - true) < 4 * model.standard_errors[name] < 0.2, name
+
+
+def test_a_long_run_over_the_top_is_lost_and_pieces_are_not():
+    """A pendulum that turns over, with an inertia that is 5 % off."""
+    truth = np.array([0.05, 0.1, 0.2, 0.02, 1.5, 0.4])
+    u = slow_drive(6000, 3)
+    log = axis_log(u, orders=HANGS)._replace(of_position=True)
+    record = replace(view(u, axis_motion(truth, log), 0.005, "output"), logged="position")
+    off = truth * [1.05, 1, 1, 1, 1, 1]
+    lost = [_lost(off, settled(off, shooting_log(record, seconds, log.form))) for seconds in (0.25, 2.0, np.inf)]
+    assert lost == [False, False, True]
 
 
 def shoulder(seed):

@@ -38,12 +38,14 @@ from whsklearn.models.axis import spring_steps
 from whsklearn.recursion.batch.axis_free_run import (
     HANGS,
     LARGEST,
+    SETTLING,
     AxisFit,
     AxisForm,
     AxisLog,
     axis_motion,
     behind_the_spring,
     beside_the_states,
+    costs,
     covariance_of,
     fit_pieces,
     handed_over,
@@ -335,10 +337,11 @@ def _fit(log: View, form: AxisForm, more: Sequence[Array] = ()) -> tuple[AxisMod
     if log.target.min() < 0.0 < log.target.max() and not white(axis_residual(best.fit.theta, log, form), log):
         early = form._replace(early=True)
         lead = early.reversal.start
+        found = None
         for record, plain in tried:
             start = np.insert(plain.fit.theta, lead, AT_REST)
             # from the shortest pieces, as the other numbers have to move away from those without it
-            found = _best_of(record, early, [start])
+            found = _best_of(record, early, [start], found)
             least = found.fit.theta[lead] - 2.0 * np.sqrt(found.fit.covariance[lead, lead])
             if found.score < best.score and least > early.limits[0][lead]:
                 best, log, form = found, record, early
@@ -535,7 +538,9 @@ def _best_minimum(log: View, form: AxisForm, start: Start, found: Minimum, lengt
     least, theta = found.score, found.fit.theta
     better: list[Minimum] = []
     for seconds in lengths:
-        pieces = in_pieces(log, form, seconds)
+        pieces = settled(theta, in_pieces(log, form, seconds), SETTLING)
+        if better and _lost(theta, pieces):
+            break
         ended = fit_pieces(theta, pieces)
         if np.isfinite(ended.cost) and start.holds(ended.theta):
             reached = axis_score(ended.theta, form, log)
@@ -546,6 +551,14 @@ def _best_minimum(log: View, form: AxisForm, start: Start, found: Minimum, lengt
                 least, theta = min(reached, least), ended.theta
                 better.append(Minimum(reached, ended, seconds, grows))
     return best_known(better) if better else found
+
+
+def _lost(theta: Array, pieces: AxisLog) -> bool:
+    """Whether runs of pieces leave more than the means of the pieces do: then what they leave says nothing of the
+    numbers, as in `mean_error`, and a descent from there wanders about.
+    """
+    error = pieces.target - axis_motion(theta, handed_over(theta, pieces))
+    return not costs(error, pieces).sum() < costs(pieces.target, pieces, level=True).sum()
 
 
 def best_known(found: list[Minimum]) -> Minimum:

@@ -70,6 +70,18 @@ def test_a_bent_valley_is_followed_to_its_end():
     assert end.x == pytest.approx([1.0, 1.0], abs=1e-6)
 
 
+@pytest.mark.parametrize("start", [(-1.2, 1.0), (-2.0, 3.0), (3.0, -2.0), (0.0, 5.0)])
+def test_along_a_bent_valley_most_steps_lower_the_cost(start):
+    lower = []
+
+    def counted(at, step):
+        lower.append(moved(at, step).cost < at.cost)
+        return moved(at, step)
+
+    descend(Point(np.array(start)), equations, counted, 100, enough=1e-12)
+    assert 2 * sum(lower) > len(lower)
+
+
 def test_no_step_raises_the_cost_and_refused_steps_are_not_taken():
     seen = []
 

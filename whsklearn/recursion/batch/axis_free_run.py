@@ -243,14 +243,14 @@ def handed_over(theta: Array, log: AxisLog) -> AxisLog:
         rest = np.zeros_like(ends[:1])
         rest[0, 1] = log.target[0] if log.of_position else log.start[0, 1]
         states = np.vstack([rest, ends[:-1]])
-        stay = _costs(log.target - motion[int(log.of_position)], log)
+        stay = costs(log.target - motion[int(log.of_position)], log)
         # the position is fitted too
-        better = _costs(log.target - axis_motion(theta, log._replace(start=states)), log, level=log.of_position) < stay
+        better = costs(log.target - axis_motion(theta, log._replace(start=states)), log, level=log.of_position) < stay
         if not better.any():
             break
         there = log._replace(start=np.where(better[:, None], states, log.states))
         other = there._replace(start=fit_state(theta, there, SETTLING, better))
-        better &= _costs(log.target - axis_motion(theta, other, better), log) < stay
+        better &= costs(log.target - axis_motion(theta, other, better), log) < stay
         log = log._replace(start=np.where(better[:, None], other.states, log.states))
     return log
 
@@ -310,11 +310,11 @@ def _following(at: _Run, theta: Array) -> AxisLog:
     the least sum of squares.
     """
     other = at.log._replace(start=at.log.states - at.slopes[1] @ (theta - at.theta))
-    stay, follow = (_costs(log.target - axis_motion(theta, log), log) for log in (at.log, other))
+    stay, follow = (costs(log.target - axis_motion(theta, log), log) for log in (at.log, other))
     return at.log._replace(start=np.where((follow < stay)[:, None], other.states, at.log.states))
 
 
-def _costs(error: Array, log: AxisLog, *, level: bool = False) -> Array:
+def costs(error: Array, log: AxisLog, *, level: bool = False) -> Array:
     """Sum of squares of each piece, about its ``level`` or zero; infinite if it has diverged."""
     begins = log.bounds[:-1]
     lost = ~(np.abs(error) < LARGEST)

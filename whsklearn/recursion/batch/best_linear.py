@@ -98,6 +98,10 @@ def descend(
     ``iterations``: largest number of iterations.
     ``enough``: the descent ends where no step promises to lower the cost by this share (Bates and Watts 1981, A
         Relative Offset Orthogonality Convergence Criterion, Technometrics 23(2), 179-183), or after one that does not.
+
+    The damping falls after a step that keeps most of its promise, and stays after one that keeps half (Nielsen 1999,
+    Damping Parameter in Marquardt's Method, IMM-REP-1999-05).  Lowered after every step, half of all steps of an axis
+    were too long and their runs in vain.
     """
     damping = FIRST
     for _ in range(iterations):
@@ -105,13 +109,17 @@ def descend(
         if found is None or damped_step(*found, LEAST) @ found[1] < enough * point.cost:
             return point
         for _ in range(TRIES):
-            trial = moved(point, damped_step(*found, damping))
+            step = damped_step(*found, damping)
+            trial = moved(point, step)
             if trial is not None and trial.cost < point.cost:
                 break
             damping *= 4
         else:
             return point
-        gain, point, damping = 1 - trial.cost / point.cost, trial, damping / 8
+        promised = step @ (2.0 * found[1] - found[0] @ step)
+        kept = min((point.cost - trial.cost) / promised, 1.0)
+        damping *= max(1.0 / 8.0, 1.0 - (2.0 * kept - 1.0) ** 3)
+        gain, point = 1 - trial.cost / point.cost, trial
         if gain < enough:
             return point
     return point
