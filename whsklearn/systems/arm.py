@@ -525,11 +525,9 @@ class Arm:
         Transmissions, and Automation in Design 106(1), 102-108, on inertia matching.
         """
         value = np.asarray(values, dtype=float)
-        error = (
-            np.zeros(value.size) if covariance is None else np.sqrt(np.maximum(np.diag(np.asarray(covariance)), 0.0))
-        )
+        variance = np.zeros(value.size) if covariance is None else np.diag(np.asarray(covariance))
         # different from zero at 95 %: in a record without suitable motion the inertia of a motor may take any value
-        told = {n: v for n, v, e in zip(base.names, value, error, strict=False) if v > 1.96 * e}
+        told = {n: v for n, v, s in zip(base.names, value, variance, strict=False) if v > 1.96 * max(s, 0.0) ** 0.5}
         joint = np.diagonal(dataclasses.replace(self, armature=None).mass_matrix(np.zeros((1, self.n_joints)))[0])
         motor = np.array([told.get(f"{j}.armature", 0.0) for j in self.joints])
         of_motors = base.mapping[:, self.inertial.size :][:, : self.n_joints]

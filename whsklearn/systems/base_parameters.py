@@ -177,12 +177,13 @@ def whitening(covariance: Array) -> Array:
     return np.asarray((vectors / np.sqrt(np.maximum(power, ROUNDING * power[-1]))).T / size)
 
 
-def usual_body(kept: NDArray[np.int64], values: Array, n: int) -> tuple[float, float]:
+def usual_body(kept: NDArray[np.int64], values: Array, error: Array, n: int) -> tuple[float, float]:
     """Mass and radius of a ball with the median mass, moment and inertia of base numbers: m, m r and m r².
 
-    ``kept`` (b,): which number of n links each one is; ``values`` (b,).
+    ``kept`` (b,): which number of n links each one is; ``values``, ``error`` (b,): those that may be zero at 95 % may
+    be of any size, as where joints moved one after the other, and are not asked.
     """
-    held, size = kept < N_BODY * n, np.abs(values)
+    held, size = (kept < N_BODY * n) & (np.abs(values) > 1.96 * error), np.abs(values)
     kind = np.digitize(kept % N_BODY, [1, 4])  # m, m r, m r^2
     rows, logs = [[0.1, 0.0], [0.0, 0.1]], [0.1 * np.log(x) for x in USUAL]
     for power in range(3):
@@ -220,7 +221,8 @@ def consistent_numbers(
     mapping, theta = base.mapping[concerned, :width], theta[concerned]
     spread = np.eye(len(base.kept)) if covariance is None else np.asarray(covariance, dtype=float)
     white = whitening(spread[np.ix_(concerned, concerned)])
-    mass, radius = usual_body(base.kept[concerned], theta, n)
+    error = np.sqrt(np.diag(spread)[concerned]) * (covariance is not None)
+    mass, radius = usual_body(base.kept[concerned], theta, error, n)
     if not inertial[:, 0].any():  # from bodies of a gram and a centimetre, the search ended up to a million sigma away
         inertial = np.tile(body_numbers(mass, np.zeros(3), 2.0 * mass * radius**2 * np.eye(3)), (n, 1))
     start = np.concatenate([np.concatenate([log_cholesky(row) for row in inertial]), np.log(armature + 1e-6)])
