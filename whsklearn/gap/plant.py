@@ -416,10 +416,6 @@ class Plant(Protocol):
         """Whether the record has samples enough for a certain name beside the model's other numbers: always."""
         return True
 
-    def alone(self, model: Any) -> Array:
-        """Residual of a model minus the artefacts of its own records: here the residual itself."""
-        return np.asarray(self.errors(model))
-
     def leads(self, taken: Any, other: Any, before: Array, rng: np.random.Generator) -> Array:
         """Lead of the one taken in records simulated with the other: to first order, from what each explains."""
         return rival_leads(before, taken.errors, other.errors, self.n_effective, rng)

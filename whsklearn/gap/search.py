@@ -356,8 +356,8 @@ class Search:
         makes small.  With a wrong name the residual is smaller and faster, so its independent samples are counted as
         well.  Blocks tell which of two wrong models is less wrong.  If the one taken is complete, nothing is left to
         ask them, and the few events in which two laws differ, such as the touches of a stop, cannot make a rival of
-        the other; but its lead must stand with the artefacts of its own records, too.  A rival with fewer numbers that
-        leaves only noise is not ruled out by a better fit: a spring took the place of an offset, beside a spring.
+        the other.  A rival with fewer numbers that leaves only noise is not ruled out by a better fit: a spring took
+        the place of an offset, beside a spring.
         """
         lead = taken.score - other.score
         if lead < 0.0:  # the one taken is the commoner
@@ -373,11 +373,9 @@ class Search:
         z = vuong(other.errors, taken.errors)
         if self.plant.exact:  # records simulated with the rival would cost a joint fit each, and blocks suffice
             return separable(lead, z, np.zeros(0), self.alpha) or (self._is_all(taken) and not self._is_all(other))
-        whole = self.plant.complete(taken.before, taken.model)
-        z = np.inf if whole else z
-        if not separable(lead, z, self.plant.leads(taken, other, taken.before, self.rng), self.alpha):
-            return False
-        return not whole or better < HALF * worse or self._still_apart(taken, other)
+        if self.plant.complete(taken.before, taken.model):
+            z = np.inf
+        return separable(lead, z, self.plant.leads(taken, other, taken.before, self.rng), self.alpha)
 
     def _is_all(self, taken: Named) -> bool:
         """Whether nothing is shown to be missing beside the effect, with all numbers fitted.
@@ -387,14 +385,6 @@ class Search:
         ch. 1).  It need not be where both pass: a slew rate of 2 % left neither a tone nor a limit anything to see.
         """
         return bool(self.plant.p_of_all(taken.model, self.rng) > self.alpha)
-
-    def _still_apart(self, taken: Named, other: Named) -> bool:
-        """Whether they still differ if each is judged with its own artefacts instead of those of their base."""
-        left, rest = (self.plant.alone(f.model) for f in (taken, other))
-        n = max(self.plant.n_effective, n_effective(rest))
-        lead = gain(float(rest @ rest), float(left @ left), n)
-        lead -= 2.0 * float(np.mean(taken.look.null) - np.mean(other.look.null))
-        return lead >= least_lead(self.alpha)
 
     def _needless(self, taken: Named, other: Named) -> bool:
         """Whether a rival describes the same with more numbers: the two differ by less than is worth naming."""

@@ -631,8 +631,6 @@ def test_a_joint_counts_by_its_own_variance_and_an_error_of_the_model_may_favour
     for loud in (1.0, 100.0):  # of the other joint
         before, after = ((errors * [loud, share]).ravel() for share in (1.0, 0.5))
         assert plant._likelihood(after) - plant._likelihood(before) == pytest.approx(counts[1] * np.log(4.0))
-    power = float(np.sum(plant.alone(model) ** 2))
-    assert -counts.sum() * np.log(power) == pytest.approx(plant._likelihood(errors.ravel()))
 
     grown = plant.refine(model, look)
     taken, other = plant.errors(grown), plant.errors(model) * 0.5

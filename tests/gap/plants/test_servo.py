@@ -295,12 +295,6 @@ def test_differences_without_a_positive_inertia_leave_the_models_as_fitted():
     assert plant.to_simulate(lost).inertia > 0.0
 
 
-def test_a_repair_is_judged_beside_its_own_artefacts():
-    plant, base, model = plant_with("gravity_imbalance", frame=record(gravity=0.6, counts=2000))
-    plant.looks(base, np.random.default_rng(0))
-    assert rms(plant.alone(model)) < rms(plant.errors(model))
-
-
 def test_a_fit_along_the_run_leaves_a_poor_minimum_and_never_a_good_one():
     """Shapes fitted with the artefacts of another model; here simply wrong ones."""
     true = Stribeck(0.3, 0.1)

@@ -297,12 +297,6 @@ class ArmPlant(Plant):
         powers = np.sum(errors.reshape(-1, self.view.n_joints) ** 2, axis=0)
         return -float(self.own.counts @ np.log(np.maximum(powers, 1e-300)))
 
-    def alone(self, model: ArmState) -> Array:
-        """The residual, scaled so that the logarithm of its power is that of its likelihood (`_likelihood`)."""
-        left = self.errors(model)
-        mean = np.exp(-self._likelihood(left) / max(self.n_effective, 1e-300))
-        return np.asarray(left * np.sqrt(mean / max(float(left @ left), 1e-300)))
-
     def leads(self, taken: Any, other: Any, before: Array, rng: np.random.Generator) -> Array:
         """As of any plant, at the joints where one of the two acts; an error of the model may favour the one taken.
 

@@ -460,14 +460,6 @@ class ServoPlant(Plant):
         falls = all(t.effect.falls_beside(viscous) for t in model.terms if isinstance(t.effect, Stribeck))
         return bool(self.inverse.n_effective >= PER_NUMBER * model.vector().size) and falls
 
-    def alone(self, model: ServoHypothesis) -> Array:
-        """The model's residual, polished with the artefacts of its own records instead of those of its base."""
-        view, kept = self.inverse, self.inverse.own
-        view.own = servo_own.own(view, model, np.random.default_rng(0))[0]
-        left = view.gap(looking_settled(view, view.fit(model)))
-        view.own = kept
-        return left
-
     def objection(self, model: ServoHypothesis, grown: ServoHypothesis) -> str:
         """The objection to an effect: a physical one, too many numbers, a worse run."""
         last, view = len(grown.terms) - 1, self.inverse
