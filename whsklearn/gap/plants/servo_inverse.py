@@ -41,9 +41,6 @@ NOISY, SLOW = 3.0, 0.01
 # 2015, Regression Modeling Strategies, section 4.4). If there are not so many in all, rests are used too, which say
 # little: dry friction holds against any drive, and a short log of a motor that stalls "lacked" a limit of its drive.
 PER_NUMBER = 10
-# Smallest share of the drive's detail that a limit must leave for anything to be named beside it: MuJoCo's creep was,
-# at 3 to 7 %.
-LEAST_DETAIL = 0.1
 
 
 def reaching(t: ServoTerm, u: Array, motion: ColumnSignals, dt: float) -> Array:
@@ -515,13 +512,10 @@ def too_large(term: ServoTerm) -> str:
     return f"it would take {100 * share:.0f} % of the drive, which no motor or gear does"
 
 
-def beside_its_sign(limit: float, drive: Array) -> tuple[Array, float]:
-    """What a limit leaves of a drive beside mean and sign, shape (n,), and its rms over that of the whole drive's."""
-    plain = np.column_stack([np.ones_like(drive), np.sign(drive)])
-    both = np.column_stack([np.clip(drive, -limit, limit), drive])
-    rest = both - plain @ np.linalg.lstsq(plain, both, rcond=None)[0]
-    left, whole = np.linalg.norm(rest, axis=0)
-    return rest[:, 0], float(left / max(whole, 1e-300))
+def beside_its_sign(limit: float, drive: Array) -> Array:
+    """What a limit leaves of a drive beside mean and sign, shape (n,)."""
+    plain, left = np.column_stack([np.ones_like(drive), np.sign(drive)]), np.clip(drive, -limit, limit)
+    return np.asarray(left - plain @ np.linalg.lstsq(plain, left, rcond=None)[0])
 
 
 def always_limited(view: InverseView, model: ServoHypothesis, index: int) -> str:
@@ -529,17 +523,12 @@ def always_limited(view: InverseView, model: ServoHypothesis, index: int) -> str
 
     Friction, or a constant speed, explains a mean and a sign, whatever is missing: of a wrist of SO-101 the gap is two
     to four times what a limit leaves, in logs of MuJoCo that are at their limit for most of the time a third of it.
-    Where a limit leaves too little, nothing can be told beside it: stiff couplings were named that were not there.
     """
-    for i, term in enumerate(model.terms):
-        if term.kind.code != codes.SATURATION or term.q[0] <= 0.0:
-            continue
-        rest, share = beside_its_sign(term.q[0], view.record.drive)
-        missing = view.rms(view.gap(model)) / view.target(model)[1]  # a gap is a share of the drive as logged
-        if i == index and missing >= view.rms(view.blur(rest)[view.at]):
-            return "what it leaves of the drive beside its sign is less than what is missing"
-        if i != index and share < LEAST_DETAIL:
-            return (
-                f"the limit of the drive hides it: it leaves {100 * share:.1f} % of what the drive does beside its sign"
-            )
-    return ""
+    term = model.terms[index]
+    if term.kind.code != codes.SATURATION or term.q[0] <= 0.0:
+        return ""
+    rest = beside_its_sign(term.q[0], view.record.drive)
+    missing = view.rms(view.gap(model)) / view.target(model)[1]  # a gap is a share of the drive as logged
+    if missing < view.rms(view.blur(rest)[view.at]):
+        return ""
+    return "what it leaves of the drive beside its sign is less than what is missing"
