@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from whsklearn.gap.diagnosis import spoken
+from whsklearn.gap.diagnosis import ALPHA, spoken
 from whsklearn.gap.localisation import NOWHERE
 from whsklearn.gap.plant import QUIET
 from whsklearn.gap.search import HALF
@@ -24,7 +24,7 @@ MENU = {
 }
 # Multiple of a number above which its standard error means that the record says nothing about it: the centre of a
 # spring beside a free offset has 57,000. One that is zero by chance gets there once in a hundred times.
-UNTOLD = 100.0
+UNTOLD = 1.0 / ALPHA
 RICH = (
     "Repeat with a rich reference: eight tones of 0.1 to 2.9 Hz on a slow triangle over the whole travel, 40 s; it "
     "shows all effects of the catalogue at two percent of the rms drive."

@@ -165,13 +165,13 @@ def page(found: Identification, origins: Sequence[str] = ()) -> str:
     )
 
 
-def error_of(value: float | None, trivial: float = 1.0, digits: int = 3) -> str:
+def error_of(value: float | None, trivial: float = 1.0) -> str:
     """An error with three significant digits; a word if the run diverged.
 
     >>> error_of(0.0336), error_of(None), error_of(5.6e103, trivial=0.73)
     ('0.0336', '-', 'diverges')
     """
-    return "diverges" if value is not None and value > DIVERGED * trivial else number(value, digits)
+    return "diverges" if value is not None and value > DIVERGED * trivial else number(value)
 
 
 def number(value: float | None, digits: int = 3) -> str:

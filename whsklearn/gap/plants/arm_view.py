@@ -23,7 +23,7 @@ from whsklearn.filtering import Motion
 from whsklearn.filtering.records import encoder_noise
 from whsklearn.gap.calibration import N_NULL, N_OWN, coloured, n_effective, null_rows, smoothed_power
 from whsklearn.gap.plant import WithTerms
-from whsklearn.gap.plants.arm_terms import AtJoint, JointInertia, JointTerm, Load, Weight, completed
+from whsklearn.gap.plants.arm_terms import NOTHING, AtJoint, JointInertia, JointTerm, Load, Weight, completed
 from whsklearn.gap.plants.servo_candidates import ColumnSignals
 from whsklearn.gap.plants.servo_two_mass import fine_steps, pushed
 from whsklearn.gap.record import MAD, OUTLYING, Array, Segmented, white_noise
@@ -44,7 +44,6 @@ LATEST = 2.0  # samples: up to this age of a drive it is bookkeeping, beyond it 
 HELD = 2.0
 WIDER = 1.5  # ratio of the speeds whose difference stands for a change of one
 FINER = 4  # times the steps of a load on a spring: one step too late, an impact left 18 % of a drive for 10
-LEAST_INERTIA = 1e-9  # kg m2, of a joint whose numbers are uncertain
 LIGHTEST = 0.05  # of a joint's inertia at zero: what is behind a play, wherever its arm is
 
 
@@ -99,7 +98,7 @@ class OwnJoints(NamedTuple):
 
 def at_zero(arm: Arm) -> Array:
     """Inertia of each joint at the zero of all, with the others held, (n_joints,); above zero."""
-    return np.maximum(np.diagonal(arm.mass_matrix(np.zeros((1, arm.n_joints)))[0]), LEAST_INERTIA)
+    return np.maximum(np.diagonal(arm.mass_matrix(np.zeros((1, arm.n_joints)))[0]), NOTHING)
 
 
 class ArmView(ArmRows):
@@ -275,7 +274,7 @@ class ArmView(ArmRows):
         j, (gap, share, hertz, ratio, dry) = kind.index, shape
         mass, needed, coulomb, viscous = self._rigid(moved)
         whole = at_zero(self.model_arm)[j]
-        if whole <= LEAST_INERTIA:  # numbers with which nothing can move
+        if whole <= NOTHING:  # numbers with which nothing can move
             still = np.zeros((len(mass), self.n_joints))
             return np.column_stack([still, moved.position[:, j], moved.velocity[:, j]])
         motor = (1.0 - share) * whole

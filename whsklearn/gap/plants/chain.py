@@ -10,9 +10,9 @@ import numpy as np
 from whsklearn.effects import FrictionLaw, Quantization, as_law, get_effect
 from whsklearn.effects.base import Array, Bools, rms
 from whsklearn.effects.law import has_knots, without_knots
-from whsklearn.gap.calibration import GATE, p_value
+from whsklearn.gap.calibration import GATE, N_NULL, p_value
 from whsklearn.gap.data_check import FEWEST_SAMPLES, FLAT, SPIKE, DataProblem, flat_share
-from whsklearn.gap.diagnosis import NamedEffect
+from whsklearn.gap.diagnosis import ALPHA, NamedEffect
 from whsklearn.gap.filters import whiteness
 from whsklearn.gap.localisation import spectra
 from whsklearn.gap.plant import Figures, Gap, Linearised, Plant, Reading, Told
@@ -49,10 +49,7 @@ ALIASES = {
 }
 SEARCHED = 8000  # samples of a longer record in which effects are searched for, to save time
 UNEXPLAINED = 0.1  # of the output's rms: a free run that leaves less has blocks near the true ones
-NO_DOUBT = 1e-3  # p-value below which the look alone is sufficient
-FEW = 9  # own records in which a retrieved sign is fitted as well, which takes a second each
 AT_BOUND = 1.02  # ratio to the end of a range within which a shape counts as being at the end
-LEVELS = 50  # distinct values of an output below which it is a signal with a few levels and not a clipped one
 
 
 class ChainPlant(Plant):
@@ -201,7 +198,7 @@ class ChainPlant(Plant):
                 out[kind.name] = Look(kind.name, g, null, m, kind.n_numbers, float(size), 1.0, p), kind
         ranked = sorted(out.values(), key=lambda pair: -pair[0].score)
         self._near |= {k.name for k, _ in ranked if k.size**2 > WORTH_FITTING * ranked[0][0].size ** 2}
-        if ranked and ranked[0][1].folds and seen.p_value > NO_DOUBT:  # the same fit in own records says more
+        if ranked and ranked[0][1].folds and seen.p_value > ALPHA:  # the same fit in own records says more
             ranked[0] = self._fitted_too(model, *ranked[0], len(looks), rng), ranked[0][1]
         return sorted([*(k for k in looks if k.name not in out), *(k for k, _ in ranked)], key=lambda k: -k.score)
 
@@ -223,7 +220,7 @@ class ChainPlant(Plant):
     ) -> Look:
         """The fitted look with the p-value of the same fit in the model's own records."""
         g = []
-        for _ in range(FEW):
+        for _ in range(N_NULL):
             other = cm.made(self.record, model, rng)
             own = sharpened(other, model, (cm.SHARPEST,))
             ways = [own, *(grown for _, grown in fitted_anew(other, own, [], [kind], rng))]
@@ -443,7 +440,7 @@ def check_chain(u: Array, y: Array) -> list[DataProblem]:
         return [DataProblem("data-not-moving", "The output does not change", text)]
     out = []
     share = flat_share(y)
-    if share > FLAT and np.unique(y).size > LEVELS:
+    if share > FLAT > 1.0 / np.unique(y).size:  # of fewer values each is there as often
         text = (
             f"The output is at its extreme for {100 * share:.0f} % of the record. Either the log clips it, or the "
             "plant stops there, like a tank that overflows. A chain of this kind does not: pass the part before it."

@@ -30,6 +30,7 @@ from whsklearn.gap.plant import FittedTerm, WithTerms, with_vectors
 from whsklearn.gap.plants.variant import WAVE_STEP, EffectVariant
 from whsklearn.gap.record import MAD, OUTLYING
 from whsklearn.logs.check import lattice, runs
+from whsklearn.recursion.batch.axis_free_run import LARGEST, UNSEEN
 from whsklearn.recursion.batch.best_linear import filter_rows, stabilised
 from whsklearn.systems.chain import PackedChain, Ports, run
 
@@ -202,11 +203,9 @@ SMALLEST = 0.01
 # A step in a linear number must move the output by a share of its rms between this times its root, below which it is
 # rounding, and the root, above which it is not a slope.
 SMALL = 1e-6
-# Limit of a free run that diverged.  Signals have any unit (x of four slow poles is 1e6 times u, and its cube 1e18), so
-# the limit is where the sums of squares end.
-LARGEST = 1e100
+# Signals have any unit (x of four slow poles is 1e6 times u, and its cube 1e18): a run is limited where squares end.
 LEAST = 1.0 / LARGEST
-FAR, UNSEEN = 100.0, 1e-12  # a term whose values are as small a share of those that far away is rounding error
+FAR = 100.0  # a term is rounding error if its values are as small a share as that of those so far away
 # kappa times rms dx on the rungs of a fit, soft ones first: the first has a slope everywhere, under the third a sign is
 # resolved, and on the last only one sample in a thousand differs from a sign.
 RUNGS = (3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)

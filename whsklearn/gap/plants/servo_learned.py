@@ -27,10 +27,10 @@ from whsklearn.gap.plants.servo_candidates import TWO_MASS, Candidate, ColumnSig
 from whsklearn.gap.plants.servo_inverse import weighted
 from whsklearn.gap.plants.servo_model import ServoHypothesis, ServoTerm
 from whsklearn.gap.record import Array
+from whsklearn.identification.joint_least_squares import BLOCKS
 
 # Learned curves of one record: each is a function of one or two signals (`benchmarks.learned`).
 MOST_CURVES = 2
-N_BLOCKS = 10  # of cross-validation, contiguous: neighbouring samples depend on each other
 KNOTS = (16, 48, 120)  # hills over the range of a signal; the finest are half a percent of the travel wide
 PENALTIES = np.geomspace(1e-5, 1.0, 6)  # of second differences, as a share of the columns' power
 # Gain of a learned curve, cross-validated: 25 kept every true first effect and no false one on 15 real logs and 21
@@ -173,7 +173,7 @@ class CurveProblem:
 
     def normal(self, z: Array) -> Normal:
         """Normal equations of [columns] on the target."""
-        blocks = [*zip(np.array_split(z, N_BLOCKS), np.array_split(self.target, N_BLOCKS), strict=True)]
+        blocks = [*zip(np.array_split(z, BLOCKS), np.array_split(self.target, BLOCKS), strict=True)]
         grams, rights = (np.array(x) for x in zip(*((zb.T @ zb, zb.T @ yb) for zb, yb in blocks), strict=True))
         return Normal(grams, rights, np.array([yb @ yb for _, yb in blocks]))
 

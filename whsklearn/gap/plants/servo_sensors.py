@@ -13,12 +13,9 @@ from whsklearn.gap.diagnosis import NamedEffect
 from whsklearn.gap.plant import QUIET
 from whsklearn.gap.search import HALF
 
-# Step of the grid as a share of half the travel, where a coarse encoder is not told by its counts: linear axes.
-COARSE_GRID = 2.5e-4
-# Counts a turn of the coarsest encoders that servos are sold with: 12 bits (AS5600, Dynamixel XL330), 1024 lines.
+# Counts a turn of the coarsest encoders that servos are sold with: 12 bits (AS5600, Dynamixel XL330), 1024 lines. A
+# grid that has more over half the travel is not coarse.
 USUAL_COUNTS = 4096
-# Multiple of the encoder's stated or usual step: one lost bit doubles it.
-COARSER_THAN_STATED = 1.5
 # Share of the span: how close to zero a folded reading turns, unless a sample is a longer way.
 FOLD_TURNS = 0.02
 # s on either side of a turn, three times of which (three samples at least) a cubic is fitted to; and the smallest speed
@@ -29,15 +26,15 @@ FOLD_WINDOW, FOLD_SPEED = 0.006, 0.1
 def coarse_encoder(view: Any, base: Any) -> list[Any]:
     """The quantization, if all positions are on a grid that is the main noise and nothing else is missing.
 
-    A log in counts states its grid; only a coarser one is an effect.  An axis whose log does not state it is taken to
-    have at least an encoder of the usual kind.
+    A log in counts states its grid; only one that lacks a bit of it is an effect.  An axis whose log does not state it
+    is taken to have at least an encoder of the usual kind.
     """
     step, stated = view.quantum, view.record.resolution
     if not stated and view.record.units[1] == "rad":
         stated = 2 * np.pi / USUAL_COUNTS
-    if step < COARSE_GRID * view.scene.reach or step**2 / 12.0 < HALF * view.noise**2:
+    if step < view.scene.reach / USUAL_COUNTS or step**2 / 12.0 < HALF * view.noise**2:
         return []
-    if step < COARSER_THAN_STATED * stated:
+    if stated and round(np.log2(step / stated)) < 1:
         return []
     effect = get_effect("quantization")(step=step)  # type: ignore[call-arg]
     if view.rms(view.gap(base)) > QUIET * view.floor:

@@ -22,10 +22,10 @@ from whsklearn.gap.plants.servo_inverse import NOISY, SLOW, InverseView, lag_of,
 from whsklearn.gap.plants.servo_model import FASTEST_COUPLING, HOLD, ServoHypothesis, ServoTerm
 from whsklearn.gap.plants.servo_own import own
 from whsklearn.gap.plants.servo_run import ObserverView
-from whsklearn.gap.record import LEAST_WHITE, Array, ServoRecord, noise_level, training_samples
+from whsklearn.gap.record import Array, ServoRecord, noise_level, training_samples
 from whsklearn.gap.search import HALF
 from whsklearn.identification.drive_lead import drive_lead, earlier
-from whsklearn.logs.check import lattice, runs
+from whsklearn.logs.check import runs
 
 LOWEST_CUTOFF = 2.0  # Hz, of the search for the filter
 FIRST_CUTOFF = 8.0  # Hz, for the first guess of the inertia: above any reference, below most noise
@@ -110,21 +110,13 @@ def start_of(record: ServoRecord, law: tuple[str, ...], goal: float) -> tuple[In
         peak=float(np.abs(record.drive).max()),
         resonance=min(FASTEST_COUPLING, 0.2 / dt),
     )
-    view = InverseView(record, scene, first, (q, v), position_noise(record, y))
+    view = InverseView(record, scene, first, (q, v), noise_level(y))
     model = view.fit(base_model(law, scene))
-    view.noise = position_noise(record, unpredicted(record, model, view.start))
+    view.noise = noise_level(unpredicted(record, model, view.start))
     scene = dataclasses.replace(scene, inertia=model.inertia)
     model = dataclasses.replace(model, scene=scene)
     view = best_view(view, model, goal)
     return view, view.fit(model)
-
-
-def position_noise(record: ServoRecord, signal: Array) -> float:
-    """Standard deviation of the position's noise, from the sixth differences of a signal that holds it.
-
-    A reading that rests on its grid shows none: then it is what rounding to the grid leaves, at the least.
-    """
-    return max(noise_level(signal), LEAST_WHITE * lattice(record.position) / np.sqrt(12.0))
 
 
 def unpredicted(record: ServoRecord, model: ServoHypothesis, start: tuple[Array, Array]) -> Array:
