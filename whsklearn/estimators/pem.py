@@ -22,14 +22,12 @@ from whsklearn.estimators._simulation_fit import from_record, law_of, scale_free
 from whsklearn.estimators.base import AxisRegressor
 from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
 from whsklearn.recursion.memory.blocks import KNOWN, first_block, increment_rms
+from whsklearn.recursion.memory.refit import INFERENCE, LADDER
 from whsklearn.recursion.memory.starts import least_squares_start, random_start, regressors, term_scales
 from whsklearn.recursion.rows.predictor import LEAST_MOTION, record_errors
 from whsklearn.systems.stability import is_stable
 
 # --- one-step prediction errors, minimised over ever sharper signs ---------------------------------------------------
-# kappa times the root mean square of dx; at the last value about 1 sample in 400 lies within the smoothed sign
-LADDER = (1.0, 2.0, 4.0, 8.0, 20.0, 50.0, 100.0, 200.0, 400.0)
-INFERENCE = 20.0  # sharpness at which the covariance is taken, see `PEMRegressor`
 
 
 class PredictionError:

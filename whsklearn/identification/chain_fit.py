@@ -16,6 +16,7 @@ from whsklearn.identification.view import View
 from whsklearn.models import ChainModel
 from whsklearn.recursion.batch.best_linear import Ratio, best_linear
 from whsklearn.recursion.batch.simulation_error import FittedChain, refine
+from whsklearn.recursion.batch.simulation_search import REFINED
 
 
 def fit_chain(log: View) -> ChainModel:
@@ -57,7 +58,6 @@ RESONANCES = tuple(np.geomspace(0.05, 1.5, 24).tolist())
 DAMPINGS = (0.1, 0.3, 0.8)
 STARTS = 6  # number of starts, those whose absolute value correlates best with the output
 ITERATIONS = 15  # alternations of signs and parameters; they settle within five if they settle at all
-REFINED = 40  # steps of the free run
 BELOW = 0.1  # of its deviation: a speed logged without its sign is below zero only by noise
 
 

@@ -41,7 +41,7 @@ from whsklearn.lags.axis_rows import (
 from whsklearn.models.files import as_arm
 from whsklearn.systems._arm_kernels import N_BODY
 from whsklearn.systems.arm import Arm, closed, direction_of
-from whsklearn.systems.base_parameters import BaseParameters, base_parameters
+from whsklearn.systems.base_parameters import ROUNDING, BaseParameters, base_parameters
 
 FINE = 5.0  # the motion passes a filter this many times wider than the columns, so that signs and products stay sharp
 WIDEST = 0.2  # of the sampling rate, for that filter: beyond it the central difference is not a derivative
@@ -55,7 +55,6 @@ EDGE = 3
 # so that two laws of one robot keep the same parameters of its links.
 DRAWN = 200
 AT_ONCE = 128  # samples of links, or columns behind the filter: of all, each step would hold a copy (GB for 20 joints)
-ROUNDING = 1e-12  # of the sum of the absolute terms of a number
 
 
 class ArmRowState(NamedTuple):

@@ -17,7 +17,7 @@ from whsklearn.systems.arm_files import body_numbers, numbers_of, pseudo_inertia
 # As a share of a column's length. The part that earlier columns leave unexplained is either rounding (1e-13 on random
 # motion) or above 1e-5 (random arms of 2 to 7 joints); the tolerance lies between.
 TOLERANCE = 1e-9
-ROUNDING = 1e-12  # of the largest eigenvalue of a correlation matrix
+ROUNDING = 1e-12  # of the largest eigenvalue of a correlation matrix, or of the sum of the absolute terms of a number
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,7 +28,7 @@ from whsklearn.effects import EarlyReversal, FlexibleCoupling, LoadFriction, Loa
 from whsklearn.effects.base import Array, Bools, Integers
 from whsklearn.effects.equations import early_stop, speed_hinge
 from whsklearn.effects.transmission import contact_stiffness
-from whsklearn.recursion.batch.best_linear import descend
+from whsklearn.recursion.batch.best_linear import BATCHES, descend
 from whsklearn.recursion.batch.coupled_run import bodies_of, coupled_pass, slopes_of
 from whsklearn.systems._servo_kernel import implicit_gain
 
@@ -407,7 +407,7 @@ def _state_steps(rows, left, counts, bounds, going, trial, state, step, best):
             step[e] /= 4.0
 
 
-def covariance_of(rows: Array, error: Array, theta: Array, bounds: Integers, batches: int = 60) -> Array:
+def covariance_of(rows: Array, error: Array, theta: Array, bounds: Integers) -> Array:
     """Covariance by leaving out batches in turn, as the error is seldom white; a batch is no smaller than a piece.
 
     Each batch moves the estimate by (A - A_b)^-1 of its score, A being the information (the jackknife of clustered
@@ -423,7 +423,7 @@ def covariance_of(rows: Array, error: Array, theta: Array, bounds: Integers, bat
     information = unit @ unit.T
     values, axes = np.linalg.eigh(information)
     seen = values > UNSEEN * values[-1]
-    edges = np.linspace(0, error.size, min(batches, error.size) + 1).astype(int)
+    edges = np.linspace(0, error.size, min(BATCHES, error.size) + 1).astype(int)
     if bounds.size > 2:
         edges = np.unique(bounds[np.searchsorted(bounds, edges, side="right") - 1])
     hidden = axes[:, ~seen] * (np.abs(theta * scale) @ np.abs(axes[:, ~seen]))

@@ -18,7 +18,7 @@ from scipy.stats import chi2
 from whsklearn.effects import FrictionLaw
 from whsklearn.effects.base import Array, Bools, Integers
 from whsklearn.effects.law import spline_terms, static_terms
-from whsklearn.recursion.batch.best_linear import IOData, Ratio, best_linear, delayed_rows, filter_rows
+from whsklearn.recursion.batch.best_linear import BATCHES, IOData, Ratio, best_linear, delayed_rows, filter_rows
 from whsklearn.recursion.batch.simulation_error import Fitted, FittedChain, refine, run, sensitivities, solve_law
 from whsklearn.recursion.memory.starts import exchanged
 
@@ -238,7 +238,7 @@ def grown(fitted: Fitted, data: IOData) -> list[FittedChain]:
 
 # --- choose between several fitted chains on held-out data ----------------------------------------------------------
 SIMPLER = 1.03  # a simpler model has at most 3 % more error on held-out data than the best
-BATCHES, DEVIATIONS = 60, 2.0  # and its error exceeds the best by at most two standard errors of the difference
+DEVIATIONS = 2.0  # and its error exceeds the best by at most two standard errors of the difference
 CHANCE = 1e-3  # probability that useless parameters gain so much on the data of the fit
 
 

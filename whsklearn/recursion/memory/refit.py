@@ -15,6 +15,7 @@ from whsklearn.recursion.memory.gauss_newton import HUGE, Memory
 from whsklearn.recursion.memory.settings import Settings, State
 from whsklearn.recursion.rows.covariance import factors_of_inverse
 
+# kappa times the root mean square of dx; at the last value about 1 sample in 400 lies within the smoothed sign
 LADDER = (1.0, 2.0, 4.0, 8.0, 20.0, 50.0, 100.0, 200.0, 400.0)
 ITERATIONS = 8
 EARLY_ITERATIONS = 5  # per rung while the memory fills and time is short; the next rung continues from there anyway
