@@ -116,8 +116,8 @@ def descend(
             damping *= 4
         else:
             return point
-        promised = step @ (2.0 * found[1] - found[0] @ step)
-        kept = min(float((point.cost - trial.cost) / promised), 1.0)
+        promised = float(step @ (2.0 * found[1] - found[0] @ step))
+        kept = min((point.cost - trial.cost) / max(promised, 1e-300), 1.0)
         damping *= max(1.0 / 8.0, 1.0 - (2.0 * kept - 1.0) ** 3)
         gain, point = 1 - trial.cost / point.cost, trial
         if gain < enough:
