@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,12 @@ def check_whole(name: str, value: Any, least: int, meaning: str = "") -> None:
     """Raise if a setting is no whole number of ``least`` or more; True is none either."""
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least:
         raise ValueError(f"{name} is {value!r}, expected a whole number of {least} or more{meaning}.")
+
+
+def check_above_zero(name: str, value: Any, meaning: str = "") -> None:
+    """Raise if a setting is no finite number above zero; True is none either."""
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, Real) or not 0.0 < float(value) < np.inf:
+        raise ValueError(f"{name} is {value!r}, expected a number above zero{meaning}.")
 
 
 def check_lengths(X: NDArray[np.float64], y: NDArray[np.float64]) -> None:

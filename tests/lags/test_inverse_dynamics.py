@@ -330,3 +330,18 @@ def test_a_stream_goes_on_from_its_state():
     state = lags.get_state()
     with pytest.raises(ValueError, match="of an earlier version"):
         lags.set_state(state | {"drive": state["drive"][1:]})
+
+
+WRONG = [
+    *[("sample_rate", x) for x in ("a", None, [1], 0, True, np.nan)],
+    *[("cutoff", x) for x in ("a", [1], -1.0, np.nan)],
+    *[(name, x) for name in ("order", "border", "degree", "decimate", "window") for x in ("a", [1], -1, 1.5)],
+    *[("law", x) for x in (-1, True)],
+    *[("effects", x) for x in (-1, None, 1.5)],
+]
+
+
+@pytest.mark.parametrize(("name", "value"), WRONG)
+def test_a_setting_of_the_wrong_kind_is_refused_in_one_sentence(name, value):
+    with pytest.raises(ValueError, match=rf"^{name} is .*, expected .*\.$"):
+        InverseDynamicsLags(**{name: value}).fit(np.linspace(0.0, 1.0, 200)[:, None])

@@ -149,6 +149,15 @@ def test_settings_that_cannot_be_are_refused(record, settings, says):
         WienerHammersteinLags(**settings).fit_transform(X, y)
 
 
+def test_inputs_are_known_by_their_names(record):
+    X, y, _ = record
+    lags = WienerHammersteinLags().fit(pd.DataFrame(X, columns=["torque"]), y)
+    assert list(lags.feature_names_in_) == ["torque"]
+    assert lags.transform(pd.DataFrame(X, columns=["torque"]), y).shape[0] == len(X)
+    with pytest.raises(ValueError, match="feature names"):
+        lags.transform(pd.DataFrame(X, columns=["speed"]), y)
+
+
 def test_nothing_before_fit(record):
     X, y, _ = record
     with pytest.raises(NotFittedError):

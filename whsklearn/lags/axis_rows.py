@@ -24,6 +24,9 @@ DRY = (Coulomb, LoadFriction)
 
 def effect_terms(law: Any, effects: str | Iterable[str | Effect]) -> tuple[Effect, ...]:
     """Terms of the law and effects as instances; raises for an effect without columns."""
+    for name, given in (("law", law), ("effects", effects)):
+        if not (isinstance(given, (str, FrictionLaw, Iterable)) or (name == "law" and given is None)):
+            raise ValueError(f"{name} is {given!r}, expected names joined by commas or effects.")
     friction = as_law(law).terms if law is None or isinstance(law, (str, FrictionLaw)) else tuple(law)
     names = [n.strip() for n in effects.split(",") if n.strip()] if isinstance(effects, str) else list(effects)
     terms = (*friction, *(get_effect(e)() if isinstance(e, str) else e for e in names))

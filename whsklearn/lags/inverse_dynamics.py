@@ -17,6 +17,7 @@ from scipy.ndimage import minimum_filter1d
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import check_array, check_is_fitted, validate_data
 
+from whsklearn._inputs import check_above_zero, check_whole
 from whsklearn.effects import Effect, FrictionLaw, PreslidingHysteresis
 from whsklearn.effects.base import Array
 from whsklearn.filtering.records import Motion, decimate, motion, motion_cutoff, velocity_noise, zero_phase
@@ -464,8 +465,12 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
 
     def _settle(self) -> None:
         """Set up terms, filter and delay from the parameters."""
-        if not self.sample_rate > 0:
-            raise ValueError(f"sample_rate is {self.sample_rate}, expected a frequency above zero, in Hz.")
+        check_above_zero("sample_rate", self.sample_rate, ", in Hz")
+        if self.cutoff is not None:
+            check_above_zero("cutoff", self.cutoff, ", in Hz, or None")
+        for name, least in (("order", 1), ("border", 0), ("degree", 2), ("decimate", 1), ("window", 1)):
+            if name not in ("decimate", "window") or getattr(self, name) is not None:
+                check_whole(name, getattr(self, name), least)
         terms = effect_terms(self.law, self.effects)
         cutoff, delay = self._first_cutoff(), 0
         if self.causal:

@@ -20,6 +20,7 @@ from scipy.ndimage import minimum_filter1d
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import check_array, check_is_fitted, validate_data
 
+from whsklearn._inputs import check_above_zero
 from whsklearn.effects import InputOffset, PreslidingHysteresis
 from whsklearn.effects.base import Array
 from whsklearn.filtering.records import Motion, motion, motion_cutoff, velocity_noise, zero_phase
@@ -474,8 +475,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
 
     def _settle(self) -> None:
         """Set up arm, axes, columns, filter and delay from the parameters."""
-        if not self.sample_rate > 0:
-            raise ValueError(f"sample_rate is {self.sample_rate}, expected a frequency above zero, in Hz.")
+        check_above_zero("sample_rate", self.sample_rate, ", in Hz")
         if self.robot is None:
             raise ValueError("robot is None, expected an Arm or the path of a URDF or MJCF file.")
         made_of = (id(self.robot), str(self.law), str(self.effects))

@@ -8,7 +8,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator, TransformerMixin, clone
-from sklearn.utils.validation import check_array, check_is_fitted, column_or_1d
+from sklearn.utils.validation import check_array, check_is_fitted, column_or_1d, validate_data
 
 from whsklearn._inputs import check_lengths, check_whole, in_one_sentence, starts, writeable
 from whsklearn.effects import FrictionLaw, StaticEffect, as_law
@@ -133,8 +133,7 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
             )
         self.key_term()
         with in_one_sentence(X):
-            n_features = check_array(X, dtype=np.float64, input_name="X").shape[1]
-        self.n_features_in_ = n_features
+            validate_data(self, X, dtype=np.float64)
         self._carried: dict[str, Any] = {}
         return self
 
@@ -185,13 +184,8 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
     ) -> NDArray[np.float64]:
         """Rows of X and y that follow ``carried``, which is updated; an empty state means rest."""
         with in_one_sentence(X, y):
-            u: NDArray[np.float64] = check_array(X, dtype=np.float64, input_name="X")
+            u: NDArray[np.float64] = np.asarray(validate_data(self, X, reset=False, dtype=np.float64))
         m = u.shape[1]
-        if m != self.n_features_in_:
-            raise ValueError(
-                f"X has {m} features, but WienerHammersteinLags is expecting {self.n_features_in_} features as input; "
-                "select the same inputs as in fit."
-            )
         if y is None:
             if self.n_d:
                 raise ValueError(
