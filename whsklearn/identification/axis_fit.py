@@ -26,6 +26,7 @@ from whsklearn.identification.axis_numbers import (
     PIECE,
     axis_log,
     axis_residual,
+    coarse,
     in_pieces,
     position_effects,
     shooting_log,
@@ -328,13 +329,16 @@ def _fit(log: View, form: AxisForm, more: Sequence[Array] = ()) -> tuple[AxisMod
     as cogging, but then its lead is not known.  It can also look like the other behaviour of the drive, so both are
     tried with it.
     """
-    held, smooth = log, replace(log, hold=HOLDS[1])
-    best, log = _best_of(held, form, more), held
+    held = coarse(log)
+    smooth = replace(held, hold=HOLDS[1])
+    best, hold = _best_of(held, form, more), held.hold
     other = _best_of(smooth, form, [best.fit.theta], best)
     tried = (held, best), (smooth, other)
     if other.score < SMOOTHER * best.score:
-        best, log = other, smooth
-    if log.target.min() < 0.0 < log.target.max() and not white(axis_residual(best.fit.theta, log, form), log):
+        best, hold = other, smooth.hold
+    whole = replace(log, hold=hold)
+    ended = _finished(best, whole, form)
+    if log.target.min() < 0.0 < log.target.max() and not white(axis_residual(ended.fit.theta, whole, form), whole):
         early = form._replace(early=True)
         lead = early.reversal.start
         found = None
@@ -344,8 +348,20 @@ def _fit(log: View, form: AxisForm, more: Sequence[Array] = ()) -> tuple[AxisMod
             found = _best_of(record, early, [start], found)
             least = found.fit.theta[lead] - 2.0 * np.sqrt(found.fit.covariance[lead, lead])
             if found.score < best.score and least > early.limits[0][lead]:
-                best, log, form = found, record, early
-    return model_of(best.fit, log, form, best.seconds)
+                best, whole, form = found, replace(log, hold=record.hold), early
+        if form.early:
+            ended = _finished(best, whole, form)
+    return model_of(ended.fit, whole, form, ended.seconds)
+
+
+def _finished(found: Minimum, log: View, form: AxisForm) -> Minimum:
+    """A fit of a search with all fine steps of the record; one that `grows` keeps its errors, and a start itself."""
+    if coarse(log).steps == log.steps or not found.fit.covariance.any():
+        return found
+    ended = fit_pieces(found.fit.theta, in_pieces(log, form, found.seconds))
+    if not np.isfinite(ended.cost):
+        return found
+    return found._replace(fit=ended._replace(covariance=found.fit.covariance) if found.grows else ended)
 
 
 class Minimum(NamedTuple):

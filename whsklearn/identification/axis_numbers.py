@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import itertools
+import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -26,6 +28,8 @@ from whsklearn.recursion.batch.axis_free_run import HANGS, AxisForm, AxisLog, ax
 PIECE = 2.0  # s, length of a free run whose position must stay accurate
 LEAST_PIECE = 100  # samples of such a free run
 FEWEST_SHOT = 20  # samples of a piece of multiple shooting, ten per state variable
+# s, fine step of a search: a quarter of the time in which MuJoCo's dry friction stops an axis, which is the fastest
+COARSE = EarlyReversal().lead / 4.0
 WAVES = GravityImbalance | Cogging
 
 
@@ -56,6 +60,11 @@ def shooting_log(log: View, seconds: float, form: AxisForm) -> AxisLog:
         log.drive, log.y, np.ones(log.u.size, dtype=bool), np.append(begins, log.u.size),
         np.column_stack([log.target[begins], log.y[begins]]), log.dt, form, of_position=True,
     )  # fmt: skip
+
+
+def coarse(log: View) -> View:
+    """The record with as few fine steps as a search needs; the last fit of an axis takes all of them."""
+    return replace(log, steps=min(math.ceil(log.dt / COARSE - 1e-9), log.steps))
 
 
 def in_pieces(log: View, form: AxisForm, seconds: float = PIECE) -> AxisLog:

@@ -12,7 +12,7 @@ import numpy as np
 from whsklearn.effects.base import Array, rms
 from whsklearn.filtering.records import HOLDS
 from whsklearn.identification.axis_inverse import FEWEST, KNOWN, balance, inverse_starts, solved
-from whsklearn.identification.axis_numbers import shooting_log
+from whsklearn.identification.axis_numbers import coarse, shooting_log
 from whsklearn.identification.end_stops import contacts
 from whsklearn.identification.view import View
 from whsklearn.identification.windows import axis_score
@@ -148,7 +148,7 @@ def _by_shooting(free: Callable[[int], View], lead: int, form: AxisForm) -> int:
 
     @functools.cache
     def left(shift: int) -> float:
-        shifted = free(shift)
+        shifted = coarse(free(shift))
         shifted = shifted.part(0, min(shifted.u.size, ENOUGH))
         try:
             starts = inverse_starts(shifted, form)
