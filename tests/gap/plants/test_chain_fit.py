@@ -13,7 +13,7 @@ from benchmarks._twins import make_coupled_drives
 from benchmarks.blind_logs import wiener_hammerstein as blind
 from tests.gap.plants.example_chain import PLAIN, THETA, TRUE, record, term
 from whsklearn import WienerHammersteinSystem
-from whsklearn.effects import Power, QuadraticDrag, as_law
+from whsklearn.effects import ActuatorLag, Power, QuadraticDrag, as_law
 from whsklearn.effects.law import place_knots, without_knots
 from whsklearn.gap import GapFinder
 from whsklearn.gap.plants import chain_fit as cf
@@ -50,6 +50,20 @@ def test_without_noise_a_fit_nearby_ends_at_the_truth():
 def test_a_fit_never_ends_worse_than_it_began():
     m = cf.coloured(PLAIN, TRUE)
     assert cf.cost(PLAIN, cf.polished(PLAIN, m)) <= cf.cost(PLAIN, m)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_behind_an_input_that_is_held_a_fit_leaves_noise_alone(seed):
+    # between its steps dx decays to any share of its rms, so no tanh of it is its sign
+    rng = np.random.default_rng(seed)
+    u = np.repeat(rng.choice([-1.0, 1.0], 200), rng.integers(5, 25, 200))[:2000]
+    v = 0.2 / np.std(np.diff(lfilter([0.0, 1.0], [1.0, -0.83], u)))  # viscous friction, for a Coulomb friction of one
+    law = as_law("viscous,coulomb").reweighted([v, 1.0])
+    y = WienerHammersteinSystem([1.0], [-0.83], [1.0], [-0.69], law, effects=[ActuatorLag(1.2)]).simulate(u)
+    noise = 0.03 * np.std(y)
+    s = Record.of(u, y + noise * rng.normal(size=u.size), 1.0, np.array([1, 1, 1, 1, 2]), law)
+    bare = ChainHypothesis(np.array([-0.83, v, 0.0, -0.69]), (term("actuator_lag", 1.2),))
+    assert cf.cost(s, cf.polished(s, bare)) < 1.05 * noise**2 * s.fit.sum()
 
 
 def test_a_pole_and_a_zero_that_cancel_at_the_unit_circle_are_released():

@@ -207,8 +207,8 @@ SMALL = 1e-6
 LEAST = 1.0 / LARGEST
 FAR = 100.0  # a term is rounding error if its values are as small a share as that of those so far away
 # kappa times rms dx on the rungs of a fit, soft ones first: the first has a slope everywhere, under the third a sign is
-# resolved, and on the last only one sample in a thousand differs from a sign.
-RUNGS = (3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)
+# resolved, and the last is the sign itself.  Behind an input that is held, dx decays below any share of its rms.
+RUNGS = (3.0, 10.0, 30.0, 100.0, 300.0, 1000.0, np.inf)
 SHARPEST, HARD = RUNGS[-1], RUNGS[3:]
 
 
