@@ -14,6 +14,7 @@ from tests.gap.plants.example_chain import PARTS, PLAIN, TRUE, record, term
 from whsklearn import WienerHammersteinSystem
 from whsklearn.effects import QuadraticDrag
 from whsklearn.gap import GapFinder
+from whsklearn.gap.calibration import GATE
 from whsklearn.gap.data_check import FEWEST_SAMPLES
 from whsklearn.gap.plants import Base, make_plant
 from whsklearn.gap.plants import chain as readings
@@ -214,6 +215,19 @@ def test_sound_and_coarse_readings_pass():
     assert codes(U, Y) == []
     assert codes(U, np.sign(Y)) == []  # few levels: each is an extreme by rounding
     assert codes(U[:FEWEST_SAMPLES], Y[:FEWEST_SAMPLES]) == []
+
+
+def test_what_the_blocks_absorb_is_fitted_where_nothing_is_seen():
+    """A dead zone of 2 % of the input moves the blocks, beside which no look shows anything."""
+    case = blind.make_case("named", 1304455, effects=("dead_zone",), n=1500)
+    u, y = (case.frame[k].to_numpy() for k in ("u", "y"))
+    plant, rng = ChainPlant(u, y, (None, (2, 2, 2, 2), 0), tolerance=0.004), np.random.default_rng(0)
+    base = plant.base(rng)
+    assert plant.seen(base, rng).p_value > GATE
+    first = next(k for k in plant.looks(base, rng) if k.name)
+    assert first.name == "dead_zone"
+    assert first.p_value < 0.01
+    assert plant.refine(base, first).terms[-1].q[0] == pytest.approx(case.parameters[0]["size"], rel=0.2)
 
 
 def test_a_grid_is_told_where_it_is_coarse_and_not_where_noise_is_larger():

@@ -29,7 +29,7 @@ from whsklearn.gap.plants.chain_fit import (
     with_knots,
 )
 from whsklearn.gap.plants.chain_looks import SLOPED, Seen, gained, kinds, look
-from whsklearn.gap.plants.chain_model import ChainCandidate, ChainHypothesis, Record
+from whsklearn.gap.plants.chain_model import ChainHypothesis, Record
 from whsklearn.gap.record import HELD_OUT, OUTLYING
 from whsklearn.gap.search import LEAST_SHARE, STILL, WORTH_FITTING
 from whsklearn.gap.tangent import Look
@@ -161,46 +161,41 @@ class ChainPlant(Plant):
     ) -> list[Look]:
         """Look at every candidate beside the model, in the record and in the model's own records.
 
-        Strong candidates are refitted if anything is missing.  The gate keeps the significance level: past it,
-        something has been shown to be missing.
+        Strong candidates are refitted if anything is missing, and beside the base model in any case: the blocks absorb
+        most of a lag, and a lost sign leaves so large a residual that it may pass for noise.  The gate keeps the
+        significance level: past it, something has been shown to be missing.
         """
         seen = self.seen(model, rng)
         looks = [dataclasses.replace(k, size=k.size * self.unit) for k in seen.looks]
-        # a lost sign leaves so large a residual that it may pass for noise: always tried if the readings allow it
-        folds = [k for k in kinds(self.record, model) if k.folds and is_strong(k, self.record)]
         shown = seen.p_value <= GATE
-        if not (shown or folds):
-            return looks
         # an effect that is tried again beside others competes with those that came close to it before
-        among = None if beside is None else self._near
+        among = self._near if beside and shown else None
+        strong = [k for k in kinds(self.record, model) if shown or k.folds or not model.terms]
+        strong = [k for k in strong if is_strong(k, self.record) and (among is None or k.name in among)]
         others = self._others if not model.terms else []
         starts = promising(self.record, model, seen.looks, among) if shown else []
         grown = [(t.kind, fitted(self.record, [model], t)) for t in starts]
         best = min((m for _, m in grown), key=lambda m: cost(self.record, m), default=model)
-        if not shown:
-            grown += fitted_anew(self.record, model, others, folds, rng)
-        elif self._may_be_bent(best, rng):
-            strong = [k for k in kinds(self.record, model) if is_strong(k, self.record)]
-            strong = [k for k in strong if among is None or k.name in among]
+        if not shown or self._may_be_bent(best, rng):
             grown += fitted_anew(self.record, model, others, strong, rng)
             additive = [t for t in starts if others and not is_strong(t.kind, self.record)]
             grown += [(t.kind, fitted(self.record, others, t)) for t in additive]
-        if shown:
-            grown += beside_the_best(self.record, grown, among)
+        grown += beside_the_best(self.record, grown, among)
+        anew, missing = [pair for pair in grown if is_strong(pair[0], self.record)], seen.p_value
+        if anew and missing > ALPHA:
+            missing = min(missing, 2.0 * self._p_anew(model, anew, len(looks), rng))  # two tests
         before = rms(self.errors(model))
-        out: dict[str, tuple[Look, ChainCandidate]] = {}
+        out: dict[str, Look] = {}
         for kind, m in grown:
             g = gained(self.record, model, m)
             null = max((k.null for k in looks if k.name == kind.name), key=np.mean, default=np.zeros(2))
             size = before * np.sqrt(max(0.0, -np.expm1(-g / self.n_effective)))
-            p = max(seen.p_value, p_value(g, null, len(looks)))
-            if kind.name not in out or g > out[kind.name][0].gain:
-                out[kind.name] = Look(kind.name, g, null, m, kind.n_numbers, float(size), 1.0, p), kind
-        ranked = sorted(out.values(), key=lambda pair: -pair[0].score)
-        self._near |= {k.name for k, _ in ranked if k.size**2 > WORTH_FITTING * ranked[0][0].size ** 2}
-        if ranked and ranked[0][1].folds and seen.p_value > ALPHA:  # the same fit in own records says more
-            ranked[0] = self._fitted_too(model, *ranked[0], len(looks), rng), ranked[0][1]
-        return sorted([*(k for k in looks if k.name not in out), *(k for k, _ in ranked)], key=lambda k: -k.score)
+            p = max(missing, p_value(g, null, len(looks)))
+            if kind.name not in out or g > out[kind.name].gain:
+                out[kind.name] = Look(kind.name, g, null, m, kind.n_numbers, float(size), 1.0, p)
+        ranked = sorted(out.values(), key=lambda k: -k.score)
+        self._near |= {k.name for k in ranked if k.size**2 > WORTH_FITTING * ranked[0].size ** 2}
+        return sorted([*(k for k in looks if k.name not in out), *ranked], key=lambda k: -k.score)
 
     def p_of_all(self, model: ChainHypothesis, rng: np.random.Generator) -> float:
         """The smallest p-value of the look: the errors are whitened, so that no colour hides an effect."""
@@ -215,18 +210,18 @@ class ChainPlant(Plant):
         run = (s.y - cm.chain_free_run(s, model))[s.fit]
         return rms(run) > UNEXPLAINED * self.scale or self.seen(model, rng).p_value <= GATE
 
-    def _fitted_too(
-        self, model: ChainHypothesis, look: Look, kind: ChainCandidate, families: int, rng: np.random.Generator
-    ) -> Look:
-        """The fitted look with the p-value of the same fit in the model's own records."""
-        g = []
+    def _p_anew(self, model: ChainHypothesis, grown: list[Any], families: int, rng: np.random.Generator) -> float:
+        """p-value of the best of these fits among fits of its candidate to the model's own records."""
+        kind, best = min(grown, key=lambda pair: cost(self.record, pair[1]))
+        size, g, others = gained(self.record, model, best), [], [] if model.terms else self._others
+        if p_value(size, np.zeros(N_NULL), families) > GATE:  # nor could it be small in any records
+            return 1.0
         for _ in range(N_NULL):
             other = cm.made(self.record, model, rng)
             own = sharpened(other, model, (cm.SHARPEST,))
-            ways = [own, *(grown for _, grown in fitted_anew(other, own, [], [kind], rng))]
+            ways = [own, *(m for _, m in fitted_anew(other, own, others, [kind], rng))]
             g.append(max(gained(other, own, w) for w in ways))
-        p = min(look.p_value, 2.0 * p_value(look.gain, np.array(g), families))  # two tests
-        return dataclasses.replace(look, p_value=p)
+        return p_value(size, np.array(g), families)
 
     def refine(self, model: ChainHypothesis, look: Look) -> ChainHypothesis:
         """The candidate fitted together with the model until it converges."""
