@@ -477,6 +477,34 @@ def test_what_is_simpler_and_leaves_only_noise_is_not_ruled_out_by_a_better_fit(
     assert Search(plant, rng, alpha=0.01, max_effects=3)._told_apart(taken, other) is apart
 
 
+def fits(plant, *looks):
+    search = Search(plant, np.random.default_rng(0), alpha=0.01, max_effects=3)
+    return search, [search._named(Regression(), k, plant.refine(Regression(), k)) for k in looks]
+
+
+@pytest.mark.parametrize(("numbers", "same"), [(3, ["twin"]), (1, [])])
+def test_of_two_that_describe_the_same_the_one_with_fewer_numbers_is_taken(numbers, same):
+    """A Stribeck curve as wide as all speeds led the quadratic drag of the record by a gain of one."""
+    plant = Columns({"a": 0.3})
+    plant.exact = True
+    null = np.ones(15)
+    search, found = fits(plant, Look("twin", 900.0, null, n_numbers=numbers), Look("a", 900.0, null + 0.5))
+    assert found[0].score > found[1].score
+    taken = search._chosen(Regression(), found, [])
+    assert (taken.name, taken.same) == ("a" if same else "twin", same)
+    assert taken.rivals == ([] if same else ["a"])
+
+
+@pytest.mark.parametrize(("chance", "rivals"), [(1.0, ["twin"]), (1e4, [])])
+def test_what_explains_no_more_than_of_own_records_is_no_rival(chance, rivals):
+    """A tone explained twice as much of a chain's own records, and was told beside the lag that was missing."""
+    plant = Columns({"a": 0.3})
+    plant.exact = True
+    search, (taken,) = fits(plant, Look("a", 900.0, np.ones(15)))
+    other = Look("twin", 900.0, np.full(15, chance), p_value=0.5)
+    assert search._as_good(Regression(), taken, [other]) == rivals
+
+
 def test_a_review_leaves_an_effect_that_a_better_one_is_not_told_from():
     plant = Columns({"a": 0.5, "c": 0.3})
     search = Search(plant, np.random.default_rng(0), alpha=0.01, max_effects=3)

@@ -323,12 +323,13 @@ class Search:
         return Named(look, grown, next(errors), next(errors), g, float(size / self.plant.scale))
 
     def _chosen(self, model: Any, fitted: list[Named], looks: list[Look]) -> Named | None:
-        """The best sound fit with its rivals; of those that this record cannot distinguish, the most common."""
+        """The best sound fit with its rivals; of those that this record cannot distinguish, a simpler or commoner."""
         sound = [f for f in fitted if not f.reason]
         taken = sound[0] if sound else None
         while taken is not None:
             rivals, same = self.rivals(taken, sound)
-            common = next((f for f in sound if f.name in rivals and f.effect.name in taken.effect.commoner), None)
+            near = [f for f in sound if f.name in rivals]
+            common = next((f for f in near if self._needless(f, taken) or f.effect.name in taken.effect.commoner), None)
             if common is None:
                 rivals = [*rivals, *self._unsettled(taken, sound), *self._as_good(model, taken, looks)]
                 return replace(taken, rivals=list(dict.fromkeys(rivals)), same=same)
@@ -343,7 +344,7 @@ class Search:
                 continue
             if other.effect.parent == taken.effect.name:  # it contains the one taken, and is tested next
                 continue
-            if self.plant.exact and self._needless(taken, other):
+            if self._needless(taken, other):
                 same.append(other.name)
             elif not self._told_apart(taken, other):
                 rivals.append(other.name)
@@ -389,7 +390,8 @@ class Search:
     def _needless(self, taken: Named, other: Named) -> bool:
         """Whether a rival describes the same with more numbers: the two differ by less than is worth naming."""
         apart = self.plant.rms(taken.errors - other.errors)
-        return other.look.n_numbers > taken.look.n_numbers and apart < self.plant.tolerance * self.plant.scale
+        more = self.plant.exact and other.look.n_numbers > taken.look.n_numbers
+        return more and apart < self.plant.tolerance * self.plant.scale
 
     def _unsettled(self, taken: Named, sound: list[Named]) -> list[str]:
         """Names that leave less than twice the power, if the one taken leaves more than noise.
@@ -417,7 +419,8 @@ class Search:
             asked.add(k.name)
             other = self._named(model, k, self.plant.refine(model, k))
             # beside the weight of a slide, to first order, a spring of any stiffness did as well
-            if not self.plant.objection(model, other.model) and not self._told_apart(taken, other):
+            sound = other.score > 0.0 and not self.plant.objection(model, other.model)
+            if sound and not self._told_apart(taken, other):
                 out.append(other.name)
         return out
 
