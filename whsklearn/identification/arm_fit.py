@@ -17,7 +17,7 @@ from threadpoolctl import threadpool_limits
 from whsklearn.effects import Coulomb, Effect, InputOffset, LoadFriction, PreslidingHysteresis, QuadraticDrag, Viscous
 from whsklearn.effects.base import Array
 from whsklearn.identification.arm_checks import enough_rows, in_another_order, in_another_scale, in_degrees, suspicions
-from whsklearn.identification.joint_least_squares import BLOCKS, GROWS, SAME, fitted, held_out, with_blocks
+from whsklearn.identification.joint_least_squares import GROWS, SAME, fitted, halves, held_out, with_blocks
 from whsklearn.lags.arm_rows import ArmRows, records_of
 from whsklearn.lags.axis_rows import DRY
 from whsklearn.lags.rigid_body import RigidBodyLags
@@ -212,12 +212,11 @@ class Others:
     """
 
     def __init__(self, phi: Array, target: Array, keep: NDArray[np.bool_], weights: Array):
-        block = np.arange(len(phi)) * BLOCKS // len(phi)
         self.rows, self.y, self.keep, self.weights = phi * weights[:, None], target * weights, keep, weights
-        self.tests = [block % 2 == fold for fold in range(2)]
+        self.tests = halves(keep)
         self.sums = []
         for test in self.tests:
-            rows, y = (x[keep & ~test[:, None]] for x in (self.rows, self.y))
+            rows, y = (x[keep & ~test] for x in (self.rows, self.y))
             self.sums.append((rows.T @ rows, rows.T @ y))
 
     def at(self, joint: int, columns: list[int]) -> Callable[[Array], float]:
@@ -229,7 +228,7 @@ class Others:
             size = np.sqrt(np.maximum(np.diag(inner), 1e-300))
             power, turned = np.linalg.eigh(inner / np.outer(size, size))
             root = (turned / np.sqrt(np.where(power > ROUNDING * power[-1], power, np.inf))) / size[:, None]
-            fit, held = use & ~test, use & test
+            fit, held = use & ~test[:, joint], test[:, joint]
             u, seen = (self.rows[x, joint][:, others] @ root for x in (fit, held))
             known = root.T @ cross[others]
             folds.append((fit, held, u, seen, self.y[fit, joint] - u @ known, self.y[held, joint] - seen @ known))

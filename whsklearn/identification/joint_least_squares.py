@@ -27,7 +27,7 @@ GROWS = 5.0
 SAME = 1e-9  # of the largest singular value: below it, columns are combinations of each other
 DIGITS = 4  # of the numbers of a model without standard errors
 PRIOR = 1e6  # variance of a number that no row tells, in units of the residual's: as that of `RLSRegressor`
-BLOCKS = 10  # blocks of a record; every second one is held out, and then the others
+BLOCKS = 10  # blocks of a joint's motion; every second one is held out, and then the others
 
 
 def with_blocks(rows: ArmRows, weights: Array) -> tuple[Array, Array]:
@@ -211,6 +211,17 @@ def updated(rows: Array, target: Array, block: NDArray[np.int64], known: Array) 
     return x / scale, apart * _wider(unit, spread) / np.outer(scale, scale), apart * repeats
 
 
+def halves(keep: NDArray[np.bool_]) -> list[NDArray[np.bool_]]:
+    """Every second block of the used rows of each joint, and the others; both (m, n_joints).
+
+    The blocks are those of a joint's own motion.  With blocks of the record, joints that move one after the other were
+    fitted on parts without them, and an error of 0.1 % was told as 1,263 %.
+    """
+    used = np.cumsum(keep, axis=0)
+    block = (used - 1) * BLOCKS // np.maximum(used[-1], 1)
+    return [keep & (block % 2 == fold) for fold in range(2)]
+
+
 def held_out(
     phi: Array, target: Array, keep: NDArray[np.bool_], weights: Array, drive: Array | None = None,
     known: Array | None = None,
@@ -222,11 +233,9 @@ def held_out(
     ``phi``, ``target``, ``keep``, ``weights``: rows of all joints, as `RigidBodyLags.joint_rows` makes them. ``drive``
     (m, n_joints): the drives, if ``target`` is only a part of them. ``known`` (r, n_columns): see `fitted`.
     """
-    block = np.arange(len(phi)) * BLOCKS // len(phi)
     whole = np.sum(np.where(keep, target if drive is None else drive, 0.0) ** 2, axis=0)
     left = np.zeros(target.shape[1])
-    for fold in range(2):
-        test = block % 2 == fold
-        theta, _ = fitted(phi[~test], target[~test], keep[~test], weights, known)
-        left += np.sum(np.where(keep, target - phi @ theta, 0.0)[test] ** 2, axis=0)
+    for test in halves(keep):
+        theta, _ = fitted(phi, target, keep & ~test, weights, known)
+        left += np.sum(np.where(test, target - phi @ theta, 0.0) ** 2, axis=0)
     return np.asarray(np.sqrt(left / np.where(whole > 0.0, whole, np.nan)))
