@@ -155,19 +155,6 @@ def test_a_limit_at_which_the_drive_always_stands_is_refused(plain, share, refus
     assert ("beside its sign" in unphysical(view, limited, 1)) == refused
 
 
-@pytest.fixture(scope="module")
-def mostly_limited():
-    """Steps at a controller that asks for ten times the limit, as scripts for MuJoCo do and log it."""
-    goals = np.repeat(np.random.default_rng(0).uniform(-0.8, 0.8, 24), 400)
-    steps = cont2discrete((60.0, [1.0, 14.0, 60.0]), 1.0 / RATE)
-    reference = lfilter(steps[0].ravel(), steps[1], goals)
-    stiff = PIDController(kp=36.0, ki=0.0, kd=1.8)
-    law = [Viscous(0.2), Coulomb(0.25)]
-    axis = ServoAxis(inertia=0.04, law=law, effects=[Saturation(0.7)], controller=stiff, sample_rate=RATE)
-    r = axis.simulate(reference, random_state=0)
-    return ServoRecord(r.time, r.drive, r.position)
-
-
 def test_a_limit_is_named_under_a_controller_that_winds_up():
     """It asks for 4,000 times the limit; the base model has 160 times the inertia, and no limit leaves nothing."""
     goals = np.repeat(np.random.default_rng(0).uniform(-0.8, 0.8, 24), 400)
@@ -197,12 +184,18 @@ def test_a_dead_zone_of_the_whole_drive_explains_nothing(plain):
     assert view.rms(view.gap(model.with_term(dead))) == pytest.approx(view.rms(view.gap(model)))
 
 
-def test_beside_a_limit_that_leaves_little_of_the_drive_nothing_is_named(mostly_limited):
-    view, model = start_of(mostly_limited, ("viscous", "coulomb"), 0.004)
-    weight = ServoTerm(candidate("gravity_imbalance"), (0.1, 0.0))
-    for limit, hides in ((0.3, True), (5.0, False)):
-        beside = model.with_term(ServoTerm(candidate("saturation"), (limit,))).with_term(weight)
-        assert ("hides it" in unphysical(view, beside, 3)) == hides
+def test_beside_a_limit_that_leaves_little_of_the_drive_nothing_is_named():
+    """Its controller asks for ten times the limit, as scripts for MuJoCo do; stiff couplings were named, certain."""
+    goals = np.repeat(np.random.default_rng(0).uniform(-0.8, 0.8, 24), 400)
+    steps = cont2discrete((60.0, [1.0, 14.0, 60.0]), 1.0 / RATE)
+    reference = lfilter(steps[0].ravel(), steps[1], goals)
+    stiff = PIDController(kp=36.0, ki=0.0, kd=1.8)
+    law = [Viscous(0.2), Coulomb(0.25)]
+    axis = ServoAxis(inertia=0.04, law=law, effects=[Saturation(0.7)], controller=stiff, sample_rate=RATE)
+    r = axis.simulate(reference, random_state=0)
+    finder = GapFinder("servo").fit(ServoRecord(r.time, r.drive, r.position))
+    assert (finder.verdict_, [e.name for e in finder.effects_]) == ("named", ["saturation"])
+    assert finder.effects_[0].effect.limit == pytest.approx(0.7, rel=1e-3)
 
 
 @pytest.mark.parametrize(("steps", "refused"), [(0.4, True), (3.0, False)])
