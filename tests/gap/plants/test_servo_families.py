@@ -370,3 +370,18 @@ def test_a_hardening_spring_about_one_end_of_the_travel_is_no_end_stop(stiffness
     assert effect.name == "hardening_spring"
     assert effect.centre == pytest.approx(centre, abs=0.01)
     assert effect.stiffness == pytest.approx(stiffness, rel=0.01)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_limit_far_above_a_large_dry_friction_is_not_taken_for_one_near_it(seed):
+    """Two wrong names were given for one of these limits: beside its sign the drive that a low one leaves is little."""
+    time, rng = np.arange(9000) / 1000.0, np.random.default_rng(seed)
+    waves = zip((2.0, 1.0, 0.5), (0.25, 0.7, 1.3), rng.uniform(0.0, 6.0, 3), strict=True)
+    reference = sum(a * np.sin(2.0 * np.pi * f * time + phase) for a, f, phase in waves)
+    stiff = PIDController(kp=36.0, ki=0.0, kd=2.4)
+    free = ServoAxis(inertia=0.01, law=[Viscous(0.5), Coulomb(2.9)], controller=stiff, sample_rate=1000)
+    limit = 0.9 * float(np.abs(free.simulate(reference, random_state=seed).drive).max())
+    limited = replace(free, effects=[Saturation(limit)]).simulate(reference, random_state=seed)
+    finder = GapFinder("servo").fit(ServoRecord(limited.time, limited.drive, limited.position))
+    assert (finder.verdict_, [e.name for e in finder.effects_]) == ("named", ["saturation"])
+    assert finder.effects_[0].effect.limit == pytest.approx(limit, rel=1e-3)

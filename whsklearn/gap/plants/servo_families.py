@@ -37,7 +37,7 @@ from whsklearn.gap.nameless import nameless, varying_inertia
 from whsklearn.gap.plants import servo_stop as stop
 from whsklearn.gap.plants import servo_two_mass as two_mass
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, Candidate, usable
-from whsklearn.gap.plants.servo_inverse import later, reaching, weighted
+from whsklearn.gap.plants.servo_inverse import later, reaching, unexplained, unphysical, weighted
 from whsklearn.gap.plants.servo_model import HOLD, ServoHypothesis, ServoTerm
 from whsklearn.gap.plants.servo_own import Own
 from whsklearn.gap.plants.variant import WAVE_STEP
@@ -452,9 +452,30 @@ def polished(view: Any, model: ServoHypothesis, term: ServoTerm) -> ServoHypothe
     if term.kind in stop.KINDS:
         return stop.settled(view, model, term)
     grown = downhill(view, view.fit(model.with_term(term)), len(model.terms))
+    if term.kind.code == k.SATURATION and unphysical(view, grown, len(model.terms)):
+        grown = downhill(view, sound_limit(view, grown), len(model.terms))
     springs = any(t.kind.of_place for t in model.terms)  # their centres had moved for what the term is
     together = term.kind.later or springs or (term.kind.code in TWO_MASS and not term.kind.on_load)
     return jointly(view, grown, len(model.terms)) if together else grown
+
+
+def sound_limit(view: Any, grown: ServoHypothesis) -> ServoHypothesis:
+    """The model with the limit, its last term, that leaves least of what it lets through, of those that are physical.
+
+    A limit near the dry friction lets through little but a sign, which that friction explains without any inertia: of
+    the drive as a whole that left less than the limit that was there, of the drive beside its sign it leaves more.
+    The model itself if no limit is physical.
+    """
+    last = len(grown.terms) - 1
+    best, least = grown, np.inf
+    for width in np.geomspace(*grown.terms[last].kind.ranged(view.scene)[0], N_LIMITS):
+        term = grown.terms[last].with_slot(0, float(width))
+        if view.varies(view.reaching(grown.replaced(last, term)), grown.vector().size):
+            other = view.fit(grown.replaced(last, term))
+            share = unexplained(view, other, float(width))
+            if share < least and not unphysical(view, other, last):
+                best, least = other, share
+    return best
 
 
 def settled(view: Any, model: ServoHypothesis) -> ServoHypothesis:

@@ -518,6 +518,13 @@ def beside_its_sign(limit: float, drive: Array) -> Array:
     return np.asarray(left - plain @ np.linalg.lstsq(plain, left, rcond=None)[0])
 
 
+def unexplained(view: InverseView, model: ServoHypothesis, limit: float) -> float:
+    """What a model with a limit lacks, over what the limit leaves of the drive beside its mean and sign."""
+    rest = view.rms(view.blur(beside_its_sign(limit, view.record.drive))[view.at])
+    missing = view.rms(view.gap(model)) / view.target(model)[1]  # a gap is a share of the drive as logged
+    return float(missing / max(rest, 1e-300))
+
+
 def always_limited(view: InverseView, model: ServoHypothesis, index: int) -> str:
     """The objection that the model explains nothing of what a limit leaves of the drive beside its mean and sign.
 
@@ -525,10 +532,6 @@ def always_limited(view: InverseView, model: ServoHypothesis, index: int) -> str
     to four times what a limit leaves, in logs of MuJoCo that are at their limit for most of the time a third of it.
     """
     term = model.terms[index]
-    if term.kind.code != codes.SATURATION or term.q[0] <= 0.0:
-        return ""
-    rest = beside_its_sign(term.q[0], view.record.drive)
-    missing = view.rms(view.gap(model)) / view.target(model)[1]  # a gap is a share of the drive as logged
-    if missing < view.rms(view.blur(rest)[view.at]):
+    if term.kind.code != codes.SATURATION or term.q[0] <= 0.0 or unexplained(view, model, term.q[0]) < 1.0:
         return ""
     return "what it leaves of the drive beside its sign is less than what is missing"
