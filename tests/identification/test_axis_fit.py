@@ -7,6 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from benchmarks._twins import SILVERBOX_RATE, make_silverbox
 from benchmarks.which_structure import mujoco_axis
@@ -436,6 +437,17 @@ def servo(seed, rate, effects=(), travel=1.0, **parts):
     record = axis.simulate(reference)
     measured = count * np.round((record.position + 0.3 * count * rng.standard_normal(t.size)) / count)
     return view(record.drive, measured, 1.0 / rate, "position")
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_slow_torque_of_two_percent_leaves_the_inertia_known_to_a_tenth(seed):
+    """Its own record of the axis had the jumps between pieces as noise, and one of these inertias an error of 50 %."""
+    record, white_noise = servo(seed, 100.0), np.random.default_rng(100 + seed).standard_normal(600)
+    slow = lfilter([1.0], [1.0, -0.98], white_noise)
+    model = fit_rigid_axis(replace(record, u=record.u + 0.02 * np.std(record.u) / np.std(slow) * slow))
+    error = model.standard_errors["inertia"]
+    assert abs(model.parameters["inertia"] - 0.05) < 3.0 * error
+    assert error < 0.1 * 0.05
 
 
 @pytest.mark.parametrize("hangs", [False, True])

@@ -468,7 +468,8 @@ def sound_limit(view: Any, grown: ServoHypothesis) -> ServoHypothesis:
     """
     last = len(grown.terms) - 1
     best, least = grown, np.inf
-    for width in np.geomspace(*grown.terms[last].kind.ranged(view.scene)[0], N_LIMITS):
+    low, high = grown.terms[last].kind.ranged(view.scene)[0]
+    for width in np.geomspace(low, high, N_LIMITS):
         term = grown.terms[last].with_slot(0, float(width))
         if view.varies(view.reaching(grown.replaced(last, term)), grown.vector().size):
             other = view.fit(grown.replaced(last, term))
