@@ -631,7 +631,7 @@ def _of_torques(theta: Array, log: View, form: AxisForm, slowest: float) -> tupl
     run = axis_motion(theta, handed_over(theta, settled(theta, pieces)))
     if not np.abs(run).max() < LARGEST:
         return found, spread
-    # its size from the third differences of the error, in which torques are nothing, as in `noise_floor`, within pieces,
+    # its size from the third differences of the error, in which torques are nothing (`noise_floor`), within the pieces,
     # between which the run jumps: of a log at 100 Hz that made the noise five times as large
     error = pieces.target - run
     third = np.concatenate([np.diff(error[i:j], 3) for i, j in itertools.pairwise(pieces.bounds)])
