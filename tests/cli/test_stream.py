@@ -227,13 +227,20 @@ def test_an_axis_goes_on_from_its_checkpoint(tmp_path, changing_axis):
     assert state_difference(carried(f"{part}.whs"), carried(f"{whole}.whs")) == 0.0
 
 
-def test_an_estimate_states_the_units_of_its_numbers(tmp_path, changing_axis):
+@pytest.mark.parametrize("where", ["in names", "below names"])
+def test_an_estimate_states_the_units_of_its_numbers(tmp_path, changing_axis, where):
+    """Of stamps that count ms since 1970, too; they were taken for seconds, and an inertia came out a million times."""
     table, found = changing_axis.head(2500), []
+    mend, below = (" [mNm]", " [deg]"), ""
+    if where == "below names":
+        mend, below = ("", ""), ",mNm,deg\n"
     for k, (drive, by, position, far) in enumerate(
-        [("torque_Nm", 1.0, "position_rad", 1.0), ("torque [mNm]", 1e-3, "position [deg]", np.radians(1.0))]
+        [("torque_Nm", 1.0, "position_rad", 1.0), (f"torque{mend[0]}", 1e-3, f"position{mend[1]}", np.radians(1.0))]
     ):
-        columns = {"time": table["time"], drive: table["torque_Nm"] / by, position: table["position_rad"] / far}
-        pd.DataFrame(columns).to_csv(tmp_path / f"{k}.csv", index=False)
+        time = np.round(1e3 * table["time"]).astype("int64") + 1_700_000_000_000 if k else table["time"]
+        columns = {"time": time, drive: table["torque_Nm"] / by, position: table["position_rad"] / far}
+        rows = pd.DataFrame(columns).to_csv(index=False).replace("\n", f"\n{below * k}", 1)
+        (tmp_path / f"{k}.csv").write_text(rows)
         args = ["--no-track", "--time", "time", "--input", drive, "--output", position, "--every", "2500"]
         assert stream(tmp_path / f"{k}.csv", *args, "--out", tmp_path / f"{k}.jsonl").exit_code == 0
         found.append(records(tmp_path / f"{k}.jsonl", "estimate")[-1])
@@ -265,7 +272,9 @@ def test_what_a_stream_cannot_take_for_an_axis_is_told(tmp_path, changing_axis):
     changing_axis.head(1).to_csv(log, index=False)
     short = stream(log, *args, *columns, "--time", "time")
     assert short.exit_code == 2
-    assert "does not show its sample rate by time of three rows; give --rate HZ too" in short.output
+    assert (
+        "does not show its sample rate by time of three rows in order; sort them, or give --rate HZ too" in short.output
+    )
 
 
 @pytest.mark.parametrize("forgetting", ["2", "0", "nan"])
@@ -311,7 +320,7 @@ def test_a_stop_before_the_first_row_is_one_that_was_asked_for(tmp_path, rows, m
 def test_the_usual_step_is_that_of_the_time_in_any_form(tmp_path, time, stamps):
     log = tmp_path / "log.csv"
     log.write_text(f"{time};q\n" + "".join(f"{t};1\n" for t in stamps))
-    names, step = head_of(str(log), time)
+    names, step, _ = head_of(str(log), time)
     assert names == [time, "q"]
     assert step == pytest.approx(0.002)
 
@@ -329,7 +338,7 @@ def test_a_source_that_shows_no_step_has_none(tmp_path, rows):
     log = tmp_path / "log.csv"
     log.write_text(rows)
     assert head_of(str(log), "t")[1] is None
-    assert head_of("-", "t") == ([], None)
+    assert head_of("-", "t") == ([], None, {})
 
 
 @pytest.mark.parametrize(

@@ -218,6 +218,21 @@ def test_a_frozen_encoder_of_a_slow_axis_is_told_once_it_leaps_on():
     np.testing.assert_allclose(monitor.model.theta_[:3], sound.model.theta_[:3], rtol=0.02)
 
 
+@pytest.mark.parametrize("drive", ["goes on", "holds", "is off"])
+def test_a_dead_encoder_of_a_slow_axis_is_told_by_the_drive(drive):
+    t, q, u, _ = axis(20000)
+    q = np.round(q / 1e-2) * 1e-2
+    q[12000:] = q[11999]
+    if drive != "goes on":
+        u[12000:] = (0.2 if drive == "holds" else 0.0) + np.random.default_rng(1).normal(0.0, 1e-3, 8000)
+    monitor, told = streamed(np.column_stack([t, q, u]))
+    alarms = [r for r in told if r["kind"] == "alarm"]
+    assert [r["cause"] for r in alarms] == ["held_rows"] * (drive == "goes on")
+    assert all("while the drive goes on as in motion" in r["reason"] for r in alarms)
+    sound, _ = streamed(np.column_stack([t, q, u])[:12000])
+    np.testing.assert_allclose(monitor.model.theta_[:3], sound.model.theta_[:3], rtol=0.02)
+
+
 def test_no_cutting_changes_what_is_told_of_repeated_readings():
     t, q, u, _ = axis(3000)
     q[1000:1400] = q[999]
@@ -235,7 +250,7 @@ def test_an_axis_that_stops_and_goes_is_not_frozen(step):
     q = np.round(q / step) * step if step else q
     freeze, out = Freeze(), []
     for k, place in enumerate(q.tolist()):
-        passed = freeze.take([k, [place]], 0)
+        passed = freeze.take([k, [place, 0.0]], 0, 1)
         assert not any(one.told for one in passed)
         out += [one.row[0] for one in passed]
     assert [*out, *(k for k, _ in freeze.end())] == list(range(t.size))
@@ -245,40 +260,24 @@ def test_a_reading_that_stays_for_good_is_told_once_unless_the_axis_was_slow():
     path = np.cumsum([*np.linspace(0.0, 0.1, 100), *[0.1] * 50, *[0.0] * 2 * MOST_WAITING])
     for count, times in ((1e-6, 1), (0.1, 0)):
         freeze = Freeze()
-        taken = [one for k, q in enumerate(count * np.round(path / count)) for one in freeze.take([k, [q]], 0)]
+        taken = [one for k, q in enumerate(count * np.round(path / count)) for one in freeze.take([k, [q, 0.0]], 0, 1)]
         said = [one.told for one in taken if one.told]
         assert sum(one.anew for one in taken) == 1
         assert len(said) == times
         assert all(f"stopped within one row and repeats for {MOST_WAITING + 1} rows" in one for one in said)
 
 
-@pytest.mark.parametrize("cut", [1.3, 3.15])
-def test_a_checkpoint_of_before_there_were_arms_is_taken(cut):
-    """Its turns, jumps and repeated readings were those of one axis; at the second cut some rows wait."""
-    t, q, u, _ = axis(3000)
-    q[300:360], q[1500:1600] = q[299], q[1499]
-    table = np.column_stack([t, (q + 0.2) % 0.9, u])
-    whole, told = streamed(table, 3000, turns=((0.9,),))
-    monitor, first = streamed(table[: int(cut * RATE)], 3000, turns=((0.9,),))
-    state = monitor.get_state()
-    experiment = state["carried"].pop("held_back")
-    assert experiment == 1
-    for name in ("turns", "jumps", "freeze"):
-        [state[name]] = state[name]
-    state["freeze"]["experiment"] = state["jumps"]["experiment"] = experiment
-    assert bool(state["freeze"]["waiting"]) == (cut > 3.0)
-    after, then = monitor_of(turns=((0.9,),))
-    after.set_state(state)
-    after.take(table[int(cut * RATE) :], first=int(cut * RATE) + 1)
-    assert first + then == told
-    assert {"wrap", "held_rows"} <= {r.get("cause") for r in told}
-    np.testing.assert_array_equal(after.model.theta_, whole.model.theta_)
+def test_a_checkpoint_of_an_earlier_version_is_refused_in_one_sentence():
+    state = streamed(np.column_stack(axis(3000)[:3]))[0].get_state()
+    for change in ({"freeze": {"path": []}}, {"carried": state["carried"] | {"other": 1}}):
+        with pytest.raises(ValueError, match="of an earlier version; begin the stream anew, with --fresh"):
+            monitor_of()[0].set_state(state | change)
 
 
 def test_rows_that_wait_are_bounded_and_come_out_in_order():
     freeze, out = Freeze(), []
     for k in range(MOST_WAITING + 100):
-        out += [one.row[0] for one in freeze.take([k, [min(0.1 * k, 1.0)]], 0)]
+        out += [one.row[0] for one in freeze.take([k, [min(0.1 * k, 1.0), 0.0]], 0, 1)]
     assert out == list(range(MOST_WAITING + 100))
 
 

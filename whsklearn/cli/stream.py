@@ -121,27 +121,29 @@ class Learnt(NamedTuple):
     rows: dict[str, Any]  # fields of `whsklearn.streaming.Options`
 
 
-def head_of(source: str, time: str | None) -> tuple[list[str], float | None]:
-    r"""Names of a file's columns, and the usual step (s) of its time; no names of stdin, and no step without a time.
+def head_of(source: str, time: str | None) -> tuple[list[str], float | None, dict[str, str]]:
+    r"""Names of a file's columns, the usual step (s) of its time, and names with units where the rows state them.
 
-    Raises LogError if the first line is no text.
+    There are no names of stdin, and no step without a time. Units are those in the first line of rows, and that of a
+    time whose stamps count another than its name says, as ms since 1970 do. Raises LogError if the first line is no
+    text.
 
     >>> from tempfile import NamedTemporaryFile
     >>> with NamedTemporaryFile("w+") as file:
-    ...     _ = file.write("t_ms;q\n0;0\n2;0\n4;0\n")
+    ...     _ = file.write("stamp;q\n;deg\n1700000000000;0\n1700000000002;0\n1700000000004;0\n")
     ...     file.flush()
-    ...     head_of(file.name, "t_ms")
-    (['t_ms', 'q'], 0.002)
+    ...     head_of(file.name, "stamp")
+    (['stamp', 'q'], 0.002, {'q': 'q [deg]', 'stamp': 'stamp [ms]'})
     """
     import numpy as np
     import pandas as pd
 
-    from whsklearn.logs.timebase import usual_step
-    from whsklearn.logs.units import seconds_of, unit_of
+    from whsklearn.logs.timebase import to_seconds, usual_step
+    from whsklearn.logs.units import seconds_of, symbol_of, unit_of
     from whsklearn.streaming.rows import CsvParser
 
     if source == "-":
-        return [], None
+        return [], None, {}
     with open(source, "rb") as start:
         CsvParser(start.readline().rstrip(b"\r\n"), [])
     with open(source, encoding="utf-8", errors="replace") as file:
@@ -149,20 +151,27 @@ def head_of(source: str, time: str | None) -> tuple[list[str], float | None]:
     try:
         head = pd.read_csv(source, nrows=AT_FIRST, sep=mark, dtype=str, encoding_errors="replace")
     except (pd.errors.EmptyDataError, pd.errors.ParserError):  # the stream itself says what is wrong with it
-        return [], None
+        return [], None, {}
     names = [str(c).strip().strip('"') for c in head.columns]
-    if time not in names or len(head) < 3:
-        return names, None
-    text = head.iloc[:, names.index(time)]
+    first = head[:1].fillna("").to_numpy().ravel()
+    stated = {n: str(cell).strip() for n, cell in zip(names, first, strict=False) if cell}
+    called = {n: f"{n} [{w}]" for n, w in stated.items()} if all(map(symbol_of, stated.values())) else {}
+    if time not in names:
+        return names, None, called
+    text, second = head.iloc[:, names.index(time)], seconds_of(unit_of(called.get(time, time), "s"))
     # a comma inside a field is a decimal sign, as in the rows of a stream
-    stamps = pd.to_numeric(text.str.replace(",", "."), errors="coerce").dropna()
+    stamps = pd.to_numeric(text.str.replace(",", "."), errors="coerce").dropna().to_numpy()
     if len(stamps) < 3:
         dates = pd.to_datetime(text, errors="coerce", format="ISO8601", utc=True).dropna()
-        time_s = (dates - dates.iloc[0]).dt.total_seconds().to_numpy() if len(dates) > 2 else np.zeros(1)
-    else:
-        time_s = stamps.to_numpy() * seconds_of(unit_of(time, "s"))
-    step = usual_step(time_s[np.r_[True, np.diff(time_s) > 0.0]])  # a stream takes one row of those that share a stamp
-    return names, step if step > 0.0 else None
+        stamps = (dates - dates.min()).dt.total_seconds().to_numpy() / second
+    stamps = stamps[np.diff(stamps, prepend=-np.inf) > 0.0]  # of rows that share a stamp a stream takes one
+    if stamps.size < 3:
+        return names, None, called
+    time_s = to_seconds(stamps, unit_of(called.get(time, time)), time)[0]
+    counts = float(f"{(time_s[-1] - time_s[0]) / (stamps[-1] - stamps[0]):.6g}")
+    if counts != second:
+        called[time] = f"{time} [{next((u for u in ('ms', 'us', 'ns') if seconds_of(u) == counts), f'{counts:g} s')}]"
+    return names, usual_step(time_s) or None, called
 
 
 def of_an_axis(options: Mapping[str, Any], chosen: set[str]) -> bool:
@@ -208,7 +217,9 @@ def axis_stream(options: Mapping[str, Any], chosen: set[str], say: Any) -> Learn
         return None
     columns = [*([time] if time else []), position, drive]
     begun = source == "-" or has_rows(source, columns, bool(time))
-    step = head_of(source, time)[1]
+    step, stated = head_of(source, time)[1:]
+    called = [stated.get(c, c) for c in columns]
+    *_, position, drive = called
     dt = 1.0 / rate if rate else step
     what = f"{drive} and {position} are the drive and the position of an axis"
     if dt is None and (time is None or source == "-"):
@@ -217,7 +228,8 @@ def axis_stream(options: Mapping[str, Any], chosen: set[str], say: Any) -> Learn
     if dt is None:
         if not begun:
             raise LogError(f"{source} holds no rows; give another file, or --rate HZ and --follow for rows to come.")
-        raise ColumnError(f"{source} does not show its sample rate by {time} of three rows; give --rate HZ too.")
+        said = f"{source} does not show its sample rate by {time} of three rows in order"
+        raise ColumnError(f"{said}; sort them, or give --rate HZ too.")
     model = axis_model(options, chosen, float(f"{1.0 / dt:.6g}"))
     spacing = model.lags.spacing * dt
     alarm = alarm_of_averages(options["alarm_interval"])
@@ -226,8 +238,8 @@ def axis_stream(options: Mapping[str, Any], chosen: set[str], say: Any) -> Learn
         f"A change is told from {alarm.lacking_ * spacing:.3g} s of motion on; where the axis stops or turns within "
         f"{2e3 * spacing:.3g} ms, none counts."
     )
-    compare = at_an_alarm(columns, None if time else dt)
-    rows = without_holes(time, dt) | {"positions": (int(bool(time)),)}
+    compare = at_an_alarm(called, None if time else dt)
+    rows = without_holes(called[0] if time else None, dt) | {"positions": (int(bool(time)),)}
     rows |= {"turns": (tuple(turns_of(unit_of(position))),), "units": units_of_numbers(model.lags, drive, position)}
     return Learnt(model, columns, alarm, compare, rows)
 
@@ -316,8 +328,8 @@ def arm_stream(options: Mapping[str, Any]) -> Learnt:
     arm, dt = known.arm, 1.0 / options["rate"] if options.get("rate") else known.dt
     if source == "-" and not options["joints"]:
         raise ColumnError('Lines on stdin have no column names; give them with --joints "NAME:POSITION,DRIVE;...".')
-    names, step = head_of(source, time)
-    dt = step or dt
+    names, step, stated = head_of(source, time)
+    dt, clock = step or dt, stated.get(time or "", time)
     given = columns_of(options, arm, names)
     pairs = [given[j] for j in arm.joints]
     gains = gains_used(options, arm, {j: unit_of(given[j][1]) for j in arm.joints})
@@ -332,11 +344,11 @@ def arm_stream(options: Mapping[str, Any]) -> Learnt:
     lags = RigidBodyLags.of_arm(arm, 1.0 / dt, causal=True, weights=weights, reversals=known.reversals)
     model = RLSRegressor(lags, P0=A_ROW, theta0=theta, forgetting=options["forgetting"])
     columns = [*([time] if time else []), *(q for q, _ in pairs), *(u for _, u in pairs)]
-    clock = seconds_of(unit_of(time, "s")) if time else 1.0
-    scale = (*([clock] if time else []), *(far for far, _ in factors), *(by for _, by in factors))
+    second = [seconds_of(unit_of(clock, "s"))] if clock else []
+    scale = (*second, *(far for far, _ in factors), *(by for _, by in factors))
     compare = at_an_alarm_of(arm, None if time else dt)
     turns = [() if slides else turns_of(unit_of(q)) for slides, (q, _) in zip(arm.slides, pairs, strict=True)]
     at = tuple(range(int(bool(time)), len(pairs) + int(bool(time))))
-    rows = without_holes(time, dt) | {"outputs": arm.joints, "factors": scale}
+    rows = without_holes(clock, dt) | {"outputs": arm.joints, "factors": scale}
     rows |= {"positions": at, "turns": tuple(map(tuple, turns))}
     return Learnt(model, columns, options["alarm_interval"], compare, rows)

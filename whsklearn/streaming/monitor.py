@@ -440,7 +440,7 @@ class StreamMonitor:
             self._queue([row])
             return
         at = self.options.positions[k % n]
-        for one in self.jumps[k].take(row, at, at + n) if k < n else self.freezes[k - n].take(row, at):
+        for one in self.jumps[k].take(row, at, at + n) if k < n else self.freezes[k - n].take(row, at, at + n):
             if one.anew:
                 self._let_go(k + 1)
                 c.held_back = c.experiment = c.experiment + 1
@@ -643,16 +643,14 @@ class StreamMonitor:
 
         ``state``: state of a monitor with the same model and options.
         """
-        freeze, carried = state.get("freeze", {}), state["carried"]
-        if isinstance(freeze, dict):  # of an older checkpoint, as in `_of_each`
-            carried = {"held_back": freeze.get("experiment", carried["experiment"])} | carried
-        self.carried = Carried(**carried)
-        self.clock.set_state(state.get("clock", {}))
-        self.pace, self.lone = Pace(**state.get("pace", {})), Lone(**state.get("lone", {}))
-        n = len(self.options.positions)
-        self.freezes = [Freeze(**freeze) for freeze in _of_each(state.get("freeze"), n)]
-        self.turns = [Turns(**turns) for turns in _of_each(state.get("turns"), n)]
-        self.jumps = [Jumps(**jumps) for jumps in _of_each(state.get("jumps"), n)]
+        try:
+            self.carried = Carried(**state["carried"])
+            self.pace, self.lone = Pace(**state["pace"]), Lone(**state["lone"])
+            self.freezes = [Freeze(**one) for one in state["freeze"]]
+            self.turns, self.jumps = [Turns(**one) for one in state["turns"]], [Jumps(**one) for one in state["jumps"]]
+        except (TypeError, KeyError):
+            raise ValueError("This state is of an earlier version; begin the stream anew, with --fresh.") from None
+        self.clock.set_state(state["clock"])
         if self.sides is not None and state.get("sides"):
             self.sides.set_state(state["sides"])
         if self.carried.rows:
@@ -797,13 +795,6 @@ OF_AVERAGES: dict[str, int] = {"n_settle": 100, "n_reference": 1000, "order": 0}
 def alarm_of_averages(interval: float = 1e6) -> ChangeAlarm:
     """The alarm on an axis's stream, whose innovations are those of averages; ``interval`` counts them."""
     return ChangeAlarm(interval, **OF_AVERAGES)
-
-
-def _of_each(states: Any, n: int) -> list[dict[str, Any]]:
-    """The states of ``n`` positions; an older checkpoint has that of one axis alone, or none."""
-    states = [states] if isinstance(states, dict) else states or []
-    kept = [{name: value for name, value in state.items() if name != "experiment"} for state in states]
-    return kept if len(kept) == n else [{}] * n
 
 
 def _finite(row: Any, width: int) -> list[float]:

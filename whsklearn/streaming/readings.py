@@ -202,7 +202,7 @@ class Jumps:
 # `frozen` rows begin and end at a speed that inertia lets no axis lose in one sample, and a leap is one that no motion
 # so far comes near.  An axis that stops from full speed in one sample waits for this; one that comes to rest first
 # shows nothing that would be learnt, and only its leap is judged.  A reading that stays for good is told once no more
-# rows may wait.
+# rows may wait: of a slow axis, which may stop within a sample, if the drive goes on as in motion.
 MOST_WAITING = 5000  # rows: 5 s at 1 kHz.  An axis at one place shows nothing that would be learnt late
 COUNTS = 3.0  # of an encoder, in one sample: a slower motion may stop within a sample, between two of them
 PAST = FROZEN_STEPS + 2  # positions before those that repeat
@@ -216,7 +216,7 @@ class Freeze:
     --------
     >>> freeze = Freeze()
     >>> path = [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.5, 0.5, 0.5, 0.9, 1.0, 1.1, 1.2]
-    >>> out = [one for k, q in enumerate(path) for one in freeze.take([k, [q]], 0)]
+    >>> out = [one for k, q in enumerate(path) for one in freeze.take([k, [q, 0.0]], 0, 1)]
     >>> [one.row[0] for one in out] == list(range(6)) + list(range(9, 13)), out[6].anew
     (True, True)
     >>> out[6].told.partition("; ")[0]
@@ -229,11 +229,19 @@ class Freeze:
     waiting: list[list[Any]] = field(default_factory=list)
     fastest: float = 0.0  # step of the motion so far; one leap is none
     finest: float = inf  # step other than zero
+    driven: list[list[float]] = field(default_factory=lambda: [[0.0] * 3, [0.0] * 3])  # see `_goes_on`
 
-    def take(self, row: list[Any], at: int) -> list[Passed]:
-        """The rows that may go on; ``row``: its number and its values, of which the one ``at`` is the position."""
-        position = row[1][at]
-        if self.path and position == self.path[-1] and not self.after:
+    def take(self, row: list[Any], at: int, by: int) -> list[Passed]:
+        """The rows that may go on.
+
+        ``row``: its number and its values, of which the one ``at`` is the position and the one ``by`` the drive.
+        """
+        position, drive = row[1][at], row[1][by]
+        repeats = bool(self.path) and position == self.path[-1]
+        if not repeats:
+            self.driven = [[a + b for a, b in zip(*self.driven, strict=True)], [0.0] * 3]
+        self.driven[1] = [a + b for a, b in zip(self.driven[1], (1.0, drive, drive * drive), strict=True)]
+        if repeats and not self.after:
             return self._repeated(row)
         if self.repeats >= FROZEN_STEPS:
             self.waiting.append(row)
@@ -257,16 +265,29 @@ class Freeze:
     def _repeated(self, row: list[Any]) -> list[Passed]:
         """What `take` returns for a row at the last position; such rows wait if the axis stopped from full speed."""
         self.repeats += 1
-        if not self.waiting and not (self.repeats == 1 and self._moved()):
-            return [Passed(row)]
-        self.waiting.append(row)
-        if len(self.waiting) <= MOST_WAITING:
-            return []
-        rows, self.waiting = self.waiting, []
-        told = ""
-        if np.abs(np.diff(self.path)[1:-1]).min() > COUNTS * self.finest:
+        if self.waiting or (self.repeats == 1 and self._moved()):
+            self.waiting.append(row)
+        if self.repeats != MOST_WAITING + 1:
+            return [] if self.waiting else [Passed(row)]
+        rows, self.waiting, told = self.waiting, [], ""
+        if rows and np.abs(np.diff(self.path)[1:-1]).min() > COUNTS * self.finest:
             told = f"the position has stopped within one row and repeats for {self.repeats} rows, as no axis stops"
-        return self._anew(rows, told)  # without the stop, whose polynomial is no motion
+        elif self._goes_on():
+            told = (
+                f"the position repeats for {self.repeats} rows while the drive goes on as in motion: the encoder is "
+                "dead, or a brake or an end of the travel holds the axis"
+            )
+        return (
+            self._anew(rows or [row], told) if rows or told else [Passed(row)]
+        )  # without the stop, whose polynomial is no motion
+
+    def _goes_on(self) -> bool:
+        """Whether the spread of the drive since the position repeats is nearer to that before than to none.
+
+        ``driven`` holds number, sum and sum of squares before and since.
+        """
+        before, since = (max(squares / n - (total / n) ** 2, 0.0) if n else inf for n, total, squares in self.driven)
+        return since > 0.25 * before
 
     def _anew(self, rows: list[list[Any]], told: str) -> list[Passed]:
         """Rows of a new experiment, and what is to be told of those before them."""
