@@ -268,15 +268,32 @@ def test_a_law_whose_velocity_is_of_another_scale_than_the_record_is_told_as_suc
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1e6])
-def test_knots_that_are_not_where_x_is_are_told_with_the_fit_that_places_them(scale):
+def test_knots_that_are_not_where_x_is_are_told_with_the_law_that_places_them(scale):
+    u, y = sigmoid(scale)
+    lags = WienerHammersteinLags(1, 1, 1, 1, law=as_law("cubic_spline:6"))
+    with pytest.warns(UserWarning, match=r"same over this record .* law='cubic_spline'"):
+        left = nmse(y, RMILSRegressor(lags, random_state=0).fit(u, y).predict(u))
+    lags = lags.set_params(law="cubic_spline:6")
+    assert nmse(y, RMILSRegressor(lags, random_state=0).fit(u, y).predict(u)) < min(0.1 * left, 1e-3)
+
+
+def test_a_stream_under_a_law_whose_knots_are_open_says_so_unless_a_fit_has_placed_them():
+    u, y = sigmoid(0.01)
+    model = RMILSRegressor(WienerHammersteinLags(1, 1, 1, 1, law="cubic_spline:6"), n_starts=2, random_state=0)
+    with pytest.warns(UserWarning, match="give a first record to fit, whose knots partial_fit keeps"):
+        clone(model).partial_fit(u[:10], y[:10])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        model.fit(u[:1000], y[:1000]).partial_fit(u[1000:], y[1000:])
+    assert nmse(y, model.predict(u)) < 1e-3
+
+
+def sigmoid(scale):
+    """Input and output of a chain about a sigmoid of an x of this scale."""
     u = scale * np.random.default_rng(0).standard_normal((1500, 1))
     y = lfilter([0.0, 1.0], [1.0, -0.5], np.tanh(lfilter([0.0, 1.0 / scale], [1.0, -0.8], u[:, 0])))
     y += lfilter([1.0], [1.0, -0.5], 0.01 * np.std(y) * np.random.default_rng(1).standard_normal(1500))
-    lags = WienerHammersteinLags(1, 1, 1, 1, law="cubic_spline:6")
-    with pytest.warns(UserWarning, match=r"same over this record .* PEMRegressor\(lags\)"):
-        left = nmse(y, RMILSRegressor(lags, random_state=0).fit(u, y).predict(u))
-    lags = PEMRegressor(lags, n_starts=4, random_state=0).fit(u, y).structure_
-    assert nmse(y, RMILSRegressor(lags, random_state=0).fit(u, y).predict(u)) < min(0.1 * left, 1e-3)
+    return u, y
 
 
 @pytest.mark.parametrize("seed", [0, 1])

@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+import copy
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 from sklearn.base import clone
 
-from whsklearn import MILSRegressor, RLSRegressor, RMILSRegressor, WienerHammersteinLags
+from whsklearn import (
+    MILSRegressor,
+    MultiInnovationGradientRegressor,
+    RLSRegressor,
+    RMILSRegressor,
+    WienerHammersteinLags,
+)
 from whsklearn.checks import state_difference
 from whsklearn.datasets import make_wiener_hammerstein
+from whsklearn.effects import as_law
 from whsklearn.metrics import nmse
 
 # a record of a dynamic system stands in for rows here
@@ -164,7 +173,39 @@ def test_a_stream_of_a_law_in_x_reads_as_well_as_its_fit(seed):
     z = x / x.std()
     clean = lfilter([0.0, 1.0, 0.4], [1.0, -0.8], z - np.clip(z, -0.4, 0.5))
     y = clean + 0.05 * clean.std() * rng.standard_normal(3000)
-    model = RMILSRegressor(WienerHammersteinLags(4, 4, 2, 1, law="cubic_spline"), random_state=0)
+    model = RMILSRegressor(WienerHammersteinLags(4, 4, 2, 1, law=as_law("cubic_spline")), random_state=0)
     read, fitted = model.partial_fit(u[:1000] / x.std(), y[:1000]), clone(model).fit(u[:1000] / x.std(), y[:1000])
     left = [nmse(clean[1000:], m.predict(u / x.std())[1000:]) for m in (read, fitted)]
     assert left[0] < 2.0 * left[1]
+
+
+@pytest.mark.parametrize("kind", [RLSRegressor, MILSRegressor, RMILSRegressor, MultiInnovationGradientRegressor])
+def test_a_parameter_that_there_is_not_is_told_of_the_class_that_was_called(kind):
+    with pytest.raises(TypeError, match=rf"{kind.__name__}.__init__\(\) got an unexpected keyword argument 'foo'"):
+        kind(foo=1)
+    assert clone(kind(forgetting=0.9)).forgetting == 0.9
+
+
+@pytest.mark.parametrize("law", ["cubic_spline:8", "piecewise_linear:8"])
+def test_a_fit_under_a_law_given_by_name_is_the_same_in_any_unit(law, tmp_path):
+    """Its knots are placed where x is; those for an x of unit deviation left a hundred times as much."""
+    rng = np.random.default_rng(3)
+    u = rng.standard_normal((1600, 1))
+    x = lfilter([0.0, 1.0, 0.4], [1.0, -0.9, 0.3], u[:, 0])
+    y = lfilter([0.0, 1.0], [1.0, -0.6], np.tanh(1.5 * x / x.std())) + 0.02 * rng.standard_normal(1600)
+    lags, runs = WienerHammersteinLags(2, 2, 1, 1, law=law), []
+    for by, far in ((1.0, 1.0), (0.01, 100.0), (100.0, 1.0)):
+        model = RMILSRegressor(lags, n_starts=4, random_state=0).fit(by * u[:800], far * y[:800])
+        runs.append(model.predict(by * u) / far)
+        again = model.fit(u, y).fit(by * u[:800], far * y[:800])  # keeps no knots of an earlier fit
+        assert np.array_equal(again.predict(by * u) / far, runs[-1])
+    assert nmse(y[800:], runs[0][800:]) < 0.01
+    for run in runs[1:]:
+        assert nmse(runs[0], run) < 1e-4
+    model.save(tmp_path / "chain.whs")
+    for kept in (RMILSRegressor.load(tmp_path / "chain.whs"), clone(model).set_state(model.get_state())):
+        assert np.array_equal(kept.predict(by * u), model.predict(by * u))
+        kept.partial_fit(by * u[800:], y[800:])  # under the knots that the fit placed
+        assert (
+            state_difference(kept.get_state(), copy.deepcopy(model).partial_fit(by * u[800:], y[800:]).get_state()) == 0
+        )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.stats import t as student_t
@@ -158,11 +158,18 @@ def of_the_law(told: OneStep, theta: Array, law: FrictionLaw, dims: Integers, X:
     )
 
 
+def of_open_knots(law: Any) -> str:
+    """The warning for a stream under a law whose name leaves the places of its knots open."""
+    return (
+        f"The knots of law={law!r} suit an x of unit deviation, as rows that come singly cannot place them; give a "
+        "first record to fit, whose knots partial_fit keeps, or a law with knots as cubic_spline_law(knots, values)."
+    )
+
+
 def _out_of_scale(theta: Array, law: FrictionLaw, dims: Integers, X: Array, restart: Bools) -> str | None:
     """The warning for a law two of whose terms are one over the record, as happens in other units.
 
-    The linear blocks and the weights follow the scale of X and y; a velocity that the law was given does not, nor do
-    its knots.
+    The linear blocks and the weights follow the scale of X and y; a velocity or knots that the law was given do not.
     """
     x, dx = first_block(theta, dims, X, restart, KNOWN)[0]
     values = law_values(law.codes, law.shapes, x, dx, np.inf)
@@ -175,7 +182,7 @@ def _out_of_scale(theta: Array, law: FrictionLaw, dims: Integers, X: Array, rest
     return (
         f"The terms {first} and {second} of the law are the same over this record (the rms of x is "
         f"{np.sqrt(np.mean(x**2)):.2g}, of dx {np.sqrt(np.mean(dx**2)):.2g}): give the law a velocity of the size of "
-        "dx, as in ReducedStribeck(velocity=...), or knots where x is, as in PEMRegressor(lags).fit(X, y).structure_."
+        "dx, as in ReducedStribeck(velocity=...), or knots where x is, as fit places those of law='cubic_spline'."
     )
 
 

@@ -44,6 +44,10 @@ class Structure(NamedTuple):
         """Whether the key term is in dx, so that theta holds g b_1 + g."""
         return self.key >= 0 and int(self.law.codes[self.key]) == VISCOUS
 
+    def under(self, law: FrictionLaw) -> Structure:
+        """The same blocks about another law, whose key term is at the same place."""
+        return self._replace(law=law, dims=np.append(self.dims[:4], len(law)))
+
     def slices(self) -> tuple[slice, slice, slice, slice, slice]:
         """Positions of a[1:], b, weights, c[1:] and d in the natural vector."""
         na, nb, nc, nd, nw = self.dims.tolist()

@@ -5,16 +5,19 @@ from __future__ import annotations
 import copy
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import update_wrapper
+from types import FunctionType
 from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
-from sklearn.base import TransformerMixin
+from sklearn.base import TransformerMixin, clone
 from sklearn.utils.validation import check_is_fitted
 
 from whsklearn._inputs import check_whole, starts
-from whsklearn.effects.base import Array
+from whsklearn.effects.base import Array, Bools
+from whsklearn.effects.law import FrictionLaw, as_law, has_knots, placed, without_knots
 from whsklearn.estimators import _advice
 from whsklearn.estimators import _model as wh
 from whsklearn.estimators._checked import warn
@@ -22,6 +25,7 @@ from whsklearn.estimators._records import Given, is_plain, joined
 from whsklearn.estimators._streams import AnyStream, FullStream, PublishedStream, RowsStream, noise_variance
 from whsklearn.estimators._undo import copied
 from whsklearn.estimators.base import AxisRegressor
+from whsklearn.recursion.memory.blocks import KNOWN, first_block
 from whsklearn.recursion.memory.settings import FIRST_RERUN, Settings
 from whsklearn.recursion.rows.covariance import conditioned
 from whsklearn.recursion.rows.pseudolinear import BLOCK
@@ -40,6 +44,15 @@ class RecursiveRegressor(AxisRegressor):
     _frozen: ClassVar[bool] = True  # all rows of a window at theta(t-1)
     _published_mode: ClassVar[int] = BLOCK
     _stochastic_gradient: ClassVar[bool] = False
+
+    def __init_subclass__(cls, **named: Any) -> None:
+        """Let an inherited ``__init__`` name the class in its errors."""
+        super().__init_subclass__(**named)
+        if "__init__" not in cls.__dict__:
+            init: Any = cls.__init__
+            own = FunctionType(init.__code__, init.__globals__, "__init__", init.__defaults__, init.__closure__)
+            cls.__init__ = update_wrapper(own, init)  # type: ignore[method-assign]
+            own.__kwdefaults__, own.__qualname__ = init.__kwdefaults__, f"{cls.__qualname__}.__init__"
 
     p: int = 1
     _stream: AnyStream | None = None  # where rows go without further checks
@@ -100,10 +113,9 @@ class RecursiveRegressor(AxisRegressor):
             if len(targets) != len(restart):
                 restart = starts(None, len(targets), first=True)
             seed = self._draw_seed()
-            stream = self._make_stream(rows.shape[1], seed)
-            state = stream.initial()
-            stream.run(state, rows, targets, restart, weights)
-            stream.settle(state)
+            anew = self._with_knots_placed(X, y, restart, weights, seed)
+            stream = self._make_stream(rows.shape[1], seed, anew)
+            state = _learnt(stream, rows, targets, restart, weights) | ({"law": anew.law} if anew else {})
             self._keep(stream, state, seed, given.groups)
             chosen = self.P0 is not None or self.theta0 is not None
             on_rows = isinstance(stream, RowsStream) and not stream.gradient
@@ -115,6 +127,25 @@ class RecursiveRegressor(AxisRegressor):
             if weights is None and self.forgetting == 1.0 and converged:
                 self._warn_of_the_law(X, y, restart)
         return self
+
+    @property
+    def _leaves_knots_open(self) -> bool:
+        """Whether the law is a name that has knots, which suit an x of unit deviation until `fit` places them."""
+        if not self._is_wiener_hammerstein or self.gradient != "full" or self.theta0 is not None:
+            return False
+        return isinstance(self._given_lags.law, str) and has_knots(self._structure().law.terms)
+
+    def _with_knots_placed(
+        self, X: Array, y: Array, restart: Bools, weights: Array | None, seed: int
+    ) -> wh.Structure | None:
+        """The structure with knots where x is under a cubic; None if the law names no knots that are to be placed."""
+        if not self._leaves_knots_open:
+            return None
+        s = self._structure()
+        smooth = s.under(without_knots(s.law))
+        stream = self._make_stream(0, seed, smooth)
+        (x, _), _ = first_block(stream.theta(_learnt(stream, X, y, restart, weights)), s.dims, X, restart, KNOWN)
+        return s.under(FrictionLaw(placed(s.law.terms, x)))
 
     def partial_fit(
         self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None, sample_weight: ArrayLike | None = None
@@ -188,6 +219,8 @@ class RecursiveRegressor(AxisRegressor):
             self._check_state(self.state_)
         if first and len(X) >= FIRST_RERUN:  # the axis may be at rest in the first rows of a stream
             self._warn_of_record(X, y)
+        if first and self._leaves_knots_open:
+            warn(_advice.of_open_knots(self._given_lags.law))
         rows, targets = X, y
         if not self._is_wiener_hammerstein and self.lags is not None:
             if restart[0] and not first:
@@ -290,8 +323,8 @@ class RecursiveRegressor(AxisRegressor):
             raise ValueError(f"theta0 has shape {theta0.shape}, expected ({n},) finite numbers, one per parameter.")
         return theta0
 
-    def _make_stream(self, n_columns: int, seed: int) -> AnyStream:
-        """The stream for the current parameters."""
+    def _make_stream(self, n_columns: int, seed: int, structure: wh.Structure | None = None) -> AnyStream:
+        """The stream for the current parameters; ``structure``: in place of that of the lags."""
         forgetting, p = float(self.forgetting), int(self.p)
         p0 = float(self.P0 or DEFAULT_P0)
         if not self._is_wiener_hammerstein:
@@ -299,7 +332,7 @@ class RecursiveRegressor(AxisRegressor):
                 n_columns, p, p0, forgetting, self._theta0(n_columns, 0.0),
                 self.gradient == "full", self._stochastic_gradient,
             )  # fmt: skip
-        structure = self._structure()
+        structure = structure or self._structure()
         n = int(structure.dims[:4].sum() - 2 + structure.dims[4])
         if self.gradient == "pseudolinear":
             initial = self._theta0(n, 0.01)  # the paper's theta(0)
@@ -327,6 +360,13 @@ class RecursiveRegressor(AxisRegressor):
         self._drop_stream()
         if fast:
             self._stream = stream
+
+    @property
+    def _lags(self) -> Any:
+        """With the knots that `fit` placed, which are a part of the state."""
+        given, law = super()._lags, self.__dict__.get("state_", {}).get("law")
+        known = law is not None and as_law(given.law).labels == law.labels
+        return clone(given).set_params(law=law) if known else given
 
     # -- answers -------------------------------------------------------------------------
 
@@ -453,6 +493,14 @@ class RecursiveRegressor(AxisRegressor):
         for name in _NO_STATE:
             state.pop(name, None)
         return state
+
+
+def _learnt(stream: AnyStream, X: Array, y: Array, restart: Bools, weights: Array | None) -> dict[str, Any]:
+    """The state of a stream that has read a record."""
+    state = stream.initial()
+    stream.run(state, X, y, restart, weights)
+    stream.settle(state)
+    return state
 
 
 _NO_STATE = "_stream", "_asked"  # attributes of an estimator that can be rebuilt

@@ -78,9 +78,7 @@ class PredictionError:
 
     def under(self, law: FrictionLaw) -> PredictionError:
         """The same record under another law."""
-        s = self.structure
-        s = s._replace(law=law, dims=np.append(s.dims[:4], len(law)))
-        return PredictionError(s, self.u, self.y, self.restart, self.rng, self.weights)
+        return PredictionError(self.structure.under(law), self.u, self.y, self.restart, self.rng, self.weights)
 
     def placed(self, theta: Array, law: FrictionLaw) -> tuple[PredictionError, float, Array]:
         """The problem under a law with its knots placed for the x of ``theta``, and what its blocks then lead to."""
