@@ -214,6 +214,16 @@ def test_a_drive_and_a_position_are_an_axis_whose_change_is_found_and_named(tmp_
     assert ("Coulomb rose" in done.stderr) == (names[0] == "torque_Nm")  # the comparison needs units
 
 
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no named pipes")
+def test_a_pipe_that_is_given_as_a_file_is_refused_at_once(tmp_path):
+    """Its first rows are read for their rate, and it was waited for."""
+    os.mkfifo(tmp_path / "axis.csv")
+    done = stream(tmp_path / "axis.csv", "--no-track")
+    assert done.exit_code == 3
+    assert "axis.csv is a pipe or a device, which cannot be read twice; send JSON lines to stdin" in done.output
+    assert list(tmp_path.iterdir()) == [tmp_path / "axis.csv"]
+
+
 def test_an_axis_goes_on_from_its_checkpoint(tmp_path, changing_axis):
     whole, part = tmp_path / "whole.csv", tmp_path / "part.csv"
     changing_axis.head(3000).to_csv(whole, index=False)
@@ -265,6 +275,9 @@ def test_what_a_stream_cannot_take_for_an_axis_is_told(tmp_path, changing_axis):
     assert "without --time or --rate they are taken for a chain" in stream(log, *args, *columns).stderr
     assert "an axis" in stream(log, *args, *columns, "--rate", "250").stderr
     assert "an axis" not in stream(log, *args, *columns, "--time", "time", "--orders", "2,1,1,1").stderr
+    other = stream(log, *args, *columns, "--time", "time", "--rate", "500")
+    assert other.exit_code == 2
+    assert "--rate is 500 Hz, and time of the first rows shows 250; leave out --rate" in other.output
     changing_axis.head(600).rename(columns={"position_rad": "speed_rpm"}).to_csv(log, index=False)
     velocity = [*args, "--input", "torque_Nm", "--output", "speed_rpm", "--time", "time"]
     assert "speed_rpm is a velocity, so the columns are taken for a chain" in stream(log, *velocity).stderr

@@ -204,6 +204,16 @@ def test_a_frozen_encoder_is_told_and_changes_no_estimate(speed):
     assert list(monitor.model.theta_[:3]) == pytest.approx([0.02, 0.05, 0.3], rel=0.02)
 
 
+def test_an_axis_beyond_the_range_of_its_sensor_is_told_and_changes_no_estimate():
+    """Its velocity ends and begins within a row there; such averages had taken two fifths off an inertia."""
+    t, q, u, _ = axis(20000)
+    monitor, told = streamed(np.column_stack([t, np.clip(q, -0.4, 0.5), u]))
+    alarms = [r for r in told if r["kind"] == "alarm"]
+    assert {r["cause"] for r in alarms} == {"held_rows"}
+    assert all("as at an end of the range of its sensor" in r["reason"] for r in alarms)
+    assert list(monitor.model.theta_[:3]) == pytest.approx([0.02, 0.05, 0.3], rel=0.02)
+
+
 def test_a_frozen_encoder_of_a_slow_axis_is_told_once_it_leaps_on():
     """Some rows of a slow motion show the same count, and between two of them nothing shows that it is frozen."""
     t, q, u, v = axis(20000)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
-from tests.streaming.moving_axis import axis, streamed
+from tests.streaming.moving_axis import RATE, axis, streamed
 
 
 @pytest.mark.parametrize(
@@ -47,3 +49,18 @@ def test_until_the_alarm_watches_it_is_said_how_much_is_lacking():
     alarm.update(np.random.default_rng(0).normal(size=alarm.lacking_))
     assert alarm.watching_
     assert monitor.lacking() == ""
+
+
+@pytest.mark.parametrize("at", [3.0, 7.0, 13.0])
+def test_a_change_while_the_normal_is_learnt_is_followed_and_told_in_full(at):
+    """The alarm is blind until then, so the drift tells it: the numbers had kept a mean of both, up to 3 % off."""
+    t, q, u, _ = axis(25000)
+    u[t > at] *= 1.25
+    monitor, told = streamed(np.column_stack([t, q, u]))
+    assert monitor.model.parameters_["inertia"] == pytest.approx(1.25 * 0.02, rel=0.005)
+    *_, last = [r for r in told if r["kind"] == "change"]
+    assert last["alarm_row"] > at * RATE
+    [inertia] = [c for c in last["changes"] if c.startswith("inertia rose")]
+    assert float(re.search(r" to ([\d.e-]+)", inertia)[1]) == pytest.approx(1.25 * 0.02, rel=0.01)
+    none = streamed(np.column_stack(axis(25000, seed=1)[:3]))[1]
+    assert not [r for r in none if r["kind"] == "change"]

@@ -80,9 +80,12 @@ def main(**options: Any) -> None:
 
 def _prepared(options: dict[str, Any]) -> Callable[[], None]:
     """What runs the stream that the options ask for; imports, which take seconds, are done here."""
+    from whsklearn.logs.errors import LogError
     from whsklearn.streaming import Files, Options, run_stream
 
     source, robot, timed = (options[k] for k in ("source", "robot", "time_column"))
+    if source != "-" and not Path(source).is_file():
+        raise LogError(f"{source} is a pipe or a device, which cannot be read twice; send JSON lines to stdin (-).")
     say = functools.partial(click.echo, err=True)
     axis, chosen = None, opt.chosen_of(options)
     if not robot:
@@ -145,9 +148,7 @@ def head_of(source: str, time: str | None) -> tuple[list[str], float | None, dic
     if source == "-":
         return [], None, {}
     with open(source, "rb") as start:
-        CsvParser(start.readline().rstrip(b"\r\n"), [])
-    with open(source, encoding="utf-8", errors="replace") as file:
-        mark = max(",;\t", key=file.readline().count)
+        mark = CsvParser(start.readline().rstrip(b"\r\n"), []).delimiter
     try:
         head = pd.read_csv(source, nrows=AT_FIRST, sep=mark, dtype=str, encoding_errors="replace")
     except (pd.errors.EmptyDataError, pd.errors.ParserError):  # the stream itself says what is wrong with it
@@ -204,6 +205,7 @@ def axis_stream(options: Mapping[str, Any], chosen: set[str], say: Any) -> Learn
     from whsklearn.logs.mend import turns_of
     from whsklearn.logs.roles import says
     from whsklearn.logs.units import unit_of
+    from whsklearn.streaming.clock import OFF
     from whsklearn.streaming.monitor import alarm_of_averages
 
     source, time, rate = (options[k] for k in ("source", "time_column", "rate"))
@@ -221,6 +223,10 @@ def axis_stream(options: Mapping[str, Any], chosen: set[str], say: Any) -> Learn
     called = [stated.get(c, c) for c in columns]
     *_, position, drive = called
     dt = 1.0 / rate if rate else step
+    if rate and step and abs(step * rate - 1.0) > OFF:
+        raise ColumnError(
+            f"--rate is {rate:g} Hz, and {time} of the first rows shows {1.0 / step:.6g}; leave out --rate."
+        )
     what = f"{drive} and {position} are the drive and the position of an axis"
     if dt is None and (time is None or source == "-"):
         say(f"{what}, but without {'--time or ' if time is None else ''}--rate they are taken for a chain.")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.stats import t as student_t
@@ -155,14 +155,6 @@ def of_the_law(told: OneStep, theta: Array, law: FrictionLaw, dims: Integers, X:
         "its orders are not those of the record: try a law in x (law='polynomial') in place of one in dx or the "
         "reverse, other orders, or PEMRegressor(criterion='simulation'), which finds both; whsklearn identify compares "
         "structures."
-    )
-
-
-def of_open_knots(law: Any) -> str:
-    """The warning for a stream under a law whose name leaves the places of its knots open."""
-    return (
-        f"The knots of law={law!r} suit an x of unit deviation, as rows that come singly cannot place them; give a "
-        "first record to fit, whose knots partial_fit keeps, or a law with knots as cubic_spline_law(knots, values)."
     )
 
 

@@ -220,7 +220,10 @@ class RecursiveRegressor(AxisRegressor):
         if first and len(X) >= FIRST_RERUN:  # the axis may be at rest in the first rows of a stream
             self._warn_of_record(X, y)
         if first and self._leaves_knots_open:
-            warn(_advice.of_open_knots(self._given_lags.law))
+            warn(
+                f"The knots of law={self._given_lags.law!r} suit an x of unit deviation, as a stream places none; "
+                "give a first record to fit, whose knots partial_fit keeps, or cubic_spline_law(knots, values)."
+            )
         rows, targets = X, y
         if not self._is_wiener_hammerstein and self.lags is not None:
             if restart[0] and not first:

@@ -595,15 +595,19 @@ class StreamMonitor:
         for row, k in sorted(raised)[:1]:
             for other in self.alarms[:k] + self.alarms[k + 1 :]:  # the model is about to change at all joints
                 other.begin()
-            c.alarm_row = row
             c.alarms += 1
             if self.sides is not None:
                 self.sides.alarm(row)
-            self.model.forget_past(PAST * len(self.alarms))
-            self._adapt(ADAPTING_ROWS)
+            self._follow(row)
             named = {"joint": self.options.outputs[k]} if self.options.outputs[k] else {}
             said = {"cause": "change", "interval": self.alarm.interval}
             self.emit(self._record("alarm", row) | said | named)
+
+    def _follow(self, row: int) -> None:
+        """Let the model forget what it learnt before a change that was found at a row, and follow what is new."""
+        self.carried.alarm_row = row
+        self.model.forget_past(PAST * len(self.alarms))
+        self._adapt(ADAPTING_ROWS)
 
     def _by_output(self, values: list[Any]) -> Any:
         """Values by the names of their outputs, or the value itself if there is only one output."""
@@ -780,6 +784,11 @@ class StreamMonitor:
             if said or c.alarm_row >= 0:
                 since = {"since_row": before["row"], "alarm_row": c.alarm_row if c.alarm_row >= 0 else None}
                 self.emit(self._record("change", c.rows) | since | {"changes": said})
+            if said and c.alarm_row < 0 and not learnt:  # what is normal is still learnt, from before and after
+                for alarm in self.alarms:
+                    alarm.begin()
+                self._follow(c.rows)
+                return  # the reference stays for the change that is told once the new numbers are known
             if not said and c.alarm_row < 0 and c.reference.get("learnt", True) == learnt:
                 return  # keep the reference
         c.reference = {"values": after, "variances": variances, "row": c.rows, "learnt": learnt}

@@ -269,17 +269,16 @@ class Freeze:
             self.waiting.append(row)
         if self.repeats != MOST_WAITING + 1:
             return [] if self.waiting else [Passed(row)]
-        rows, self.waiting, told = self.waiting, [], ""
-        if rows and np.abs(np.diff(self.path)[1:-1]).min() > COUNTS * self.finest:
+        told = ""
+        if self._at_once:
             told = f"the position has stopped within one row and repeats for {self.repeats} rows, as no axis stops"
         elif self._goes_on():
             told = (
                 f"the position repeats for {self.repeats} rows while the drive goes on as in motion: the encoder is "
                 "dead, or a brake or an end of the travel holds the axis"
             )
-        return (
-            self._anew(rows or [row], told) if rows or told else [Passed(row)]
-        )  # without the stop, whose polynomial is no motion
+        rows, self.waiting = self.waiting, []
+        return self._anew(rows or [row], told) if rows or told else [Passed(row)]
 
     def _goes_on(self) -> bool:
         """Whether the spread of the drive since the position repeats is nearer to that before than to none.
@@ -302,6 +301,12 @@ class Freeze:
         before = steps[1:] if evenly_moving(steps[1:]) else steps[:-1]
         return evenly_moving(before) and bool(OUTSIDE * np.abs(before).min() > self.fastest)
 
+    @property
+    def _at_once(self) -> bool:
+        """Whether rows wait behind an even motion that was too fast to stop between two counts."""
+        waited = len(self.waiting) > len(self.after)
+        return waited and bool(np.abs(np.diff(self.path)[1:-1]).min() > COUNTS * self.finest)
+
     def _judged(self) -> list[Passed]:
         """The rows that waited, once the axis has moved on."""
         path = np.array([*self.path, *self.path[-1:] * min(self.repeats, PAST), *self.after])
@@ -310,6 +315,12 @@ class Freeze:
         leapt = self.fastest > 0 and abs(self.after[0] - self.path[-1]) > OUTSIDE * most
         still = leapt or frozen(path, np.zeros(path.size, dtype=np.int64))[0].any()
         told = f"the position repeats for {self.repeats} rows and then leaps on, as no axis moves"
+        if not still and self._at_once:
+            still = True
+            told = (
+                f"the position stops within one row and repeats for {self.repeats} rows, as at an end of the range of "
+                "its sensor or of the travel"
+            )
         after, rows = self.after, self.end()
         self.path = after
         return self._anew(rows[-len(after) :], told) if still else list(map(Passed, rows))

@@ -265,7 +265,7 @@ def _run(stream: StreamMonitor, files: Files, place: dict[str, Any], keeper: Kee
     if lines.left and not lines.offset and not stopper.by:
         raise LogError(f"{files.source} has no complete line; a stream reads lines that end with LF or CR LF.")
     if not (c.rows or c.bad or any(n for n, _ in waiting) or stopper.by):
-        raise LogError(f"{files.source} holds no rows.")
+        raise LogError(f"{'stdin' if files.source == '-' else files.source} holds no rows.")
     return bool(stopper.by)
 
 
@@ -427,11 +427,9 @@ def _load(kept: Path, model: Any, columns: list[str]) -> dict[str, Any]:
             f"{kept} was learnt from {learnt}, and this stream reads {given}; a resumed stream must have the same "
             "columns and units. Name those, or give --fresh to start over."
         )
-    if repr(params["estimator"]) != repr(model):
-        raise ValueError(
-            f"{kept} was written with {params['estimator']!r}; start with the same options, or give --fresh to start "
-            "over."
-        )
+    if (begun := repr(params["estimator"])) != repr(model):
+        said = f"{kept} was written with {' '.join(begun.split())}"
+        raise ValueError(f"{said}; start with the same options, or give --fresh to start over.")
     return state
 
 
