@@ -88,6 +88,13 @@ def test_stamps_may_be_dates(write):
         load_log(write({**columns, "word": ["noon"] * 400}), **{**NAMES, "time": "word"})
 
 
+def test_the_row_that_holds_no_date_is_told():
+    """The first row was told, which held one."""
+    stamps = np.array([f"2026-06-30T23:59:{58 + k}.5Z" for k in range(3)])
+    with pytest.raises(ValueError, match=r"row 2 holds '2026-06-30T23:59:60\.5Z'"):
+        to_seconds(stamps, "s", "t")
+
+
 def test_gaps_doubles_and_backward_stamps_are_found_and_mended(write):
     columns = {k: v.copy() for k, v in table(2000).items()}
     keep = np.r_[0:500, 503:1000, 1200:2000]

@@ -164,8 +164,8 @@ def _dates(values: NDArray[Any], column: str) -> tuple[Array, tuple[Finding, ...
         with contextlib.suppress(ValueError, TypeError):
             stamps = pd.to_datetime(text, utc=True, **how).dt.tz_localize(None)  # type: ignore[call-overload]
             return _from_first(stamps.to_numpy()), (_begins(column, "dates"),)
-    numbers = pd.to_numeric(text, errors="coerce")
-    bad = np.flatnonzero((numbers.isna() & text.notna()).to_numpy())
+    dates = pd.to_datetime(text, utc=True, format="ISO8601", errors="coerce")
+    bad = np.flatnonzero((pd.to_numeric(text, errors="coerce").isna() & dates.isna() & text.notna()).to_numpy())
     row = int(bad[0]) if bad.size else 0
     raise LogError(
         f"Column {column!r} holds neither numbers nor dates: row {row} holds {str(text.iloc[row])[:40]!r}; time is "
