@@ -7,9 +7,9 @@ import pytest
 from scipy.signal import lfilter
 
 from tests.recursion.axis_log import TRUTH, axis_log, slow_drive
-from whsklearn.effects import FrictionLaw, Hinge, Power
+from whsklearn.effects import CableSpring, Coulomb, FrictionLaw, Hinge, Power, Viscous
 from whsklearn.identification import Compared, identify
-from whsklearn.identification.axis_fit import fit_rigid_axis
+from whsklearn.identification.axis_fit import fit_placed_axis, fit_rigid_axis
 from whsklearn.identification.compare import (
     _at_floor,
     _better,
@@ -19,6 +19,7 @@ from whsklearn.identification.compare import (
     _of_waves_or_stops,
     _of_weight,
     _score,
+    _unstable,
     recommend,
 )
 from whsklearn.identification.linear_fit import fit_arx, fit_output_error
@@ -26,6 +27,7 @@ from whsklearn.identification.view import view
 from whsklearn.logs import LogError
 from whsklearn.models import AxisModel, ChainModel, LinearModel
 from whsklearn.recursion.batch.axis_free_run import HANGS, axis_motion
+from whsklearn.systems import PIDController, ServoAxis
 
 RNG = np.random.default_rng(0)
 
@@ -134,18 +136,36 @@ def test_a_steady_rotation_is_an_axis_of_which_the_friction_is_known():
 
 
 def test_an_axis_whose_weight_goes_over_the_top_may_lose_its_long_run():
-    def tried(name, kind, score, nmse):
-        return Compared(name, kind, {}, "-", LinearModel([0.0, 1.0], [1.0]), score=score, test={"nmse": nmse})
+    def tried(name, kind, score, nmse, unstable=False):
+        model = LinearModel([0.0, 1.0], [1.0])
+        return Compared(name, kind, {}, "-", model, score=score, test={"nmse": nmse}, unstable=unstable)
 
     trivial, axis, chain = (
         Compared("t", "trivial", {}, "-", score=1.0),
         ("axis", "axis"),
         ("chain", "wiener-hammerstein"),
     )
-    chosen, reason = recommend([tried(*axis, 0.01, 50.0), tried(*chain, 0.7, 0.1)], trivial)
+    chosen, reason = recommend([tried(*axis, 0.3, 50.0, True), tried(*chain, 0.7, 0.1)], trivial)
     assert (chosen.name, "its long run is lost" in reason) == ("axis", True)
     chosen, _ = recommend([tried(*axis, 0.3, 50.0), tried(*chain, 0.7, 0.1)], trivial)
-    assert chosen.name == "chain"  # what predicts windows half as well and holds its run
+    assert chosen.name == "chain"  # the run of the axis is lost from wherever it begins
+    chosen, _ = recommend([tried(*axis, 0.68, 50.0, True), tried(*chain, 0.7, 0.1)], trivial)
+    assert chosen.name == "chain"  # what predicts windows as well and holds its run
+
+
+@pytest.mark.parametrize(("weight", "unstable"), [(-8.0, True), (8.0, False)])
+def test_a_run_from_the_top_ends_elsewhere_if_it_begins_later_and_one_from_below_does_not(weight, unstable):
+    """A controller balances a weight at its top, where the run of the true axis falls to one side or the other."""
+    parts = {"controller": PIDController(60.0, 0.0, 12.0), "sample_rate": 200.0}
+    axis = ServoAxis(0.5, [Viscous(0.5), Coulomb(0.2)], [CableSpring(weight)], **parts)
+    time = np.arange(3000) / 200.0
+    reference = 0.4 * np.sin(2.0 * time) + 0.2 * np.sin(5.3 * time)
+    r = axis.simulate(reference, random_state=0)
+    noise = 0.05 * np.random.default_rng(0).standard_normal(time.size)
+    log = view(r.drive + noise, r.position, 1.0 / 200.0, "position")
+    model = fit_placed_axis(log, 1)
+    assert model.parameters["cable_spring"] == pytest.approx(weight, rel=0.05)
+    assert _unstable(model, log) == unstable
 
 
 @pytest.mark.parametrize(

@@ -77,9 +77,7 @@ CHAIN_FROM = 300  # samples; with fewer, the thirty parameters of a chain cannot
 # structures add
 STEADY = 0.03
 LOST = 1.0  # NMSE of a free run beyond which the mean of the output is closer
-# An axis whose errors over windows are this many times smaller than those of all that hold a long run is the better
-# model, though its own long run is lost: a weight at its top magnifies every error
-OVER_THE_TOP = 5.0
+BEGINNINGS = 4  # of runs whose ends are compared, over the first half of a record
 # Of the error of the trivial model, or of the same model with its drive held at the mean: a model above that says
 # nothing about how the output follows the input (an ARX of a smooth motion may be a good extrapolation of it)
 EXPLAINS = 0.9
@@ -119,6 +117,8 @@ class Compared:
         Mean squared error of each window by its length in samples.
     untold : bool
         Whether it was refused because the record does not tell its force from others over the position.
+    unstable : bool
+        Whether its long run is lost and ends elsewhere if it begins a little later: it then says nothing of the model.
 
     References
     ----------
@@ -150,6 +150,7 @@ class Compared:
     along_drive: bool = True
     squares: dict[int, Array] = field(default_factory=dict, repr=False, compare=False)
     untold: bool = False
+    unstable: bool = False
 
     @property
     def size(self) -> int:
@@ -381,6 +382,7 @@ def _each_tried(
             compared.test = _indices(compared.model, held_out, skip, past)
             without = _indices(compared.model, _undriven(held_out), skip, past)
             compared.run_by_drive = compared.test.get("rmse", np.inf) / max(without.get("rmse", np.inf), 1e-300)
+            compared.unstable = compared.kind == "axis" and _lost(compared.test) and _unstable(compared.model, held_out)
         tried.append(compared)
     # noise of the output biases the poles of an ARX model: of two that are as large and as good it comes second
     return sorted(tried, key=lambda c: (c.size, c.criterion == "prediction", c.score))
@@ -539,7 +541,8 @@ def recommend(tried: list[Compared], trivial: Compared, *, steady: bool = False)
     # that the mean is further off is a merit mostly of what also predicts the windows
     axes = [c for c in along if steady and not driven and c.kind == "axis"]  # they know its friction
     among = [c for c in holding if c in better] or holding or better or axes or along
-    turned = [c for c in better if c.kind == "axis" and c.score * OVER_THE_TOP < min(c.score for c in among)]
+    # a weight at its top magnifies every error, so that the run of the true axis is lost, too
+    turned = [c for c in better if c.unstable and c.score * AS_GOOD < min(c.score for c in among)]
     among = turned or among
     first, best = (min(some, key=lambda c: c.score) for some in (good, among))
     chosen = next(c for c in among if c.score <= AS_GOOD * best.score or _no_worse(c, best))
@@ -620,6 +623,22 @@ def _alike(chosen: Compared, tried: list[Compared]) -> str:
 def _lost(run: dict[str, float]) -> bool:
     """Whether the mean of the output is closer than this free run."""
     return not run.get("nmse", np.inf) <= LOST
+
+
+def _unstable(model: Any, log: View) -> bool:
+    """Whether runs that begin later, in states fitted to the same output, end farther from the first than the output is
+    from its mean.
+    """
+    whole = log.longest
+    n, before = whole.y.size, lead(whole.y.size, whole.dt)
+    if model is None or n < 4 * before:
+        return False
+    first = window_errors(model, whole, n - before, before)[0]
+    for begin in np.linspace(0, n // 2, BEGINNINGS + 1).astype(int)[1:]:
+        later = window_errors(model, whole.part(begin, n), n - begin - before, before)[0]
+        if not rms_of(first[begin:] - later) ** 2 <= LOST * float(np.var(whole.y)):
+            return True
+    return False
 
 
 def _told(run: dict[str, float]) -> str:
