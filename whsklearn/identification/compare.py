@@ -78,8 +78,8 @@ CHAIN_FROM = 300  # samples; with fewer, the thirty parameters of a chain cannot
 STEADY = 0.03
 LOST = 1.0  # NMSE of a free run beyond which the mean of the output is closer
 BEGINNINGS = 4  # of runs whose ends are compared, over the first half of a record
-# Of the error over windows of all that hold a long run: an axis with less is recommended though its own is lost. Gravity
-# about the upright axis of a KR300 leaves 0.9 of it, that of a wrist with a weight 0.36
+# Of the error over windows of all that hold a long run: an axis with less is recommended though its own is lost. That
+# of a wrist with a weight has 0.36 of it, gravity about the upright axis of a KR300 more than half
 HALVED = 0.5
 # Of the error of the trivial model, or of the same model with its drive held at the mean: a model above that says
 # nothing about how the output follows the input (an ARX of a smooth motion may be a good extrapolation of it)
