@@ -342,16 +342,19 @@ LAG_BAD = [name for name in BAD if name != "no rows"]
 @pytest.mark.parametrize("bad", LAG_BAD)
 def test_lags_refuse_clearly_and_keep_their_state(bad):
     bad_X, bad_y, says = BAD[bad]
+    for method in ("fit_transform", "partial_fit_transform"):
+        lags = WienerHammersteinLags()
+        with pytest.raises(ValueError, match=says if bad != "two outputs" else "y|1d"):
+            getattr(lags, method)(bad_X, bad_y, **groups_of(bad))
+        assert not hasattr(lags, "n_features_in_")
     lags = WienerHammersteinLags()
-    with pytest.raises(ValueError, match=says if bad != "two outputs" else "y|1d"):
-        lags.fit_transform(bad_X, bad_y, **groups_of(bad))
-    assert not hasattr(lags, "n_features_in_")
     lags.fit_transform(X[:80], Y[:80])
-    before = attributes(lags)
-    for method in ("fit_transform", "transform"):
+    twin, before = copy.deepcopy(lags), attributes(lags)
+    for method in ("fit_transform", "partial_fit_transform", "transform"):
         with pytest.raises(ValueError, match=r"."):
             getattr(lags, method)(bad_X, bad_y, **groups_of(bad))
         assert_untouched(lags, before)
+    np.testing.assert_array_equal(lags.partial_fit_transform(*GOOD), twin.partial_fit_transform(*GOOD))
 
 
 def test_lags_need_the_output_and_the_same_inputs():

@@ -78,12 +78,24 @@ def test_several_inputs_have_their_own_columns():
     np.testing.assert_array_equal(rows[3:, :4], np.c_[X[1:-2], X[:-3]])
 
 
-def test_transform_is_that_of_a_record_at_rest(record):
+@pytest.mark.parametrize("cuts", [[40], [1, 2, 3, 50], list(range(1, 80))])
+def test_pieces_make_the_rows_of_the_whole(record, cuts):
+    X, y, _ = record
+    whole = WienerHammersteinLags().fit_transform(X, y)
+    stream = WienerHammersteinLags()
+    parts = [stream.partial_fit_transform(X[i:j], y[i:j]) for i, j in zip([0, *cuts], [*cuts, len(y)], strict=True)]
+    np.testing.assert_array_equal(np.vstack(parts), whole)
+
+
+def test_transform_reads_and_fit_transform_starts_clean(record):
     X, y, _ = record
     lags = WienerHammersteinLags()
     first = lags.fit_transform(X[:40], y[:40])
     np.testing.assert_array_equal(lags.transform(X[:40], y[:40]), first)
-    np.testing.assert_array_equal(lags.transform(X, y)[:40], first)
+    lags.transform(X, y)
+    rest = lags.partial_fit_transform(X[40:], y[40:])
+    np.testing.assert_array_equal(np.vstack([first, rest]), WienerHammersteinLags().fit_transform(X, y))
+    np.testing.assert_array_equal(lags.fit_transform(X[:40], y[:40]), first)
 
 
 def test_groups_restart_the_state(record):

@@ -205,15 +205,18 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
         check_is_fitted(self, "terms_")
         X = validated(self, X)
         drive = self._drive(X, y)
-        if self.causal:
-            pieces = [self._advance(AT_START, X[s, 0], drive[s], drive[s])[0] for s in experiments(groups, len(X))]
-        else:
-            pieces = [self._record_columns(X[s, 0], drive[s]) for s in experiments(groups, len(X))]
-        return np.concatenate(pieces)
+        return self._columns(X, drive, drive, groups)[0]
 
     def fit_transform(self, X: ArrayLike, y: ArrayLike | None = None, groups: ArrayLike | None = None) -> Array:
-        """Call `fit`, then compute columns from a clean start. ``X``, ``y``, ``groups``: as for `transform`."""
-        return self.fit(X, y).transform(X, y, groups)
+        """Call `fit`, then compute columns from a clean start; a stream can continue from the end of X.
+
+        ``X``, ``y``, ``groups``: as for `transform`.
+        """
+        X = validated(self.fit(X, y), X)
+        drive = self._drive(X, y)
+        target = drive if y is None else np.asarray(y, dtype=float).ravel()
+        phi, self._stream = self._columns(X, drive, target, groups)
+        return phi
 
     def rows(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> tuple[Array, Array]:
         """Regression rows of records: columns and torque, filtered alike, from a clean start.
@@ -257,6 +260,20 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
         return both, slowest, np.full(len(both), self._limit(path, speed))
 
     # -- streams --------------------------------------------------------------------------
+
+    def partial_fit_transform(self, X: ArrayLike, y: ArrayLike | None = None, groups: ArrayLike | None = None) -> Array:
+        """Columns of the next piece of a stream, continuing where the last piece ended; shape (n, n_terms).
+
+        ``X``, ``y``, ``groups``: as for `transform`; a new label begins a new stream. Raises ValueError if the
+        transformer is not causal, or an effect needs the whole record.
+        """
+        X = self._next_piece(X)
+        drive, stream, out = self._drive(X, y), self._stream, []
+        for i, s in enumerate(experiments(groups, len(X))):
+            phi, _, _, stream = self._advance(AT_START if i else stream, X[s, 0], drive[s], drive[s])
+            out.append(phi)
+        self._stream = stream
+        return np.concatenate(out)
 
     def partial_rows(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> tuple[Array, Array]:
         """Regression rows of the next piece of a stream: averages of columns and torque, a period of the cut-off apart.
@@ -353,7 +370,12 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
         return rows, at, after._replace(signals=signals[max(len(signals) - window + 1, 0) :].copy(), sums=sums[-1])
 
     def _checked_piece(self, X: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
-        """A piece of a stream, and its torque; the first piece fixes the columns."""
+        """A piece of a stream, and its torque."""
+        X = self._next_piece(X)
+        return X, checked_torque(y, len(X), moving=False)
+
+    def _next_piece(self, X: ArrayLike) -> Array:
+        """Check a piece of a stream; the first piece fixes the columns."""
         if not self.causal:
             raise ValueError(
                 "A zero-phase filter needs the whole record; use causal=True for a stream, whose delay is then known."
@@ -364,8 +386,7 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
             raise ValueError(f"{', '.join(whole)} needs the whole record; remove it from a stream's effects.")
         if not hasattr(self, "terms_"):
             self.fit(X)
-        X = validated(self, X)
-        return X, checked_torque(y, len(X), moving=False)
+        return validated(self, X)
 
     # -- answers --------------------------------------------------------------------------
 
@@ -472,6 +493,18 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
                 f"{', '.join(needing)} is a function of the drive; give X two columns, position and measured drive."
             )
         return np.zeros(len(X))
+
+    def _columns(self, X: Array, drive: Array, target: Array, groups: ArrayLike | None) -> tuple[Array, RowState]:
+        """Columns of every record, each from a clean start, and the stream at the end of the last."""
+        stream = AT_START
+        pieces = []
+        for s in experiments(groups, len(X)):
+            if self.causal:
+                phi, _, _, stream = self._advance(AT_START, X[s, 0], drive[s], target[s])
+            else:
+                phi = self._record_columns(X[s, 0], drive[s])
+            pieces.append(phi)
+        return np.concatenate(pieces), stream
 
     def _record_columns(self, path: Array, drive: Array) -> Array:
         """Columns of one record."""

@@ -16,7 +16,7 @@ from whsklearn.recursion.rows.pseudolinear import auxiliary_size, rows_along
 
 
 class WienerHammersteinLags(TransformerMixin, BaseEstimator):
-    """Regressors phi(t) of (6) for any orders and law.
+    """Regressors phi(t) of (6) for any orders and law; the state holds x_hat and v_hat.
 
     The columns depend on past y as well as on u, so this transformer cannot be used in a Pipeline or a
     FeatureUnion, which transform X alone.  Instead, the estimators hold one (``lags=``), and a grid search reaches
@@ -134,45 +134,35 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
         self.key_term()
         with in_one_sentence(X):
             validate_data(self, X, dtype=np.float64)
+        self._carried: dict[str, Any] = {}
         return self
 
     def transform(self, X: ArrayLike, y: ArrayLike | None = None, groups: ArrayLike | None = None) -> Any:
-        """Rows of a record that is at rest before its first sample.
+        """Rows of a record that is at rest before its first sample; the stored state does not change.
 
         ``X`` (n, n_inputs): inputs. ``y`` (n,): output, of which past samples are regressors; not needed where ``n_d``
         is 0. ``groups`` (n,): experiment of each sample; the past is forgotten where one begins. Returns (n,
         n_parameters): as many rows as samples; the first ``max_lag`` rows hold zeros for samples before the start.
         """
         check_is_fitted(self, "n_features_in_")
-        with in_one_sentence(X, y):
-            u: NDArray[np.float64] = np.asarray(validate_data(self, X, reset=False, dtype=np.float64))
-        m = u.shape[1]
-        if y is None:
-            if self.n_d:
-                raise ValueError(
-                    f"y is missing, and the regressors of (6) hold past outputs (n_d = {self.n_d}); call with (X, y), "
-                    "or give these lags to an estimator: a Pipeline or FeatureUnion transforms X alone."
-                )
-            y = np.zeros(len(u))
-        with in_one_sentence(X, y):
-            y_ = column_or_1d(check_array(y, ensure_2d=False, dtype=np.float64, input_name="y"))
-        check_lengths(u, y_)
-        restart = starts(groups, len(u), first=True)
-        dims, law, key = self.dims(m), as_law(self.law), self.key_term()
-        n = self.n_parameters + (m - 1) * self.n_a
-        theta = np.full(n, 0.01) if self.theta is None else np.asarray(self.theta, dtype=float)
-        if theta.shape != (n,):
-            raise ValueError(f"theta has shape {theta.shape}, expected ({n},): one entry per column.")
-        state = np.zeros(auxiliary_size(dims))
-        past_u, past_y = np.zeros((self.n_a + 1) * m), np.zeros(max(self.n_d, 1))
-        u, y_ = writeable(u), writeable(y_)
-        return rows_along(theta, dims, law.codes, law.shapes, key, state, past_u, past_y, u, y_, restart)
+        return self._rows(X, y, groups, {})
 
     def fit_transform(self, X: ArrayLike, y: ArrayLike | None = None, groups: ArrayLike | None = None) -> Any:
-        """Call `fit`, then `transform`, with the same ``X``, ``y`` and ``groups``; refused, nothing changes."""
-        rows = clone(self).fit(X, y).transform(X, y, groups)
+        """Start from a clean state, and keep the state for `partial_fit_transform`.
+
+        ``X``, ``y``, ``groups``: as for `transform`.
+        """
+        carried: dict[str, Any] = {}
+        rows = clone(self).fit(X, y)._rows(X, y, groups, carried)
         self.fit(X, y)
+        self._carried = carried
         return rows
+
+    def partial_fit_transform(self, X: ArrayLike, y: ArrayLike | None = None, groups: ArrayLike | None = None) -> Any:
+        """Rows that continue where the last call ended. ``X``, ``y``, ``groups``: as for `transform`."""
+        if not hasattr(self, "_carried"):
+            return self.fit_transform(X, y, groups)
+        return self._rows(X, y, groups, self._carried)
 
     def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
         """Names of the columns, such as ``u(k-2)`` and ``-x_hat(k-2)``.
@@ -188,3 +178,34 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
         names += [f"v_hat(k-{m})" for m in range(2, self.n_c + 1)]
         names += [f"-y(k-{n})" for n in range(1, self.n_d + 1)]
         return np.array(names, dtype=object)
+
+    def _rows(
+        self, X: ArrayLike, y: ArrayLike | None, groups: ArrayLike | None, carried: dict[str, Any]
+    ) -> NDArray[np.float64]:
+        """Rows of X and y that follow ``carried``, which is updated; an empty state means rest."""
+        with in_one_sentence(X, y):
+            u: NDArray[np.float64] = np.asarray(validate_data(self, X, reset=False, dtype=np.float64))
+        m = u.shape[1]
+        if y is None:
+            if self.n_d:
+                raise ValueError(
+                    f"y is missing, and the regressors of (6) hold past outputs (n_d = {self.n_d}); call with (X, y), "
+                    "or give these lags to an estimator: a Pipeline or FeatureUnion transforms X alone."
+                )
+            y = np.zeros(len(u))
+        with in_one_sentence(X, y):
+            y_ = column_or_1d(check_array(y, ensure_2d=False, dtype=np.float64, input_name="y"))
+        check_lengths(u, y_)
+        restart = starts(groups, len(u), first=not carried)
+        dims, law, key = self.dims(m), as_law(self.law), self.key_term()
+        n = self.n_parameters + (m - 1) * self.n_a
+        theta = np.full(n, 0.01) if self.theta is None else np.asarray(self.theta, dtype=float)
+        if theta.shape != (n,):
+            raise ValueError(f"theta has shape {theta.shape}, expected ({n},): one entry per column.")
+        state = carried.get("state", np.zeros(auxiliary_size(dims))).copy()
+        past_u = carried.get("u", np.zeros((self.n_a + 1) * m)).copy()
+        past_y = carried.get("y", np.zeros(max(self.n_d, 1))).copy()
+        u, y_ = writeable(u), writeable(y_)
+        out = rows_along(theta, dims, law.codes, law.shapes, key, state, past_u, past_y, u, y_, restart)
+        carried.update(state=state, u=past_u, y=past_y)
+        return out
